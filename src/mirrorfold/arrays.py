@@ -1,0 +1,61 @@
+"""Antenna arrays: where the transmitters and receivers stand."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+STRICT = ConfigDict(extra="forbid")
+
+Point = tuple[float, float] | tuple[float, float, float]
+
+
+def point3(point: Point) -> NDArray[np.float64]:
+    """A point or direction given with two or three coordinates, as three; z defaults to 0."""
+    return np.array((*point, 0.0)[:3], dtype=float)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class LinearArray:
+    """Equally spaced antennas on a straight line.
+
+    Attributes
+    ----------
+    elements : int
+        Number of antennas.
+    pitch : float [m]
+        Distance between neighbours; at most half a wavelength at the top frequency avoids grating lobes.
+    center : (2,) or (3,) [m], default the origin
+        Mean position of the antennas.
+    direction : (2,) or (3,), default along +x
+        From the first antenna to the last; need not have length one.
+    rx : LinearArray, optional
+        The receiving array, where it differs from the transmitting one.
+    """
+
+    kind: Literal["linear"] = "linear"
+    elements: Annotated[int, Field(ge=1)]
+    pitch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    center: Point = (0.0, 0.0)
+    direction: Point = (1.0, 0.0)
+    rx: LinearArray | None = None
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(point3(self.direction)) > 0:
+            raise ValueError("direction must have a length above zero, for example [1, 0]")
+
+    @property
+    def tx_position(self) -> NDArray[np.float64]:
+        """Positions of the transmitters, shape (elements, 3) [m]."""
+        along = (np.arange(self.elements) - (self.elements - 1) / 2) * self.pitch
+        direction = point3(self.direction)
+        return point3(self.center) + along[:, None] * (direction / np.linalg.norm(direction))
+
+    @property
+    def rx_position(self) -> NDArray[np.float64]:
+        """Positions of the receivers, shape (elements, 3) [m]."""
+        return self.tx_position if self.rx is None else self.rx.tx_position

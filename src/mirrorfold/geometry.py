@@ -1,0 +1,131 @@
+"""Lines and planes as mirrors: reflection, isometries, visibility.
+
+Everything that is linear algebra works in any number of dimensions: a mirror is a point on it and its unit
+normal, and the last axis of every array of points holds the coordinates. What needs a left and a right
+(crossing segments, visibility) is two-dimensional and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def unit(vector: ArrayLike) -> Array:
+    """Vector(s) scaled to length one, shape (..., d)."""
+    vector = np.asarray(vector, dtype=float)
+    return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+def segment_normal(start: ArrayLike, end: ArrayLike) -> Array:
+    """Unit normal of the 2D segment(s) start -> end: the direction turned by +90 degrees, shape (..., 2)."""
+    direction = unit(np.asarray(end, dtype=float) - np.asarray(start, dtype=float))
+    return np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+
+
+def signed_distance(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array:
+    """Distance [m] of points (..., d) from the line or plane, positive on the side of `normal`."""
+    offset = np.asarray(points, dtype=float) - np.asarray(on_mirror, dtype=float)
+    return np.asarray(offset @ np.asarray(normal, dtype=float))
+
+
+def reflect(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array:
+    """Mirror images of points (..., d) in the line or plane through `on_mirror` with unit `normal`.
+
+    ``p' = p - 2 ((p - q) . n) n`` (Householder reflection).
+    """
+    points = np.asarray(points, dtype=float)
+    normal = np.asarray(normal, dtype=float)
+    return points - 2.0 * signed_distance(points, on_mirror, normal)[..., None] * normal
+
+
+@dataclass(frozen=True, eq=False)
+class Isometry:
+    """The map ``p -> linear @ p + shift``: what any chain of reflections amounts to.
+
+    Attributes
+    ----------
+    linear : (d, d) array
+        Orthogonal matrix; its determinant is -1 for an odd number of reflections.
+    shift : (d,) array [m]
+    """
+
+    linear: Array
+    shift: Array
+
+    @classmethod
+    def identity(cls, dimensions: int = 2) -> Isometry:
+        """The map that leaves every point where it is."""
+        return cls(np.eye(dimensions), np.zeros(dimensions))
+
+    @classmethod
+    def reflection(cls, on_mirror: ArrayLike, normal: ArrayLike) -> Isometry:
+        """Reflection in the line or plane through `on_mirror` with unit `normal`."""
+        normal = np.asarray(normal, dtype=float)
+        linear = np.eye(normal.size) - 2.0 * np.outer(normal, normal)
+        return cls(linear, 2.0 * float(np.dot(on_mirror, normal)) * normal)
+
+    def __call__(self, points: ArrayLike) -> Array:
+        """Map points (..., d) [m]."""
+        return np.asarray(points, dtype=float) @ self.linear.T + self.shift
+
+    def __matmul__(self, other: Isometry) -> Isometry:
+        """``(a @ b)(p) == a(b(p))``."""
+        return Isometry(self.linear @ other.linear, self.linear @ other.shift + self.shift)
+
+    @property
+    def inverse(self) -> Isometry:
+        """The map that undoes this one."""
+        return Isometry(self.linear.T, -self.linear.T @ self.shift)
+
+
+def cross2(a: ArrayLike, b: ArrayLike) -> Array:
+    """The z component of the cross product of 2D vectors, shape (...)."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: ArrayLike) -> tuple[Array, Array]:
+    """Where the rays origin -> target meet the line through start and end (2D).
+
+    Parameters
+    ----------
+    origin, targets : (..., 2) arrays [m]
+        Broadcast against each other.
+    start, end : (2,) arrays [m]
+
+    Returns
+    -------
+    along_ray : (...) array
+        Fraction of the way from origin to target at the crossing: below 1, the line is met before the target.
+        Infinite for rays parallel to the line.
+    along_segment : (...) array
+        Fraction of the way from start to end; the segment itself is met where it lies in [0, 1].
+    """
+    origin, start = np.asarray(origin, dtype=float), np.asarray(start, dtype=float)
+    ray = np.asarray(targets, dtype=float) - origin
+    span = np.asarray(end, dtype=float) - start
+    to_start = start - origin
+    with np.errstate(divide="ignore", invalid="ignore"):
+        denominator = cross2(ray, span)
+        along_ray = np.where(denominator == 0.0, np.inf, cross2(to_start, span) / denominator)
+        along_segment = np.where(denominator == 0.0, np.inf, cross2(to_start, ray) / denominator)
+    return along_ray, along_segment
+
+
+def behind_segment(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: ArrayLike) -> NDArray[np.bool_]:
+    """Whether the segment start-end stands between the origin and each target (2D): its shadow, shape (...)."""
+    along_ray, along_segment = crossing(origin, targets, start, end)
+    return (along_ray > 0.0) & (along_ray < 1.0) & (along_segment >= 0.0) & (along_segment <= 1.0)
+
+
+def segment_distance(points: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
+    """Distance [m] of points (..., d) from the segment start-end (not from its endless line)."""
+    points, start = np.asarray(points, dtype=float), np.asarray(start, dtype=float)
+    span = np.asarray(end, dtype=float) - start
+    along = np.clip((points - start) @ span / max(float(span @ span), np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - start - along[..., None] * span, axis=-1))
