@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.constants import speed_of_light
+from scipy.constants import epsilon_0, speed_of_light
 
 from mirrorfold.errors import InputError
 
@@ -40,7 +40,46 @@ class PerfectConductor:
         return np.full(np.broadcast_shapes(np.shape(frequency), np.shape(incidence_angle)), -1.0 + 0.0j)
 
 
-_BY_NAME: dict[str, Material] = {"pec": PerfectConductor()}
+@dataclass(frozen=True)
+class Dielectric:
+    """A lossy half-space, ``eps_r = a f^b`` and ``sigma = c f^d`` with f in GHz (Recommendation ITU-R P.2040).
+
+    Attributes
+    ----------
+    a, b : float
+        Of the relative permittivity.
+    c, d : float
+        Of the conductivity [S/m].
+    """
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def permittivity(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Complex relative permittivity ``eps_r - j sigma / (2 pi f eps_0)`` for ``exp(+jwt)``; frequency in Hz."""
+        frequency = np.asarray(frequency, dtype=float)
+        conductivity = self.c * (frequency / 1e9) ** self.d
+        permittivity = self.a * (frequency / 1e9) ** self.b
+        return np.asarray(permittivity - 1j * conductivity / (2.0 * np.pi * frequency * epsilon_0))
+
+    def reflection(self, frequency: ArrayLike, incidence_angle: ArrayLike) -> NDArray[np.complex128]:
+        """Fresnel coefficient ``(cos t - sqrt(eps - sin^2 t)) / (cos t + sqrt(eps - sin^2 t))``."""
+        angle = np.asarray(incidence_angle, dtype=float)
+        inside = np.sqrt(self.permittivity(frequency) - np.sin(angle) ** 2)
+        return np.asarray((np.cos(angle) - inside) / (np.cos(angle) + inside))
+
+
+_BY_NAME: dict[str, Material] = {
+    "pec": PerfectConductor(),
+    "concrete": Dielectric(5.17, 0.0, 0.0145, 1.09),
+    "plasterboard": Dielectric(2.56, 0.0, 0.0001, 1.7799),
+    "glass": Dielectric(5.79, 0.0, 0.0004, 1.658),
+    "wood": Dielectric(1.82, 0.0, 0.004, 1.0761),
+    "marble": Dielectric(7.94, 0.0, 0.0001, 1.733),
+}
+"""Recommendation ITU-R P.2040-4, the fits that reach 300 GHz."""
 
 
 def names() -> tuple[str, ...]:
@@ -62,11 +101,26 @@ def material(name: str) -> Material:
         raise InputError(f"material {name!r} is not known; choose one of: {', '.join(names())}") from None
 
 
-def coherent_factor(rms_height: float, frequency: ArrayLike, incidence_angle: ArrayLike) -> NDArray[np.float64]:
+LONG_CORRELATION = 100.0
+"""Correlation length times wavenumber from which a surface scatters so close to the specular direction that Ament's
+formula holds to 1e-3."""
+
+
+def coherent_factor(
+    rms_height: float,
+    frequency: ArrayLike,
+    incidence_angle: ArrayLike,
+    *,
+    correlation_length: float | None = None,
+) -> NDArray[np.float64]:
     """What roughness leaves of the specular amplitude.
 
-    ``exp(-(4 pi h cos(theta) / lambda)^2 / 2)`` for Gaussian heights of rms `h`
-    (Ament, Proc. IRE 41, 1953; Beckmann and Spizzichino, 1963, section 5.3).
+    ``exp(-(4 pi h / lambda)^2 cos(theta) G / 2)`` for Gaussian heights of rms `h`. Where the heights vary slowly,
+    ``G = cos(theta)`` (Ament, Proc. IRE 41, 1953; Beckmann and Spizzichino, 1963, section 5.3). Otherwise G is the
+    mean normal component of the directions into which the spectrum of the heights scatters, ``G = E[Re sqrt(1 -
+    (sin(theta) + x)^2)]`` with x normal of standard deviation ``sqrt(2) / (k L)``: fine structure scatters partly into
+    evanescent waves, which carry no power (Rice, Comm. Pure Appl. Math. 4, 1951, to first order for E parallel to a
+    conductor, continued by the exponential). At L = 0.2 lambda this halves the loss in dB.
 
     Parameters
     ----------
@@ -74,11 +128,32 @@ def coherent_factor(rms_height: float, frequency: ArrayLike, incidence_angle: Ar
     frequency : (...) array [Hz]
     incidence_angle : (...) array [rad]
         From the normal.
+    correlation_length : float [m], optional
+        The L of the autocovariance ``h^2 exp(-d^2 / L^2)``; by default long against the wavelength.
 
     Returns
     -------
     (...) array, between 0 and 1.
     """
     wavenumber = 2.0 * np.pi * np.asarray(frequency, dtype=float) / speed_of_light
-    phase_spread = 2.0 * wavenumber * rms_height * np.cos(np.asarray(incidence_angle, dtype=float))
-    return np.exp(-0.5 * phase_spread**2)
+    angle = np.asarray(incidence_angle, dtype=float)
+    scattered_cosine = np.cos(angle)
+    if correlation_length is not None:
+        scattered_cosine = _mean_scattered_cosine(wavenumber * correlation_length, angle)
+    return np.asarray(np.exp(-0.5 * (2.0 * wavenumber * rms_height) ** 2 * np.cos(angle) * scattered_cosine))
+
+
+def _mean_scattered_cosine(k_correlation: ArrayLike, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``E[Re sqrt(1 - (sin(angle) + x)^2)]`` for x normal of standard deviation ``sqrt(2) / k_correlation``."""
+    k_correlation, angle = np.broadcast_arrays(k_correlation, angle)
+    mean = np.array(np.cos(angle))
+    # The midpoint rule over the scattering angle is spectrally accurate: the integrand is even about its ends.
+    scattered = (np.arange(400) + 0.5) / 400 * np.pi - 0.5 * np.pi
+    grid = np.linspace(0.0, 0.5 * np.pi, 257)
+    offset = np.sin(scattered) - np.sin(grid)[:, None]
+    for value in np.unique(k_correlation):
+        if value < LONG_CORRELATION:
+            density = value / (2.0 * np.sqrt(np.pi)) * np.exp(-((0.5 * value * offset) ** 2))
+            here = k_correlation == value
+            mean[here] = np.interp(np.abs(angle[here]), grid, density @ np.cos(scattered) ** 2 * np.pi / 400)
+    return mean

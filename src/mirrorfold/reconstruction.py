@@ -1,0 +1,46 @@
+"""The six steps, one call each: from a raw sweep to the corrected scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import xarray as xr
+
+from mirrorfold.focusing import focus
+from mirrorfold.folding import fold
+
+Progress = Callable[[int, int], None]
+
+
+def reconstruct(
+    sweep: xr.Dataset,
+    *,
+    tolerance: float = 1e-3,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> xr.DataTree:
+    """See around the corner: focus a sweep (step 1) and fold the image (steps 2 to 6).
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        MIMO or synthetic-aperture Sweep.
+    tolerance : float
+        Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
+    progress : callable (done, total), optional
+    **settings
+        Passed on to `mirrorfold.fold`.
+
+    Returns
+    -------
+    xarray.DataTree
+        The Reconstruction.
+
+    Raises
+    ------
+    InputError
+        If the sweep or a setting cannot be used.
+    """
+    image = focus(sweep, tolerance=tolerance, progress=progress)
+    return fold(image, **settings)

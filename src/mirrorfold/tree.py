@@ -1,0 +1,348 @@
+"""Steps 3 and 4: who is seen through whom.
+
+In the unfolded image every line of sight is a straight ray from the radar. Walking outward along it, each mirror
+crossed opens that mirror's world; the first thing that is not a mirror ends the view, because objects are opaque too:
+what the image shows behind an object is multiple scattering, not a thing. Mirrors that only multiple scattering holds
+up vanish when their echoes do, so mirrors and views are found in turn until neither changes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.detection import Echoes
+from mirrorfold.geometry import Isometry
+from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror, find_mirrors, line_cell
+from mirrorfold.polar import PolarImage
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+WALL_MARGIN = 0.04
+"""Echoes up to this far [m] behind a mirror leak from inside the wall: volume scattering reaches 1-3 cm deep."""
+
+OPAQUE_CELLS = 2.5
+"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+
+MAXIMUM_ROUNDS = 8
+"""Mirrors and views usually agree after two or three rounds."""
+
+NOBODY = -2
+ROOT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorTree:
+    """A mirror with all that was seen through it; the root is the radar's own view and has no line.
+
+    Attributes
+    ----------
+    line : Mirror or None
+        In the coordinates of the unfolded image.
+    face : Echoes
+        Echoes of the mirror itself, moved onto its line.
+    objects : Echoes
+        What was seen through this mirror, or directly for the root, and is not a mirror.
+    mirrors : tuple of MirrorTree
+        The mirrors seen through this one, from the strongest.
+    chain : tuple of int
+        Indices from the root.
+    """
+
+    line: Mirror | None
+    face: Echoes
+    objects: Echoes
+    mirrors: tuple[MirrorTree, ...] = ()
+    chain: tuple[int, ...] = ()
+
+    def walk(self) -> Iterator[MirrorTree]:
+        """This node and all below it, depth first."""
+        yield self
+        for mirror in self.mirrors:
+            yield from mirror.walk()
+
+    @property
+    def generation(self) -> int:
+        """Number of mirrors on the way here: 0 for the root."""
+        return len(self.chain)
+
+    def folds(self) -> dict[tuple[int, ...], Isometry]:
+        """For the chain of every node of this root, the map from the image to the true place of what it holds.
+
+        Each reflects across its own line, which is a ghost itself, first, then across its parents' up to the root.
+        """
+        result = {(): Isometry.identity()}
+        for node in self.walk():
+            if node.line is not None:
+                mirror = Isometry.reflection(node.line.start, node.line.normal)
+                result[node.chain] = result[node.chain[:-1]] @ mirror
+        return result
+
+    def to_json(self) -> str:
+        """The tree as JSON: chain, line and number of objects of every node."""
+        return json.dumps(self._plain(), indent=2)
+
+    def _plain(self) -> dict[str, object]:
+        line = None
+        if self.line is not None:
+            line = {
+                "start": self.line.start.tolist(),
+                "end": self.line.end.tolist(),
+                "strength": self.line.strength,
+                "angle_error_deg": self.line.angle_error,
+                "offset_error_m": self.line.offset_error,
+            }
+        return {
+            "chain": list(self.chain),
+            "line": line,
+            "objects": int(self.objects.range.size),
+            "mirrors": [mirror._plain() for mirror in self.mirrors],
+        }
+
+    def __repr__(self) -> str:
+        rows = []
+        for node in self.walk():
+            what = "radar" if node.line is None else f"mirror {'/'.join(map(str, node.chain))}"
+            size = "" if node.line is None else f", {node.line.length:.2f} m"
+            rows.append(f"{'  ' * node.generation}{what}{size}: {node.objects.range.size} object echoes")
+        return "\n".join(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Every line of sight of the radar, by direction.
+
+    Attributes
+    ----------
+    u : (nu,) array
+    crossing : (mirrors, nu) array [m]
+        Range at which the line of sight meets each mirror; infinite where it passes it by.
+    parent : (mirrors,) array
+        The mirror through which each is seen, or ROOT.
+    chain : tuple of tuple of int
+        Chain of each mirror's node in the tree; empty for mirrors that are not in it.
+    end : (nu,) array [m]
+        Where the view ends.
+    """
+
+    u: Array
+    crossing: Array
+    parent: Index
+    end: Array
+    chain: tuple[tuple[int, ...], ...] = ()
+
+    def column(self, u: Array) -> Index:
+        """Index of the direction nearest to u."""
+        return np.clip(np.rint((u - self.u[0]) / (self.u[1] - self.u[0])).astype(np.intp), 0, self.u.size - 1)
+
+    def shows(self, range_: Array, u: Array, mirror: int, wall_margin: float) -> Mask:
+        """Whether points at that range and direction (NaN: behind the radar) are seen through `mirror` or ROOT.
+
+        What lies less than `wall_margin` [m] behind a mirror still belongs to the side that the mirror is seen from.
+        """
+        inside = np.abs(u) <= self.u[-1]
+        column = self.column(np.where(inside, u, 0.0))
+        return np.asarray(
+            inside & (range_ <= self.end[column]) & (self.seen_through(range_ - wall_margin, column) == mirror)
+        )
+
+    def seen_through(self, range_: Array, column: Index) -> Index:
+        """The mirror through which a point at that range and direction is seen: ROOT, NOBODY or its number."""
+        result = np.full(range_.shape, ROOT, dtype=np.intp)
+        # From the nearest crossing outward; a crossing opens a mirror's world only where its parent's is open.
+        order = np.argsort(self.crossing, axis=0)
+        for mirrors in order:
+            mirror = mirrors[column]
+            passed = self.crossing[mirror, column] < range_
+            result = np.where(passed, np.where(result == self.parent[mirror], mirror, NOBODY), result)
+        return result
+
+
+def build_tree(
+    echoes: Echoes,
+    polar: PolarImage,
+    *,
+    minimum_length: float = MINIMUM_LENGTH,
+    opaque: bool = True,
+    wall_margin: float = WALL_MARGIN,
+    tested: bool = True,
+) -> tuple[MirrorTree, Views]:
+    """Mirrors, their generations, and the objects seen through each.
+
+    Parameters
+    ----------
+    echoes : Echoes
+    polar : PolarImage
+    minimum_length : float [m]
+        Of a mirror.
+    opaque : bool
+        Whether objects end the view; without, as in the published algorithm, everything in a shadow is folded.
+    wall_margin : float [m]
+        How far behind a mirror echoes still belong to the wall.
+    tested : bool
+        Whether mirrors must pass the tests of `find_mirrors`.
+
+    Returns
+    -------
+    tree : MirrorTree
+        Its root; without mirrors if there are none.
+    views : Views
+    """
+    visible = np.ones(echoes.range.size, dtype=bool)
+    for _ in range(MAXIMUM_ROUNDS):
+        mirrors = find_mirrors(echoes, polar, minimum_length=minimum_length, usable=visible, tested=tested)
+        mirrors, views, face = _arrange(mirrors, echoes, visible, polar, minimum_length, opaque, wall_margin)
+        still = visible & (echoes.range <= views.end[views.column(echoes.u)])
+        if not opaque or np.array_equal(still, visible):
+            break
+        visible = still
+    return _assemble(mirrors, views, face, echoes, visible)
+
+
+def _arrange(
+    mirrors: list[Mirror],
+    echoes: Echoes,
+    visible: Mask,
+    polar: PolarImage,
+    minimum_length: float,
+    opaque: bool,
+    wall_margin: float,
+) -> tuple[list[Mirror], Views, Index]:
+    """Parents of the mirrors, the end of every view, and the mirror each echo lies on (NOBODY: in its wall)."""
+    pieces: list[Mirror] = []
+    for mirror in mirrors:
+        pieces += _split(mirror, mirrors, polar, minimum_length)
+    mirrors = pieces
+    face = _faces(mirrors, echoes, polar, wall_margin)
+    end = np.full(polar.u.size, np.inf)
+    if opaque:
+        objects = np.flatnonzero(visible & (face == ROOT))
+        half = 0.5 * polar.u_cell
+        first = np.searchsorted(polar.u, echoes.u[objects] - half)
+        last = np.searchsorted(polar.u, echoes.u[objects] + half)
+        for index, a, b in zip(objects, first, last, strict=True):
+            end[a:b] = np.minimum(end[a:b], echoes.range[index])
+        end += OPAQUE_CELLS * polar.range_cell
+    crossing = _crossings(mirrors, polar)
+    crossing[crossing > end - OPAQUE_CELLS * polar.range_cell] = np.inf
+    parent = np.array([_parent(index, crossing) for index in range(len(mirrors))], dtype=np.intp)
+    seen = [index for index in range(len(mirrors)) if np.isfinite(crossing[index]).any()]
+    renumber = {old: new for new, old in enumerate(seen)} | {ROOT: ROOT, NOBODY: NOBODY}
+    # A mirror whose parent is never seen cannot be seen either.
+    return (
+        [mirrors[index] for index in seen],
+        Views(polar.u, crossing[seen], np.array([renumber.get(int(parent[i]), NOBODY) for i in seen], dtype=np.intp), end),
+        np.array([renumber.get(int(f), ROOT) for f in face], dtype=np.intp),
+    )
+
+
+def _crossings(mirrors: list[Mirror], polar: PolarImage) -> Array:
+    """Range [m] at which each direction meets each mirror, (mirrors, nu); infinite where it does not."""
+    sight = polar.to_points(np.ones(polar.u.size), polar.u) - polar.radar
+    crossing = np.full((len(mirrors), polar.u.size), np.inf)
+    for index, mirror in enumerate(mirrors):
+        towards = sight @ mirror.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            range_ = ((mirror.start - polar.radar) @ mirror.normal) / towards
+            along = mirror.along(polar.radar + range_[:, None] * sight)
+        met = (range_ > 0.0) & (along >= 0.0) & (along <= mirror.length)
+        crossing[index, met] = range_[met]
+    return crossing
+
+
+def _before(index: int, crossing: Array) -> tuple[Index, Index]:
+    """Directions that meet a mirror, and the mirror that each met last before it (ROOT: none)."""
+    columns = np.flatnonzero(np.isfinite(crossing[index]))
+    ranges = np.where(crossing[:, columns] < crossing[index, columns], crossing[:, columns], -np.inf)
+    last = np.argmax(ranges, axis=0)
+    return columns, np.where(np.isfinite(ranges[last, np.arange(columns.size)]), last, ROOT)
+
+
+def _parent(index: int, crossing: Array) -> int:
+    """The mirror through which most of a mirror is seen."""
+    _, before = _before(index, crossing)
+    if not before.size:
+        return NOBODY
+    values, counts = np.unique(before, return_counts=True)
+    return int(values[np.argmax(counts)])
+
+
+def _split(mirror: Mirror, mirrors: list[Mirror], polar: PolarImage, minimum_length: float) -> list[Mirror]:
+    """The pieces of a row of echoes that passes from one mirror's world into another's.
+
+    The mirror image of a wall in another one at right angles to it continues the wall itself.
+    """
+    index = next(i for i, other in enumerate(mirrors) if other is mirror)
+    crossing = _crossings(mirrors, polar)
+    columns, before = _before(index, crossing)
+    if not columns.size or np.all(before == before[0]):
+        return [mirror]
+    position = mirror.along(polar.to_points(crossing[index, columns], polar.u[columns]))
+    cuts = [0.0, mirror.length]
+    for i in np.flatnonzero(before[1:] != before[:-1]):
+        cuts.append(0.5 * (position[i] + position[i + 1]))
+    cuts.sort()
+    pieces = [(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a >= minimum_length]
+    if not pieces:
+        return [mirror]
+    at = mirror.start
+    return [replace(mirror, start=at + a * mirror.direction, end=at + b * mirror.direction) for a, b in pieces]
+
+
+def _faces(mirrors: list[Mirror], echoes: Echoes, polar: PolarImage, wall_margin: float) -> Index:
+    """The mirror that each echo lies on, NOBODY for echoes from inside a wall, ROOT for all others."""
+    face = np.full(echoes.range.size, ROOT, dtype=np.intp)
+    nearest = np.full(echoes.range.size, np.inf)
+    for index, mirror in enumerate(mirrors):
+        across, along_cell = line_cell(polar, echoes.position, mirror.direction)
+        position, beside = mirror.along(echoes.position), mirror.beside(echoes.position)
+        behind = beside * -np.sign((polar.radar - mirror.middle) @ mirror.normal)
+        inside = (position >= -along_cell) & (position <= mirror.length + along_cell)
+        wall = inside & (behind >= -across) & (behind <= across + wall_margin)
+        on_it = wall & (np.abs(beside) <= across)
+        face[wall & (face == ROOT)] = NOBODY
+        closer = on_it & (np.abs(beside) < nearest)
+        face[closer] = index
+        nearest[closer] = np.abs(beside)[closer]
+    return face
+
+
+def _assemble(
+    mirrors: list[Mirror], views: Views, face: Index, echoes: Echoes, visible: Mask
+) -> tuple[MirrorTree, Views]:
+    """The tree of mirrors with their echoes."""
+    column = views.column(echoes.u)
+    through = views.seen_through(echoes.range, column) if mirrors else np.full(echoes.range.size, ROOT)
+    objects = np.where(visible & (face == ROOT), through, NOBODY)
+
+    chains: list[tuple[int, ...]] = [() for _ in mirrors]
+
+    def node(index: int, chain: tuple[int, ...]) -> MirrorTree:
+        children = [child for child in range(len(mirrors)) if views.parent[child] == index]
+        line = mirrors[index] if index != ROOT else None
+        if line is not None:
+            chains[index] = chain
+        return MirrorTree(
+            line=line,
+            face=_snapped(echoes.take(visible & (face == index)), line),
+            objects=echoes.take(objects == index),
+            mirrors=tuple(node(child, (*chain, i)) for i, child in enumerate(children)),
+            chain=chain,
+        )
+
+    root = node(ROOT, ())
+    return root, replace(views, chain=tuple(chains))
+
+
+def _snapped(echoes: Echoes, line: Mirror | None) -> Echoes:
+    """Echoes of a mirror moved square onto its line."""
+    if line is None:
+        return echoes
+    along = np.clip(line.along(echoes.position), 0.0, line.length)
+    return replace(echoes, position=line.start + along[:, None] * line.direction)
