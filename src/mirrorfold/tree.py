@@ -223,7 +223,7 @@ def _arrange(
     end = np.full(polar.u.size, np.inf)
     if opaque:
         objects = np.flatnonzero(visible & (face == ROOT))
-        half = 0.5 * polar.u_cell
+        half = polar.u_cell
         first = np.searchsorted(polar.u, echoes.u[objects] - half)
         last = np.searchsorted(polar.u, echoes.u[objects] + half)
         for index, a, b in zip(objects, first, last, strict=True):
