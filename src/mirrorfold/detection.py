@@ -20,8 +20,8 @@ Mask = NDArray[np.bool_]
 RAYLEIGH_MEDIAN = 1.177
 """Median of a Rayleigh amplitude over the standard deviation of its real part, ``sqrt(2 ln 2)``."""
 
-NOISE_FACTOR = 5.5
-"""Noise stays below this many standard deviations with 3e-7 probability a sample: none in a million pixels."""
+FALSE_ALARMS = 1e-3
+"""Expected number of noise samples in a whole image that are taken for echoes."""
 
 THRESHOLD_DB = -18.0
 """Threshold relative to the reference echo. Diffuse surfaces spread over about 15 dB; multiple scattering starts
@@ -31,8 +31,9 @@ REFERENCE_WEIGHT = 0.5
 """Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
 multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
 
-RIDGE_DB = -8.0
-"""A ridge pixel is at most this far below the brightest one within a resolution cell."""
+RIDGE_DB = -12.0
+"""A ridge pixel is at most this far below the brightest one within a resolution cell: speckle fades by as much
+between neighbouring cells, and the beam falls as fast from one cell to the next."""
 
 SIDE_LOBE_MARGIN_DB = 6.0
 """An echo must exceed what may be a side lobe of a brighter one by this much: two in phase double."""
@@ -79,8 +80,10 @@ class Echoes:
 
 
 def noise_floor(polar: PolarImage) -> Array:
-    """Amplitude that noise stays below, (nr,): the spread of the image's background times `NOISE_FACTOR`.
+    """Amplitude that noise stays below, (nr,).
 
+    A Rayleigh amplitude exceeds ``k sigma`` with probability ``exp(-k^2/2)``, so that of N samples none may be
+    expected to beyond ``k = sqrt(2 ln(N / p))``: about 6.2 for `FALSE_ALARMS` p = 1e-3 and 300 000 samples.
     Noise has the same strength in the whole image before the range normalisation, and most of an image is empty: its
     median tells the noise. Where there is no noise this is the level of far side lobes, and harmless.
     """
@@ -88,7 +91,7 @@ def noise_floor(polar: PolarImage) -> Array:
     seen = polar.amplitude > 0.0
     raw = (polar.amplitude / spreading[:, None])[seen]
     sigma = float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0
-    return NOISE_FACTOR * sigma * spreading
+    return np.sqrt(2.0 * np.log(max(raw.size, 1) / FALSE_ALARMS)) * sigma * spreading
 
 
 def side_lobes(polar: PolarImage) -> Array:

@@ -20,7 +20,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.geometry import Isometry
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror
 from mirrorfold.polar import PolarImage, to_polar_image
-from mirrorfold.tree import WALL_MARGIN, MirrorTree, Views, build_tree
+from mirrorfold.tree import ROOT, WALL_MARGIN, MirrorTree, Views, build_tree
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -279,10 +279,11 @@ def _render(
     grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     range_, u = polar.to_polar(grid)
     initial = polar.at(range_, u)
-    intensity = np.where(views.shows(range_, u, -1, wall_margin), initial, 0.0)
+    intensity = np.where(views.shows(range_, u, initial, ROOT, wall_margin), initial, 0.0)
     for index, chain in enumerate(views.chain):
         if chain:
             range_, u = polar.to_polar(folds[chain].inverse(grid))
-            seen = views.shows(range_, u, index, wall_margin)
-            intensity[seen] = np.maximum(intensity[seen], polar.at(range_[seen], u[seen]))
+            amplitude = polar.at(range_, u)
+            seen = views.shows(range_, u, amplitude, index, wall_margin)
+            intensity[seen] = np.maximum(intensity[seen], amplitude[seen])
     return intensity.astype(np.float32), initial.astype(np.float32)

@@ -30,6 +30,10 @@ WALL_MARGIN = 0.04
 OPAQUE_CELLS = 2.5
 """Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
 
+CLEAR_DB = 20.0
+"""An echo this much stronger than all objects in front of it is a thing: speckle fades by up to 20 dB, and multiple
+scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by 40 dB."""
+
 MAXIMUM_ROUNDS = 8
 """Mirrors and views usually agree after two or three rounds."""
 
@@ -127,21 +131,29 @@ class Views:
         The mirror through which each is seen, or ROOT.
     chain : tuple of tuple of int
         Chain of each mirror's node in the tree; empty for mirrors that are not in it.
-    end : (nu,) array [m]
-        Where the view ends.
+    range : (nr,) array [m]
+    barrier : (nr, nu) array
+        Amplitude that an echo must exceed to be a thing; zero where no object stands in front.
     """
 
     u: Array
     crossing: Array
     parent: Index
-    end: Array
+    range: Array
+    barrier: Array
     chain: tuple[tuple[int, ...], ...] = ()
 
     def column(self, u: Array) -> Index:
         """Index of the direction nearest to u."""
         return np.clip(np.rint((u - self.u[0]) / (self.u[1] - self.u[0])).astype(np.intp), 0, self.u.size - 1)
 
-    def shows(self, range_: Array, u: Array, mirror: int, wall_margin: float) -> Mask:
+    def clear(self, range_: Array, column: Index, amplitude: Array | float) -> Mask:
+        """Whether an echo of that amplitude is a thing, and not multiple scattering of an object in front of it."""
+        step = self.range[1] - self.range[0]
+        row = np.clip(((range_ - self.range[0]) / step).astype(np.intp), 0, self.range.size - 1)
+        return np.asarray(amplitude > self.barrier[row, column])
+
+    def shows(self, range_: Array, u: Array, amplitude: Array, mirror: int, wall_margin: float) -> Mask:
         """Whether points at that range and direction (NaN: behind the radar) are seen through `mirror` or ROOT.
 
         What lies less than `wall_margin` [m] behind a mirror still belongs to the side that the mirror is seen from.
@@ -149,7 +161,9 @@ class Views:
         inside = np.abs(u) <= self.u[-1]
         column = self.column(np.where(inside, u, 0.0))
         return np.asarray(
-            inside & (range_ <= self.end[column]) & (self.seen_through(range_ - wall_margin, column) == mirror)
+            inside
+            & self.clear(range_, column, amplitude)
+            & (self.seen_through(range_ - wall_margin, column) == mirror)
         )
 
     def seen_through(self, range_: Array, column: Index) -> Index:
@@ -198,7 +212,7 @@ def build_tree(
     for _ in range(MAXIMUM_ROUNDS):
         mirrors = find_mirrors(echoes, polar, minimum_length=minimum_length, usable=visible, tested=tested)
         mirrors, views, face = _arrange(mirrors, echoes, visible, polar, minimum_length, opaque, wall_margin)
-        still = visible & (echoes.range <= views.end[views.column(echoes.u)])
+        still = visible & views.clear(echoes.range, views.column(echoes.u), echoes.amplitude)
         if not opaque or np.array_equal(still, visible):
             break
         visible = still
@@ -220,26 +234,44 @@ def _arrange(
         pieces += _split(mirror, mirrors, polar, minimum_length)
     mirrors = pieces
     face = _faces(mirrors, echoes, polar, wall_margin)
-    end = np.full(polar.u.size, np.inf)
+    barrier = np.zeros_like(polar.amplitude)
     if opaque:
-        objects = np.flatnonzero(visible & (face == ROOT))
-        half = polar.u_cell
-        first = np.searchsorted(polar.u, echoes.u[objects] - half)
-        last = np.searchsorted(polar.u, echoes.u[objects] + half)
-        for index, a, b in zip(objects, first, last, strict=True):
-            end[a:b] = np.minimum(end[a:b], echoes.range[index])
-        end += OPAQUE_CELLS * polar.range_cell
-    crossing = _crossings(mirrors, polar)
-    crossing[crossing > end - OPAQUE_CELLS * polar.range_cell] = np.inf
+        barrier = _barrier(echoes.take(visible & (face == ROOT)), polar)
+    views = Views(polar.u, _crossings(mirrors, polar), np.empty(0, dtype=np.intp), polar.range, barrier)
+    crossing = views.crossing
+    for index, mirror in enumerate(mirrors):
+        columns = np.flatnonzero(np.isfinite(crossing[index]))
+        behind = crossing[index, columns] + OPAQUE_CELLS * polar.range_cell
+        crossing[index, columns[~views.clear(behind, columns, mirror.strength)]] = np.inf
     parent = np.array([_parent(index, crossing) for index in range(len(mirrors))], dtype=np.intp)
     seen = [index for index in range(len(mirrors)) if np.isfinite(crossing[index]).any()]
     renumber = {old: new for new, old in enumerate(seen)} | {ROOT: ROOT, NOBODY: NOBODY}
     # A mirror whose parent is never seen cannot be seen either.
     return (
         [mirrors[index] for index in seen],
-        Views(polar.u, crossing[seen], np.array([renumber.get(int(parent[i]), NOBODY) for i in seen], dtype=np.intp), end),
+        replace(
+            views,
+            crossing=crossing[seen],
+            parent=np.array([renumber.get(int(parent[i]), NOBODY) for i in seen], dtype=np.intp),
+        ),
         np.array([renumber.get(int(f), ROOT) for f in face], dtype=np.intp),
     )
+
+
+def _barrier(objects: Echoes, polar: PolarImage) -> Array:
+    """Amplitude that echoes must exceed for the objects in front of them, (nr, nu).
+
+    An object covers the directions between the nulls of the beam that shows it, and begins to hide what is behind it
+    at `OPAQUE_CELLS` range cells. It hides what is not much stronger than itself.
+    """
+    barrier = np.zeros_like(polar.amplitude)
+    row = np.ceil((objects.range + OPAQUE_CELLS * polar.range_cell - polar.range[0]) / polar.dr).astype(np.intp)
+    first = np.searchsorted(polar.u, objects.u - polar.u_cell)
+    last = np.searchsorted(polar.u, objects.u + polar.u_cell)
+    for i in np.flatnonzero(row < polar.range.size):
+        cells = barrier[row[i], first[i] : last[i]]
+        np.maximum(cells, 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[i], out=cells)
+    return np.maximum.accumulate(barrier, axis=0)
 
 
 def _crossings(mirrors: list[Mirror], polar: PolarImage) -> Array:
