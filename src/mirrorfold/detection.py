@@ -31,6 +31,10 @@ REFERENCE_WEIGHT = 0.5
 """Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
 multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
 
+FAINT_DB = -8.0
+"""Echoes down to this far below the threshold are kept as faint: not evidence of anything by themselves, but a wall
+that is known goes on where its echoes fade."""
+
 RIDGE_DB = -12.0
 """A ridge pixel is at most this far below the brightest one within a resolution cell: speckle fades by as much
 between neighbouring cells, and the beam falls as fast from one cell to the next."""
@@ -53,8 +57,10 @@ class Echoes:
         Normalised as in the PolarImage.
     length : (n,) array [m]
         Length of ridge that each point stands for.
+    strong : (n,) bool array
+        Above the threshold; the others are faint.
     threshold : float
-        Amplitude below which nothing is taken for an echo, apart from noise and side lobes.
+        Amplitude below which no echo is evidence, apart from noise and side lobes.
     reference : float
         Amplitude of the robust reference echo.
     """
@@ -64,6 +70,7 @@ class Echoes:
     u: Array
     amplitude: Array
     length: Array
+    strong: Mask
     threshold: float
     reference: float
 
@@ -76,6 +83,7 @@ class Echoes:
             u=self.u[which],
             amplitude=self.amplitude[which],
             length=self.length[which],
+            strong=self.strong[which],
         )
 
 
@@ -157,7 +165,7 @@ def find_echoes(polar: PolarImage, *, threshold_db: float | None = None) -> Echo
     above = amplitude > floor
     reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))
     threshold = reference * 10.0 ** ((THRESHOLD_DB if threshold_db is None else threshold_db) / 20.0)
-    above &= amplitude >= threshold
+    above &= amplitude >= threshold * 10.0 ** (FAINT_DB / 20.0)
 
     cell = tuple(2 * round(width / step) + 1 for width, step in ((polar.range_cell, polar.dr), (polar.u_cell, polar.du)))
     above &= amplitude >= 10.0 ** (RIDGE_DB / 20.0) * maximum_filter(amplitude, size=cell, mode="constant")
@@ -169,7 +177,8 @@ def find_echoes(polar: PolarImage, *, threshold_db: float | None = None) -> Echo
     length = np.where(
         in_range[rows, columns], polar.cross_cell(range_, u) * polar.du / polar.u_cell, polar.dr
     )
-    return Echoes(polar.to_points(range_, u), range_, u, amplitude[rows, columns], length, threshold, reference)
+    found = amplitude[rows, columns]
+    return Echoes(polar.to_points(range_, u), range_, u, found, length, found >= threshold, threshold, reference)
 
 
 def _vertex(amplitude: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], axis: int) -> Array:
@@ -204,4 +213,5 @@ def find_pixels(polar: PolarImage, *, threshold_db: float) -> Echoes:
     # Pixels of equal area on the floor plan weigh equally.
     area = polar.dr * polar.cross_cell(range_, u) * polar.du / polar.u_cell
     length = area / polar.range_cell
-    return Echoes(polar.to_points(range_, u), range_, u, np.ones(rows.size), length, threshold, brightest)
+    ones = np.ones(rows.size)
+    return Echoes(polar.to_points(range_, u), range_, u, ones, length, ones > 0.0, threshold, brightest)

@@ -35,6 +35,9 @@ SMALLEST_FILL = 0.55
 SMALLEST_CONTRAST = 2.0
 """Echoes on a mirror's line over those in a band of equal width in front of it: clutter has a ratio near one."""
 
+DEEP = 0.1
+"""A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
+
 HOUGH_STEP_DEG = 0.25
 CLIP = 2.0
 """Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
@@ -178,6 +181,8 @@ def find_mirrors(
     list of Mirror
     """
     usable = np.ones(echoes.range.size, dtype=bool) if usable is None else usable
+    every = echoes.position[usable]
+    usable = usable & echoes.strong
     points = echoes.position[usable]
     if len(points) < 3:
         return []
@@ -196,7 +201,7 @@ def find_mirrors(
             points, amplitude, weight, free, on_line + polar.radar, direction, polar, minimum_length, tested
         )
         if mirror is not None:
-            mirrors.append(mirror)
+            mirrors.append(leading_edge(_extended(mirror, every, polar), polar) if tested else mirror)
         taken = np.flatnonzero(row & free)
         if not taken.size:
             # Votes without echoes nearby: what rounding left over.
@@ -264,6 +269,47 @@ def _longest_row(points: Array, weight: Array, near: Mask, line: Mirror, polar: 
     row = np.zeros_like(near)
     row[which[run == best]] = True
     return row
+
+
+def _extended(mirror: Mirror, points: Array, polar: PolarImage) -> Mirror:
+    """The mirror as far as its row of echoes, faint ones included, goes on."""
+    across, _ = line_cell(polar, points, mirror.direction)
+    near = np.abs(mirror.beside(points)) <= 0.6 * across
+    position = mirror.along(points)
+    # Its own echoes outweigh any other row on the same line.
+    weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
+    row = position[_longest_row(points, weight, near, mirror, polar)]
+    first, last = min(float(row.min()), 0.0), max(float(row.max()), mirror.length)
+    at = mirror.start
+    return replace(mirror, start=at + first * mirror.direction, end=at + last * mirror.direction)
+
+
+def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
+    """The mirror moved to the front of a wall that scatters from inside.
+
+    A thick wall's echoes lie deeper than its face. The mean power across the wall rises to a quarter of its peak half
+    a resolution cell before the face; where that says that the fitted line lies well behind the face, it is moved.
+    """
+    towards = mirror.normal * (np.sign(float((polar.radar - mirror.middle) @ mirror.normal)) or 1.0)
+    samples = max(8, int(mirror.length / (0.25 * polar.range_cell)))
+    base = mirror.start + np.linspace(0.02, 0.98, samples)[:, None] * (mirror.end - mirror.start)
+    across, _ = line_cell(polar, base, mirror.direction)
+    # In units of the local cell, from well in front of the wall to behind it.
+    depth = np.linspace(-1.5, 1.5, 301)
+    behind = across[:, None] * depth
+    amplitude = polar.at(*polar.to_polar(base[:, None, :] - behind[..., None] * towards))
+    peak = amplitude.max(axis=1)
+    power = np.mean((amplitude / np.maximum(peak, np.median(peak))[:, None]) ** 2, axis=0)
+    top = int(np.argmax(power))
+    front = np.flatnonzero(power[:top] < 0.25 * power[top])
+    if not front.size:
+        return mirror
+    i = int(front[-1])
+    crossing = depth[i] + (0.25 * power[top] - power[i]) / (power[i + 1] - power[i]) * (depth[i + 1] - depth[i])
+    shift = float((crossing + 0.5) * np.median(across))
+    if shift > -DEEP * polar.range_cell:
+        return mirror
+    return replace(mirror, start=mirror.start - shift * towards, end=mirror.end - shift * towards)
 
 
 def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror:

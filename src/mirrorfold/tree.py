@@ -236,7 +236,7 @@ def _arrange(
     face = _faces(mirrors, echoes, polar, wall_margin)
     barrier = np.zeros_like(polar.amplitude)
     if opaque:
-        barrier = _barrier(echoes.take(visible & (face == ROOT)), polar)
+        barrier = _barrier(echoes.take(visible & echoes.strong & (face == ROOT)), polar)
     views = Views(polar.u, _crossings(mirrors, polar), np.empty(0, dtype=np.intp), polar.range, barrier)
     crossing = views.crossing
     for index, mirror in enumerate(mirrors):
@@ -351,7 +351,7 @@ def _assemble(
     """The tree of mirrors with their echoes."""
     column = views.column(echoes.u)
     through = views.seen_through(echoes.range, column) if mirrors else np.full(echoes.range.size, ROOT)
-    objects = np.where(visible & (face == ROOT), through, NOBODY)
+    objects = np.where(visible & echoes.strong & (face == ROOT), through, NOBODY)
 
     chains: list[tuple[int, ...]] = [() for _ in mirrors]
 
