@@ -39,6 +39,9 @@ DEEP = 0.1
 """A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
 
 HOUGH_STEP_DEG = 0.25
+PROFILE_SAMPLES = 121
+"""Samples of a profile across a mirror."""
+
 CLIP = 2.0
 """Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
 
@@ -201,7 +204,9 @@ def find_mirrors(
             points, amplitude, weight, free, on_line + polar.radar, direction, polar, minimum_length, tested
         )
         if mirror is not None:
-            mirrors.append(leading_edge(_extended(mirror, every, polar), polar) if tested else mirror)
+            if tested:
+                mirror = leading_edge(refined(_extended(mirror, every, polar), polar), polar)
+            mirrors.append(mirror)
         taken = np.flatnonzero(row & free)
         if not taken.size:
             # Votes without echoes nearby: what rounding left over.
@@ -284,20 +289,85 @@ def _extended(mirror: Mirror, points: Array, polar: PolarImage) -> Mirror:
     return replace(mirror, start=at + first * mirror.direction, end=at + last * mirror.direction)
 
 
+def across_profiles(mirror: Mirror, polar: PolarImage, reach: float, spacing: float) -> tuple[Array, Array, Array]:
+    """Amplitude on lines square to a mirror.
+
+    Parameters
+    ----------
+    mirror : Mirror
+    polar : PolarImage
+    reach : float
+        How far the lines go to either side, in resolution cells across the mirror.
+    spacing : float
+        Of the lines along the mirror, in range cells.
+
+    Returns
+    -------
+    along : (n,) array [m]
+        From the mirror's start.
+    offset : (n, m) array [m]
+        From the mirror's line, positive on the side of its normal.
+    amplitude : (n, m) array
+    """
+    along = np.linspace(0.0, mirror.length, max(8, int(mirror.length / (spacing * polar.range_cell))))
+    base = mirror.start + along[:, None] * mirror.direction
+    across, _ = line_cell(polar, base, mirror.direction)
+    offset = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
+    return along, offset, polar.at(*polar.to_polar(base[:, None, :] + offset[..., None] * mirror.normal))
+
+
+def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
+    """The mirror fitted to the image itself instead of to single echoes.
+
+    At many places along the line the power-weighted centroid of the main lobe across it is taken, and a straight line
+    is fitted to the centroids: weighted by clipped power, with Cauchy weights against places that hold something else.
+    """
+    for _ in range(2):
+        along, offset, amplitude = across_profiles(mirror, polar, reach=0.75, spacing=0.25)
+        peak = amplitude.max(axis=1)
+        if not peak.any():
+            return mirror
+        lobe = np.where(amplitude >= 0.5 * peak[:, None], amplitude**2, 0.0)
+        centroid = (lobe * offset).sum(axis=1) / np.maximum(lobe.sum(axis=1), np.finfo(float).tiny)
+        strength = np.minimum(peak / np.median(peak[peak > 0.0]), CLIP) ** 2
+        basis = np.stack([np.ones_like(along), along - 0.5 * mirror.length], axis=1)
+        weight = strength
+        for _ in range(3):
+            normal_matrix = basis.T @ (weight[:, None] * basis)
+            solution = np.linalg.solve(normal_matrix, basis.T @ (weight * centroid))
+            residual = centroid - basis @ solution
+            scale = 2.0 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
+            weight = strength / (1.0 + (residual / scale) ** 2)
+        # Neighbouring places share a resolution cell and its speckle.
+        independent = max(mirror.length / polar.range_cell, 3.0)
+        variance = float(np.average(residual**2, weights=weight)) / (independent - 2.0)
+        spread = np.sqrt(variance * weight.sum() * np.diag(np.linalg.inv(normal_matrix)))
+        direction = mirror.direction + solution[1] * mirror.normal
+        direction /= np.linalg.norm(direction)
+        middle = mirror.middle + solution[0] * mirror.normal
+        mirror = replace(
+            mirror,
+            start=middle - 0.5 * mirror.length * direction,
+            end=middle + 0.5 * mirror.length * direction,
+            angle_error=float(np.degrees(spread[1])),
+            offset_error=float(spread[0]),
+        )
+    return mirror
+
+
 def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
     """The mirror moved to the front of a wall that scatters from inside.
 
     A thick wall's echoes lie deeper than its face. The mean power across the wall rises to a quarter of its peak half
     a resolution cell before the face; where that says that the fitted line lies well behind the face, it is moved.
     """
-    towards = mirror.normal * (np.sign(float((polar.radar - mirror.middle) @ mirror.normal)) or 1.0)
-    samples = max(8, int(mirror.length / (0.25 * polar.range_cell)))
-    base = mirror.start + np.linspace(0.02, 0.98, samples)[:, None] * (mirror.end - mirror.start)
-    across, _ = line_cell(polar, base, mirror.direction)
-    # In units of the local cell, from well in front of the wall to behind it.
-    depth = np.linspace(-1.5, 1.5, 301)
-    behind = across[:, None] * depth
-    amplitude = polar.at(*polar.to_polar(base[:, None, :] - behind[..., None] * towards))
+    _, offset, amplitude = across_profiles(mirror, polar, reach=1.5, spacing=0.25)
+    towards = np.sign(float((polar.radar - mirror.middle) @ mirror.normal)) or 1.0
+    cell = float(np.median(offset[:, -1])) / 1.5
+    if towards > 0.0:
+        amplitude = amplitude[:, ::-1]
+    # Now from in front of the wall to behind it.
+    depth = np.linspace(-1.5, 1.5, PROFILE_SAMPLES)
     peak = amplitude.max(axis=1)
     power = np.mean((amplitude / np.maximum(peak, np.median(peak))[:, None]) ** 2, axis=0)
     top = int(np.argmax(power))
@@ -306,10 +376,14 @@ def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
         return mirror
     i = int(front[-1])
     crossing = depth[i] + (0.25 * power[top] - power[i]) / (power[i + 1] - power[i]) * (depth[i + 1] - depth[i])
-    shift = float((crossing + 0.5) * np.median(across))
+    shift = float(crossing + 0.5) * cell
     if shift > -DEEP * polar.range_cell:
         return mirror
-    return replace(mirror, start=mirror.start - shift * towards, end=mirror.end - shift * towards)
+    return replace(
+        mirror,
+        start=mirror.start - shift * towards * mirror.normal,
+        end=mirror.end - shift * towards * mirror.normal,
+    )
 
 
 def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror:
@@ -317,18 +391,11 @@ def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror
     center = np.average(points, axis=0, weights=weight)
     offset = points - center
     scatter = (offset * weight[:, None]).T @ offset / weight.sum()
-    eigenvalue, vectors = np.linalg.eigh(scatter)
+    _, vectors = np.linalg.eigh(scatter)
     direction = vectors[:, 1]
     along = offset @ direction
-    effective = float(weight.sum() ** 2 / (weight**2).sum())
-    spread = float(np.sqrt(max(eigenvalue[0], 0.0) / max(effective - 2.0, 1.0)))
-    return Mirror(
-        center + along.min() * direction,
-        center + along.max() * direction,
-        strength=float(np.median(amplitude)) if amplitude is not None else 1.0,
-        angle_error=float(np.degrees(spread / max(np.sqrt(eigenvalue[1]), 1e-9))),
-        offset_error=spread,
-    )
+    strength = float(np.median(amplitude)) if amplitude is not None else 1.0
+    return Mirror(center + along.min() * direction, center + along.max() * direction, strength)
 
 
 def _is_straight(points: Array, mirror: Mirror) -> bool:
