@@ -113,7 +113,11 @@ def corridor(random: Generator) -> list[Surface]:
     inner = {
         "name": "inner corner",
         "kind": "polyline",
-        "points": [[turn[0] + random.uniform(0.0, 0.1), 0.4], list(turn), [turn[0] - 1.3, turn[1] + random.uniform(-0.1, 0.1)]],
+        "points": [
+            [turn[0] + random.uniform(0.0, 0.1), 0.4],
+            list(turn),
+            [turn[0] - 1.3, turn[1] + random.uniform(-0.1, 0.1)],
+        ],
         "roughness": WALL_ROUGHNESS,
     }
     far = wall("far wall", (random.uniform(-0.6, -0.3), turn[1] + random.uniform(1.0, 1.4)), random.uniform(-8.0, 12.0),

@@ -1,1 +1,83 @@
+"""See around corners with terahertz radar: from raw sweeps to the folded, corrected image.
+
+The verbs are plain functions, and each result is the next one's argument::
+
+    import mirrorfold as mf
+
+    sweep = mf.load("sweep.nc")
+    reconstruction = mf.reconstruct(sweep)
+    mf.plot.before_after(reconstruction)
+
+Nothing heavy is imported before it is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mirrorfold import plot
+    from mirrorfold.errors import InputError
+    from mirrorfold.focusing import focus
+    from mirrorfold.folding import fold
+    from mirrorfold.inspection import info
+    from mirrorfold.io import load, save
+    from mirrorfold.metrics import score
+    from mirrorfold.reconstruction import reconstruct
+    from mirrorfold.scene import Scene, load_scene
+    from mirrorfold.simulation import simulate
+    from mirrorfold.sweep import add_noise, check_sweep, make_sweep
+
 __version__ = "0.1.0"
+
+_HOME = {
+    "InputError": "errors",
+    "Scene": "scene",
+    "add_noise": "sweep",
+    "check_sweep": "sweep",
+    "focus": "focusing",
+    "fold": "folding",
+    "info": "inspection",
+    "load": "io",
+    "load_scene": "scene",
+    "make_sweep": "sweep",
+    "reconstruct": "reconstruction",
+    "save": "io",
+    "score": "metrics",
+    "simulate": "simulation",
+}
+"""The module that each name of the flat face comes from."""
+
+__all__ = [  # noqa: RUF022  in the order of the work
+    "load",
+    "save",
+    "load_scene",
+    "Scene",
+    "simulate",
+    "make_sweep",
+    "check_sweep",
+    "add_noise",
+    "info",
+    "focus",
+    "fold",
+    "reconstruct",
+    "score",
+    "plot",
+    "InputError",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for, once."""
+    if name == "plot":
+        return importlib.import_module("mirrorfold.plot")
+    if name not in _HOME:
+        raise AttributeError(f"module 'mirrorfold' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"mirrorfold.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -114,7 +114,9 @@ def side_lobes(polar: PolarImage) -> Array:
     peak = polar.amplitude
     while half < polar.u.size:
         distance = half * polar.du
-        envelope = 1.0 / (max(1.0, np.pi * polar.aperture_tx * distance) * max(1.0, np.pi * polar.aperture_rx * distance))
+        envelope = 1.0 / (
+            max(1.0, np.pi * polar.aperture_tx * distance) * max(1.0, np.pi * polar.aperture_rx * distance)
+        )
         nxt = max(half + 1, int(1.3 * half))
         # The brightest echo between `half` and `nxt` steps to either side.
         window = nxt - half + 1
@@ -167,16 +169,16 @@ def find_echoes(polar: PolarImage, *, threshold_db: float | None = None) -> Echo
     threshold = reference * 10.0 ** ((THRESHOLD_DB if threshold_db is None else threshold_db) / 20.0)
     above &= amplitude >= threshold * 10.0 ** (FAINT_DB / 20.0)
 
-    cell = tuple(2 * round(width / step) + 1 for width, step in ((polar.range_cell, polar.dr), (polar.u_cell, polar.du)))
+    cell = tuple(
+        2 * round(width / step) + 1 for width, step in ((polar.range_cell, polar.dr), (polar.u_cell, polar.du))
+    )
     above &= amplitude >= 10.0 ** (RIDGE_DB / 20.0) * maximum_filter(amplitude, size=cell, mode="constant")
     in_range = above & (amplitude == maximum_filter1d(amplitude, 3, axis=0, mode="constant"))
     in_u = above & (amplitude == maximum_filter1d(amplitude, 3, axis=1, mode="constant"))
     rows, columns = np.nonzero(in_range | in_u)
     range_ = polar.range[rows] + polar.dr * np.where(in_range[rows, columns], _vertex(amplitude, rows, columns, 0), 0.0)
     u = polar.u[columns] + polar.du * np.where(in_u[rows, columns], _vertex(amplitude, rows, columns, 1), 0.0)
-    length = np.where(
-        in_range[rows, columns], polar.cross_cell(range_, u) * polar.du / polar.u_cell, polar.dr
-    )
+    length = np.where(in_range[rows, columns], polar.cross_cell(range_, u) * polar.du / polar.u_cell, polar.dr)
     found = amplitude[rows, columns]
     return Echoes(polar.to_points(range_, u), range_, u, found, length, found >= threshold, threshold, reference)
 

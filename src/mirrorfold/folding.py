@@ -59,9 +59,7 @@ class Settings:
 
 PRESETS = {
     "default": Settings(),
-    "published": Settings(
-        normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, published=True
-    ),
+    "published": Settings(normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, published=True),
 }
 """`published` is the algorithm of Cui and Trichopoulos (2024), for comparison."""
 
@@ -105,7 +103,7 @@ def fold(
     """
     if preset not in PRESETS:
         raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
-    given = {
+    given: dict[str, Any] = {
         "normalization": normalization,
         "threshold_db": threshold_db,
         "minimum_length": minimum_length,

@@ -17,7 +17,7 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.errors import InputError
-from mirrorfold.geometry import crossing, cross2, reflect, segment_normal
+from mirrorfold.geometry import cross2, crossing, reflect, segment_normal
 from mirrorfold.scene import Scene, Surface, load_scene
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def score(reconstruction: xr.DataTree, scene: Scene | str | Path, *, bounces: in
     if not isinstance(reconstruction, xr.DataTree) or "objects" not in reconstruction.children:
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
-    objects = reconstruction["objects"]
+    objects = reconstruction.children["objects"].dataset
     points = np.stack([objects["x"].values, objects["y"].values], axis=-1)
     by_mirror = objects["bounces"].values > 0
     truth, normals, owner = _truth(scene)
@@ -96,7 +96,9 @@ def thin(points: Array, cell: float = CELL) -> Array:
     """The mean of the points in each occupied cell of a square grid, (m, 2) [m]."""
     if not len(points):
         return points.reshape(0, 2)
-    _, which, counts = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True)
+    _, which, counts = np.unique(
+        np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
     which = which.ravel()
     return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1)
 
@@ -229,15 +231,13 @@ def _free(origin: Array, target: Array, blockers: Array) -> Mask:
     slack = 1e-4 / length
     for start, end in blockers:
         along_ray, along_segment = crossing(origin, target, start, end)
-        free &= ~(
-            (along_ray > slack) & (along_ray < 1.0 - slack) & (along_segment >= 0.0) & (along_segment <= 1.0)
-        )
+        free &= ~((along_ray > slack) & (along_ray < 1.0 - slack) & (along_segment >= 0.0) & (along_segment <= 1.0))
     return free
 
 
 def _mirrors(reconstruction: xr.DataTree, scene: Scene) -> list[dict[str, Any]]:
     """Every detected mirror with the true straight piece that it agrees with, if any."""
-    found = reconstruction["mirrors"]
+    found = reconstruction.children["mirrors"].dataset
     true = [
         (surface.name, facet)
         for surface in scene.surface
@@ -252,7 +252,9 @@ def _mirrors(reconstruction: xr.DataTree, scene: Scene) -> list[dict[str, Any]]:
         for name, (a, b) in true:
             middle = 0.5 * (start + end)
             direction = (b - a) / np.linalg.norm(b - a)
-            angle = float(np.degrees(np.arcsin(np.clip(abs(cross2(direction, end - start)) / np.linalg.norm(end - start), 0, 1))))
+            angle = float(
+                np.degrees(np.arcsin(np.clip(abs(cross2(direction, end - start)) / np.linalg.norm(end - start), 0, 1)))
+            )
             along = float((middle - a) @ direction)
             beyond = max(-along, along - float(np.linalg.norm(b - a)), 0.0)
             offset = abs(float(cross2(direction, middle - a)))

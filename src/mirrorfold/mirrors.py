@@ -91,7 +91,7 @@ class Mirror:
         return 0.5 * (self.start + self.end)
 
     def reflected(self, other: Mirror) -> Mirror:
-        """This mirror as seen in `other`: its mirror image."""
+        """The mirror image of this mirror in `other`."""
         return replace(
             self,
             start=reflect(self.start, other.start, other.normal),
@@ -117,8 +117,10 @@ def line_cell(polar: PolarImage, points: Array, direction: Array) -> tuple[Array
     return np.hypot(polar.range_cell * sine, cross * cosine), np.hypot(polar.range_cell * cosine, cross * sine)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _vote(x: Array, y: Array, weight: Array, cosine: Array, sine: Array, first: float, step: float, votes: Array) -> None:
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _vote(
+    x: Array, y: Array, weight: Array, cosine: Array, sine: Array, first: float, step: float, votes: Array
+) -> None:
     """``votes[a, (x cos a + y sin a - first) / step] += weight``, shared between the two nearest bins."""
     for a in range(cosine.size):
         for i in range(x.size):
@@ -163,7 +165,11 @@ class _Hough:
 
 
 def find_mirrors(
-    echoes: Echoes, polar: PolarImage, *, minimum_length: float = MINIMUM_LENGTH, usable: Mask | None = None,
+    echoes: Echoes,
+    polar: PolarImage,
+    *,
+    minimum_length: float = MINIMUM_LENGTH,
+    usable: Mask | None = None,
     tested: bool = True,
 ) -> list[Mirror]:
     """Straight mirrors among the echoes, strongest first.

@@ -119,12 +119,16 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
             raise InputError(f"{source}: axis {name} needs a coordinate [m] with at least 4 pixels")
         step = np.diff(image[name].values.astype(float))
         if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
-            raise InputError(f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid")
+            raise InputError(
+                f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid"
+            )
     if image.dtype.kind not in "cfiu":
         raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
     missing = int(np.count_nonzero(~np.isfinite(image.values)))
     if missing:
-        raise InputError(f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0")
+        raise InputError(
+            f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
+        )
     return image
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -157,7 +158,7 @@ class Polyline(_Surface):
     points: Annotated[tuple[Point2, ...], Field(min_length=2)]
 
     def __post_init__(self) -> None:
-        if any(a == b for a, b in zip(self.points[:-1], self.points[1:], strict=True)):
+        if any(a == b for a, b in pairwise(self.points)):
             raise ValueError("two consecutive points are the same; each piece needs a length")
 
     def pieces(self, spacing: float) -> list[Array]:

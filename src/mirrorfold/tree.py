@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ class MirrorTree:
     chain: tuple[int, ...] = ()
 
     def walk(self) -> Iterator[MirrorTree]:
-        """This node and all below it, depth first."""
+        """Yield this node and all below it, depth first."""
         yield self
         for mirror in self.mirrors:
             yield from mirror.walk()
@@ -81,7 +82,7 @@ class MirrorTree:
 
         Each reflects across its own line, which is a ghost itself, first, then across its parents' up to the root.
         """
-        result = {(): Isometry.identity()}
+        result: dict[tuple[int, ...], Isometry] = {(): Isometry.identity()}
         for node in self.walk():
             if node.line is not None:
                 mirror = Isometry.reflection(node.line.start, node.line.normal)
@@ -161,9 +162,7 @@ class Views:
         inside = np.abs(u) <= self.u[-1]
         column = self.column(np.where(inside, u, 0.0))
         return np.asarray(
-            inside
-            & self.clear(range_, column, amplitude)
-            & (self.seen_through(range_ - wall_margin, column) == mirror)
+            inside & self.clear(range_, column, amplitude) & (self.seen_through(range_ - wall_margin, column) == mirror)
         )
 
     def seen_through(self, range_: Array, column: Index) -> Index:
@@ -320,7 +319,7 @@ def _split(mirror: Mirror, mirrors: list[Mirror], polar: PolarImage, minimum_len
     for i in np.flatnonzero(before[1:] != before[:-1]):
         cuts.append(0.5 * (position[i] + position[i + 1]))
     cuts.sort()
-    pieces = [(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a >= minimum_length]
+    pieces = [(a, b) for a, b in pairwise(cuts) if b - a >= minimum_length]
     if not pieces:
         return [mirror]
     at = mirror.start

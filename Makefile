@@ -1,0 +1,47 @@
+# mirrorfold: `make demo` sets everything up and runs the demonstration; `make help` lists the rest.
+# Needs python3 (3.11 or newer) with pip, make and a network.
+
+VENV := .venv
+PYTHON := $(VENV)/bin/python
+READY := $(VENV)/.ready
+
+# The uv on the PATH where there is one, else one of our own in .uv.
+UV := $(shell command -v uv 2>/dev/null)
+ifeq ($(UV),)
+UV := .uv/bin/uv
+UV_FILE := .uv/bin/uv
+endif
+
+.PHONY: help demo test lint bench clean
+.DEFAULT_GOAL := help
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
+
+demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in demo/
+	$(VENV)/bin/mirrorfold demo --out demo
+
+test: $(READY) ## run all tests
+	$(PYTHON) -m pytest
+
+lint: $(READY) ## style, types and the direction of imports
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(PYTHON) -m mypy
+	$(VENV)/bin/lint-imports
+
+bench: $(READY) ## run every benchmark
+	@set -e; for script in benchmarks/*.py; do echo "== $$script"; $(PYTHON) "$$script"; done
+
+clean: ## remove what make has made
+	rm -rf $(VENV) .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.uv/bin/uv:
+	python3 -m pip install --quiet --disable-pip-version-check --target .uv uv
+	@test -x $@ || { echo "uv was not installed to $@: check 'python3 -m pip --version'" >&2; exit 1; }
+
+$(READY): pyproject.toml constraints.txt | $(UV_FILE)
+	test -x $(PYTHON) || $(UV) venv --quiet --python '>=3.11' $(VENV)
+	$(UV) pip install --quiet --python $(PYTHON) --constraint constraints.txt --editable '.[test]'
+	@touch $@

@@ -1,0 +1,116 @@
+"""The command ``mirrorfold``: its verbs, its help, its exit codes.
+
+Nothing heavy is imported here, so that help and complaints come at once; `verbs` does the work.
+Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from mirrorfold import __version__
+from mirrorfold.errors import InputError
+
+DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class Verb(NamedTuple):
+    """What a verb is for, in one line, and an example that works."""
+
+    purpose: str
+    example: str
+
+
+VERBS = {
+    "demo": Verb(
+        "Simulate a hidden corner, reconstruct it and score the result: pictures, files, numbers.",
+        "mirrorfold demo --out demo",
+    ),
+    "simulate": Verb(
+        "Simulate the sweep that a radar measures in a scene.",
+        "mirrorfold simulate scene.toml -o sweep.nc",
+    ),
+    "focus": Verb(
+        "Focus a sweep to an image, step 1 of the algorithm.",
+        "mirrorfold focus sweep.nc -o image.nc",
+    ),
+    "fold": Verb(
+        "Find the mirrors in an image and fold it, steps 2 to 6 of the algorithm.",
+        "mirrorfold fold image.nc -o reconstruction.nc",
+    ),
+    "reconstruct": Verb(
+        "Go from a sweep to the corrected picture in one command.",
+        "mirrorfold reconstruct sweep.nc -o out",
+    ),
+    "score": Verb(
+        "Measure how far a reconstruction is from the truth.",
+        "mirrorfold score out/reconstruction.nc scene.toml --json",
+    ),
+    "info": Verb(
+        "Say what a file holds, what can be resolved with it, and what looks wrong.",
+        "mirrorfold info sweep.nc",
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        What follows the name of the program; by default what it was called with.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in ("--help", "-h", "help"):
+        print(_help())
+        return DONE
+    if arguments[0] == "--version":
+        print(__version__)
+        return DONE
+    try:
+        from mirrorfold.cli.verbs import run
+
+        run(arguments)
+        sys.stdout.flush()
+    except InputError as error:
+        return _complain(error, str(error), WRONG_INPUT)
+    except KeyboardInterrupt as error:
+        return _complain(error, "interrupted; nothing was written", INTERRUPTED)
+    except BrokenPipeError:  # the reader of our output has gone, for example `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except MemoryError as error:
+        return _complain(error, "there is not enough memory; use fewer pixels or a smaller sweep", FAILED)
+    except OSError as error:
+        return _complain(error, f"reading or writing failed: {error}", FAILED)
+    except Exception as error:  # the promise of one plain line holds for our own mistakes too
+        found = f"{type(error).__name__}: {error}"
+        return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
+    return DONE
+
+
+def _complain(error: BaseException, sentence: str, code: int) -> int:
+    """Print one line; a traceback only for those who ask for it."""
+    if os.environ.get("MIRRORFOLD_DEBUG") == "1":
+        raise error
+    print(f"mirrorfold: {' '.join(sentence.split())}", file=sys.stderr)
+    return code
+
+
+def _help() -> str:
+    """The help of the whole command."""
+    lines = ["mirrorfold sees around corners: from raw radar sweeps to the folded, corrected image.", ""]
+    lines += ["usage: mirrorfold VERB ...", ""]
+    lines += [f"  {name:<13}{verb.purpose}" for name, verb in VERBS.items()]
+    lines += ["", "`mirrorfold VERB --help` explains a verb and gives an example, `mirrorfold --version` the version."]
+    lines += ["Each verb takes --json to print one JSON object. Start with: mirrorfold demo"]
+    return "\n".join(lines)

@@ -1,0 +1,176 @@
+"""What people and machines see: progress and remarks on stderr, results on stdout."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+Progress = Callable[[int, int], None]
+
+PLAIN_WIDTH = 110
+"""Width of tables that do not go to a terminal [characters]."""
+
+
+@contextmanager
+def progress(description: str) -> Iterator[Progress | None]:
+    """A progress bar on stderr, as a function of done and total; None where nobody is watching."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(description, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def remark(sentences: Iterable[str]) -> None:
+    """Print what deserves attention but stops nothing."""
+    for sentence in sentences:
+        print(f"mirrorfold: note: {sentence}", file=sys.stderr)
+
+
+def show_json(result: dict[str, Any]) -> None:
+    """Print one JSON object."""
+    print(to_json(result))
+
+
+def to_json(result: dict[str, Any]) -> str:
+    """One JSON object; numbers that are not finite become null."""
+    return json.dumps(_finite(result), indent=2)
+
+
+def show_files(files: Iterable[Any]) -> None:
+    """Say where the files are."""
+    for file in files:
+        print(f"wrote {file}")
+
+
+def show_info(found: dict[str, Any]) -> None:
+    """Print what `info` has found, as a table of names and values."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in found.items():
+        if name in ("remarks", "mirrors", "surfaces") or value in (None, ""):
+            continue
+        label, text = describe(name, value)
+        table.add_row(label, text)
+    for surface in found.get("surfaces", ()):
+        table.add_row("surface", f"{surface['name']} ({surface['kind']}, {surface['material']})")
+    _console().print(table)
+    if found.get("mirrors"):
+        show_mirrors(found["mirrors"])
+    for sentence in found["remarks"]:
+        print(f"! {sentence}")
+
+
+def show_mirrors(mirrors: list[dict[str, Any]]) -> None:
+    """Print the table of mirrors."""
+    table = Table(title="mirrors, at their true places", title_justify="left")
+    for heading in ("mirror", "seen through", "generation", "start [m]", "end [m]", "strength"):
+        table.add_column(heading, justify="right")
+    for mirror in mirrors:
+        table.add_row(
+            str(mirror["mirror"]),
+            "" if mirror["parent"] < 0 else str(mirror["parent"]),
+            str(mirror["generation"]),
+            *("({:.4f}, {:.4f})".format(*mirror[end]) for end in ("start_m", "end_m")),
+            f"{mirror['strength']:.3g}",
+        )
+    _console().print(table)
+
+
+def show_score(score: dict[str, Any]) -> None:
+    """Print the score: mirrors, then all surfaces beside those out of sight."""
+    mirrors = Table(title="mirrors against the truth", title_justify="left")
+    for heading in ("surface", "angle error [deg]", "offset error [mm]"):
+        mirrors.add_column(heading, justify="left" if heading == "surface" else "right")
+    for mirror in score["mirrors"]:
+        mirrors.add_row(
+            str(mirror["surface"]), _number(mirror["angle_error_deg"], ".3f"), _number(mirror["offset_error_mm"], ".2f")
+        )
+    points = Table(title="points against the truth", title_justify="left")
+    for heading in ("", "all surfaces", "out of sight"):
+        points.add_column(heading, justify="right" if heading else "left")
+    for label, name, scale in (
+        ("accuracy [mm]", "accuracy_m", 1e3),
+        ("Chamfer distance [mm]", "chamfer_m", 1e3),
+        ("precision at 2 cm", "precision_2cm", 1.0),
+        ("completeness at 2 cm", "completeness_2cm", 1.0),
+        ("F-score at 2 cm", "f_score_2cm", 1.0),
+        ("F-score at 5 cm", "f_score_5cm", 1.0),
+        ("invented share", "invented_fraction", 1.0),
+    ):
+        values = (score.get(name), (score.get("hidden") or {}).get(name))
+        points.add_row(label, *(_number(value, ".1f" if scale > 1 else ".3f", scale) for value in values))
+    _console().print(mirrors, points)
+
+
+def describe(name: str, value: Any) -> tuple[str, str]:
+    """Label and text of one fact, with the unit that the end of its name stands for.
+
+    Examples
+    --------
+    >>> describe("range_resolution_m", 0.015)
+    ('range resolution', '15 mm')
+    >>> describe("cross_range_resolution_m", {"1": 0.0127, "2": 0.0254})
+    ('cross range resolution', '12.7 mm at 1 m, 25.4 mm at 2 m')
+    """
+    stem, _, unit = name.rpartition("_")
+    if unit not in ("m", "hz", "deg", "db"):
+        stem, unit = name, ""
+    if name == "cross_range_resolution_m":
+        text = ", ".join(f"{_quantity(size, unit)} at {distance} m" for distance, size in value.items())
+    elif isinstance(value, dict):
+        text = ", ".join(f"{key} {_quantity(item, unit)}" for key, item in value.items())
+    elif isinstance(value, list):
+        text = (
+            " to ".join(_quantity(item, unit) for item in value)
+            if name == "band_hz"
+            else ", ".join(_quantity(item, unit) for item in value)
+        )
+    else:
+        text = _quantity(value, unit)
+    return stem.replace("_", " ").replace("snr", "SNR, at least"), text
+
+
+def _quantity(value: Any, unit: str) -> str:
+    """A number with its unit, in millimetres or gigahertz where that reads better."""
+    if isinstance(value, list):
+        return " to ".join(_quantity(item, unit) for item in value)
+    if not isinstance(value, float):
+        return "-" if value is None else str(value)
+    if unit == "m":
+        return f"{value * 1e3:.3g} mm" if abs(value) < 0.1 else f"{value:.3g} m"
+    if unit == "hz":
+        return f"{value / 1e9:.6g} GHz" if value >= 1e9 else f"{value / 1e6:.6g} MHz"
+    return f"{value:.3g} { ({'deg': 'degrees', 'db': 'dB'}.get(unit, '')) }".rstrip()
+
+
+def _number(value: float | None, form: str, scale: float = 1.0) -> str:
+    """A number, or a dash where there is none."""
+    return "-" if value is None or not math.isfinite(value) else format(value * scale, form)
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers that JSON cannot hold, and plain Python types throughout."""
+    if isinstance(value, dict):
+        return {str(name): _finite(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy scalars and arrays
+        return _finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False, markup=False)

@@ -1,0 +1,69 @@
+"""Reading and writing: one function each, whatever the file holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from mirrorfold.scene import Scene
+
+
+def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene:
+    """Read a sweep, an image, a reconstruction or a scene, checked and completely in memory.
+
+    Parameters
+    ----------
+    path : path
+        A netCDF-4 file; a scene where the name ends in ``.toml``.
+
+    Returns
+    -------
+    xarray.Dataset, xarray.DataArray, xarray.DataTree or Scene
+        A sweep, an image, a reconstruction or a scene.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, broken, or holds something else.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".toml":
+        from mirrorfold.scene import load_scene
+
+        return load_scene(path)
+    from mirrorfold.io.netcdf import read
+
+    return read(path)
+
+
+def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path:
+    """Write a sweep, an image or a reconstruction to a netCDF-4 file.
+
+    The file appears under its name once it is complete; when writing fails, what was there before stays.
+
+    Parameters
+    ----------
+    obj : xarray.Dataset, xarray.DataArray or xarray.DataTree
+        A sweep, an image or a reconstruction.
+    path : path
+        Its directory must exist.
+
+    Returns
+    -------
+    Path
+        Where it was written.
+
+    Raises
+    ------
+    InputError
+        If the object is none of these or not valid, or nothing can be written there.
+    """
+    from mirrorfold.io.netcdf import write
+
+    return write(obj, Path(path))
+
+
+__all__ = ["load", "save"]

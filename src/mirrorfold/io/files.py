@@ -1,0 +1,148 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mirrorfold.errors import InputError
+
+
+def check_output(path: str | Path, *, inputs: Iterable[str | Path] = ()) -> Path:
+    """The path, if a file can be written there.
+
+    Parameters
+    ----------
+    path : path
+        Of the file to be written.
+    inputs : paths
+        Files that must not be overwritten.
+
+    Raises
+    ------
+    InputError
+        If the path is a directory, its directory is missing or read-only, or it is one of the inputs.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; give the path of the file to write")
+    _check_parent(path)
+    _check_inputs(path, inputs)
+    return path
+
+
+def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: Iterable[str | Path] = ()) -> Path:
+    """The path, if a directory with files of these names can be written there.
+
+    Parameters
+    ----------
+    path : path
+        Of the directory; need not exist, its parent must.
+    names : list of str
+        Of the files.
+    inputs : paths
+        Files that must not be overwritten.
+
+    Raises
+    ------
+    InputError
+        If the path is a file, cannot be made, or one of the files is one of the inputs.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: is a file; give the path of a directory")
+    _check_parent(path)
+    if path.is_dir() and not os.access(path, os.W_OK):
+        raise InputError(f"{path}: is read-only; choose another directory")
+    for name in names:
+        _check_inputs(path / name, inputs)
+    return path
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[Path]:
+    """A temporary path to write to, renamed to `path` when the block ends well and removed when it does not.
+
+    Parameters
+    ----------
+    path : path
+
+    Yields
+    ------
+    Path
+        In the same directory and with the same suffix; nothing is there yet.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there.
+    """
+    path = check_output(path)
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        temporary.touch(exist_ok=False)
+        temporary.unlink()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def directory_written_whole(path: str | Path) -> Iterator[Path]:
+    """A temporary directory to write files to; they move to `path` when the block ends well.
+
+    Parameters
+    ----------
+    path : path
+        Of the directory. It is made if need be; when the block fails, nothing is made and nothing changes.
+
+    Yields
+    ------
+    Path
+        An empty directory on the same file system.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there.
+    """
+    path = check_output_directory(path, names=()).absolute()
+    place = path if path.exists() else path.parent
+    temporary = place / f".{path.name}.{secrets.token_hex(4)}"
+    try:
+        temporary.mkdir()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    try:
+        yield temporary
+        if not path.exists():
+            temporary.rename(path)
+            return
+        for file in sorted(temporary.iterdir()):
+            os.replace(file, path / file.name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _check_parent(path: Path) -> None:
+    """Refuse a path whose directory is missing or read-only."""
+    parent = path.absolute().parent
+    if not parent.is_dir():
+        raise InputError(f"{path}: the directory {path.parent} does not exist; make it first")
+    if not path.is_dir() and not os.access(parent, os.W_OK):
+        raise InputError(f"{path}: the directory {path.parent} is read-only; choose another place")
+
+
+def _check_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
+    """Refuse a path that is one of the inputs, under whatever name."""
+    for source in map(Path, inputs):
+        if path.exists() and source.exists() and path.samefile(source):
+            raise InputError(f"{path}: is the input itself and would be overwritten; give another name for the output")

@@ -1,0 +1,259 @@
+"""The project's own files: netCDF-4 by way of h5netcdf, complex numbers stored natively.
+
+What a file holds is said by its attribute ``mirrorfold_kind``; a file without it that has a variable ``s`` counts as
+a sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.files import written_whole
+from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
+
+KINDS = ("sweep", "image", "reconstruction")
+
+IMAGE_DIMENSIONS = (("y", "x"), ("z", "y", "x"), ("range", "azimuth", "elevation"))
+
+REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable s(frequency, tx, rx)"
+
+ENGINE: Any = "h5netcdf"
+
+
+def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
+    """A sweep, an image or a reconstruction from a netCDF-4 file, checked and in memory.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, broken, or holds something else.
+    """
+    _check_is_hdf5(path)
+    try:
+        content = _read_groups(path)
+    except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
+    for node in content.subtree:
+        _decode_attrs(node.attrs)
+    kind = content.attrs.get("mirrorfold_kind", "sweep" if "s" in content else None)
+    if kind == "sweep":
+        return check_sweep(content.to_dataset(), source=str(path))
+    if kind == "image":
+        return check_image(_as_image(content.to_dataset(), str(path)), source=str(path))
+    if kind == "reconstruction":
+        return check_reconstruction(content, source=str(path))
+    found = f"mirrorfold_kind is {kind!r}" if kind is not None else f"holds the variables {list(content.data_vars)}"
+    raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
+
+
+def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
+    """Write a sweep, an image or a reconstruction; returns the path.
+
+    Raises
+    ------
+    InputError
+        If the object is none of these or not valid, or nothing can be written there.
+    """
+    if isinstance(obj, xr.DataTree):
+        content = check_reconstruction(obj)
+    elif isinstance(obj, xr.DataArray):
+        image = check_image(obj)
+        content = xr.DataTree(image.to_dataset(name="image").assign_attrs(mirrorfold_kind="image"))
+    elif isinstance(obj, xr.Dataset):
+        content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
+    else:
+        raise InputError(f"save: got a {type(obj).__name__}, expected a sweep, an image or a reconstruction")
+    content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
+    with written_whole(path) as temporary:
+        content.to_netcdf(
+            temporary,
+            engine=ENGINE,
+            encoding={node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree},
+        )
+    return path
+
+
+def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
+    """The image, named ``image``, or a plain word on what is wrong with it.
+
+    Raises
+    ------
+    InputError
+        With the first thing that is missing or wrong; `source` names the file in the message.
+    """
+    if not isinstance(image, xr.DataArray) or image.dims not in IMAGE_DIMENSIONS:
+        found = f"has dimensions {image.dims}" if isinstance(image, xr.DataArray) else f"is a {type(image).__name__}"
+        raise InputError(f"{source}: {found}, expected an image with (y, x), (z, y, x) or (range, azimuth, elevation)")
+    if image.dtype.kind not in "fc":
+        raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
+    if image.size == 0:
+        raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
+    for name in map(str, image.dims):
+        if name not in image.coords:
+            raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
+        values = image[name].values
+        if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+            raise InputError(f"{source}: coordinate {name!r} holds values that are not finite numbers")
+        step = np.diff(values)
+        if step.size and (step.min() <= 0 or np.ptp(step) > 2 * STEP_TOLERANCE * step.mean()):
+            raise InputError(
+                f"{source}: coordinate {name!r} has steps from {step.min():g} to {step.max():g}, "
+                "expected equal rising steps; sort it or resample to a uniform grid"
+            )
+    missing = int(np.count_nonzero(~np.isfinite(image.values)))
+    if missing:
+        raise InputError(
+            f"{source}: {missing} pixels of {image.size} are not finite (NaN or infinite); "
+            "replace them, for example by zero"
+        )
+    return image.rename("image").assign_attrs(mirrorfold_kind="image")
+
+
+def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
+    """The reconstruction, or a plain word on what is wrong with it.
+
+    The places of the objects are made coordinates where they are not: as variables they would be hidden behind the
+    x and y of the pixels, which groups inherit from the root.
+
+    Raises
+    ------
+    InputError
+        With the first thing that is missing or wrong; `source` names the file in the message.
+    """
+    kind = reconstruction.attrs.get("mirrorfold_kind") if isinstance(reconstruction, xr.DataTree) else None
+    if kind != "reconstruction":
+        raise InputError(f"{source}: mirrorfold_kind is {kind!r}, expected 'reconstruction'; give the result of fold")
+    nodes = {node.path: node for node in reconstruction.subtree}
+    for group, names in RECONSTRUCTION.items():
+        if group not in nodes:
+            raise InputError(f"{source}: the group {group} is missing from the reconstruction; fold the image again")
+        held = nodes[group].to_dataset(inherit=False)
+        for name, dimensions in names.items():
+            if name not in held.variables:
+                raise InputError(f"{source}: {name!r} is missing from the group {group}; fold the image again")
+            if held[name].dims != dimensions:
+                raise InputError(
+                    f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
+                )
+    objects = nodes["/objects"].to_dataset(inherit=False)
+    if not {"x", "y"} <= set(objects.coords):
+        reconstruction = reconstruction.copy()
+        reconstruction["/objects"] = xr.DataTree(objects.set_coords(["x", "y"]))
+    return reconstruction
+
+
+RECONSTRUCTION: dict[str, dict[str, tuple[str, ...]]] = {
+    "/": {"intensity": ("y", "x")},
+    "/initial": {"initial": ("y", "x")},
+    "/objects": dict.fromkeys(
+        ("x", "y", "x_initial", "y_initial", "amplitude", "bounces", "chain", "confidence"), ("point",)
+    ),
+    "/mirrors": dict.fromkeys(
+        (
+            *("x0", "y0", "x1", "y1", "folded_x0", "folded_y0", "folded_x1", "folded_y1"),
+            *("parent", "generation", "strength"),
+        ),
+        ("mirror",),
+    ),
+}
+"""What a reconstruction of a plan view holds: the dimensions of each variable, by group."""
+
+
+def _check_is_hdf5(path: Path) -> None:
+    """Refuse what is not there, not a file, or not of the format that netCDF-4 is built on."""
+    if not path.exists():
+        raise InputError(f"{path}: does not exist; give the path of a netCDF file")
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; give the path of a netCDF file in it")
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    if not h5py.is_hdf5(path):
+        raise InputError(f"{path}: is not a netCDF-4 file; {REMEDY}")
+
+
+def _read_groups(path: Path) -> xr.DataTree:
+    """The root of the file, and its groups where it is a reconstruction, in memory."""
+    with h5py.File(path) as file:  # h5netcdf complains twice, once on stderr, where it cannot read these
+        dict(file.attrs)
+    with xr.open_dataset(path, engine=ENGINE) as root:
+        if root.attrs.get("mirrorfold_kind") != "reconstruction":
+            return xr.DataTree(root.load())
+    with xr.open_datatree(path, engine=ENGINE) as tree:
+        return xr.DataTree.from_dict({node.path: node.to_dataset(inherit=False).load() for node in tree.subtree})
+
+
+def _as_image(content: xr.Dataset, source: str) -> xr.DataArray:
+    """The image of an image file."""
+    if "image" not in content:
+        raise InputError(f"{source}: holds no variable 'image'; {REMEDY}")
+    image = content["image"]
+    return image.assign_attrs({**content.attrs, **image.attrs})
+
+
+def _storable(content: xr.Dataset) -> xr.Dataset:
+    """A copy whose attributes netCDF can hold and whose variables forget how another file stored them."""
+    content = content.drop_encoding()
+    content.attrs = {name: _storable_attr(value) for name, value in content.attrs.items()}
+    for variable in content.variables.values():
+        variable.attrs = {name: _storable_attr(value) for name, value in variable.attrs.items()}
+    return content
+
+
+def _storable_attr(value: Any) -> Any:
+    """Numbers, strings and arrays of numbers as they are; the rest as JSON, which `_decode_attrs` undoes."""
+    if isinstance(value, str) or (isinstance(value, (int, float, np.number)) and not isinstance(value, bool)):
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size:
+        return value
+    return json.dumps(value, default=_plain)
+
+
+def _decode_attrs(attrs: dict[Any, Any]) -> None:
+    """Turn JSON lists, objects, booleans and nulls back to what they were, in place."""
+    for name, value in attrs.items():
+        if isinstance(value, str) and (value[:1] in ("[", "{") or value in ("true", "false", "null")):
+            with suppress(json.JSONDecodeError):
+                attrs[name] = json.loads(value)
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has no word for."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    return str(value)
+
+
+def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Checksums for all large arrays; compression where it pays, which it does not for noisy complex samples."""
+    encoding: dict[str, dict[str, Any]] = {}
+    for name, variable in content.variables.items():
+        if variable.size < SMALL or variable.dtype.kind not in "fciu":
+            continue
+        slab = math.prod(variable.shape[1:]) * variable.dtype.itemsize
+        slabs = min(max(1, CHUNK_BYTES // slab), variable.shape[0])
+        encoding[str(name)] = {"fletcher32": True, "chunksizes": (slabs, *variable.shape[1:])}
+        if variable.dtype.kind != "c":
+            encoding[str(name)] |= {"zlib": True, "complevel": 1, "shuffle": True}
+    return encoding
+
+
+SMALL = 1000
+"""Arrays with fewer values are stored as they are."""
+
+CHUNK_BYTES = 1 << 20
+"""Size of the blocks that large arrays are stored in, whole rows each."""

@@ -1,0 +1,114 @@
+"""What several tests need: data from outside, a small scene, and one valid object of each kind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.constants import speed_of_light
+
+from mirrorfold.geometry import reflect, segment_normal
+from mirrorfold.sweep import make_sweep
+
+SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"
+
+SCENE = """
+name = "one wall"
+[array]
+kind = "linear"
+elements = 9
+pitch = 0.5e-3
+[band]
+start = 290e9
+stop = 300e9
+points = 41
+[[surface]]
+name = "wall"
+kind = "segment"
+start = [-0.2, 0.3]
+end = [0.2, 0.34]
+roughness = {rms_height = 0.05e-3, correlation_length = 0.2e-3}
+"""
+
+
+@pytest.fixture
+def shared_data() -> Path:
+    """The folder of data sets that tests may read but the project does not hold."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip(f"the data folder {SHARED_DATA} is absent; see its README for what belongs there")
+    return SHARED_DATA
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """A small scene that simulates and reconstructs in a second or two."""
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def sweep() -> xr.Dataset:
+    """The exact sweep of a point target at (0.05, 0.4) m, 9 x 9 elements, 41 frequencies."""
+    position = np.zeros((9, 3))
+    position[:, 0] = 0.5e-3 * (np.arange(9) - 4)
+    frequency = np.linspace(290e9, 300e9, 41)
+    distance = np.linalg.norm(position - [0.05, 0.4, 0.0], axis=1)
+    k = 2 * np.pi * frequency / speed_of_light
+    s = np.exp(-1j * k[:, None, None] * (distance[:, None] + distance))
+    return make_sweep(s, frequency=frequency, tx_position=position, rx_position=position, title="point target")
+
+
+@pytest.fixture
+def image() -> xr.DataArray:
+    """A complex plan view of 40 x 50 pixels, brightest at (0.1, 1.2) m."""
+    y, x = np.linspace(0.8, 1.58, 40), np.linspace(-0.4, 0.58, 50)
+    phase = np.exp(1j * np.arange(50))
+    values = 1.0 / (0.01 + (x - 0.1) ** 2 + (y[:, None] - 1.2) ** 2) * phase
+    return xr.DataArray(values.astype(np.complex64), dims=("y", "x"), coords={"y": y, "x": x}, name="image")
+
+
+@pytest.fixture
+def reconstruction() -> xr.DataTree:
+    """A wall with an object before it and, by way of the wall, another one."""
+    start, end = np.array([0.4, 1.6]), np.array([0.6, 0.9])
+    points = np.array([[-0.1, 0.9], [-0.12, 0.95], [0.1, 1.5], [0.12, 1.52], [0.14, 1.54]])
+    bounces = np.array([0, 0, 1, 1, 1], dtype=np.int32)
+    ghosts = reflect(points, start, segment_normal(start, end))
+    initial = np.where(bounces[:, None] > 0, ghosts, points)
+    y, x = np.linspace(0.5, 2.0, 76), np.linspace(-0.5, 1.5, 101)
+    rng = np.random.default_rng(0)
+    amplitude = rng.random((2, 76, 101)).astype(np.float32)
+    ends = dict(zip(("x0", "y0", "x1", "y1"), (*start, *end), strict=True))
+    objects = {
+        "x": points[:, 0],
+        "y": points[:, 1],
+        "x_initial": initial[:, 0],
+        "y_initial": initial[:, 1],
+        "amplitude": np.ones(5, dtype=np.float32),
+        "bounces": bounces,
+        "chain": np.array(["", "", "0", "0", "0"]),
+        "confidence": np.full(5, 0.9, dtype=np.float32),
+    }
+    mirrors = {
+        **ends,
+        **{f"folded_{name}": value for name, value in ends.items()},
+        "parent": -1,
+        "generation": 1,
+        "strength": 2.0,
+    }
+    grid = {"y": y, "x": x}
+    return xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(
+                {"intensity": (("y", "x"), amplitude[0])},
+                coords=grid,
+                attrs={"mirrorfold_kind": "reconstruction", "radar_x": 0.0, "radar_y": 0.0},
+            ),
+            "/initial": xr.Dataset({"initial": (("y", "x"), amplitude[1])}, coords=grid),
+            "/objects": xr.Dataset({name: ("point", value) for name, value in objects.items()}).set_coords(["x", "y"]),
+            "/mirrors": xr.Dataset({name: ("mirror", np.array([value])) for name, value in mirrors.items()}),
+        }
+    )

@@ -1,0 +1,118 @@
+"""What `info` finds: the numbers of the textbook, and each thing that can be wrong with a sweep."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.sweep import add_noise
+
+
+def targets(ranges, *, frequencies=101, elements=8, amplitude=None):
+    """The sweep of scatterers straight ahead."""
+    frequency = np.linspace(290e9, 300e9, frequencies)
+    position = np.zeros((elements, 3))
+    position[:, 0] = 0.5e-3 * np.arange(elements)
+    s = np.zeros((frequencies, elements, elements), dtype=complex)
+    for r, a in zip(ranges, amplitude or [1.0] * len(ranges), strict=True):
+        d = np.hypot(position[:, 0], r)
+        s += a * np.exp(-2j * np.pi / speed_of_light * frequency[:, None, None] * (d[:, None] + d))
+    return mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
+
+
+def test_what_a_sweep_resolves():
+    found = mf.info(targets([0.5]))
+    assert found["frequency_step_hz"] == pytest.approx(100e6)
+    assert found["range_resolution_m"] == pytest.approx(speed_of_light / (2 * 10.1e9))
+    assert found["ambiguous_range_m"] == pytest.approx(1.49896229)
+    assert found["aperture_m"] == pytest.approx([3.5e-3, 3.5e-3])
+    assert found["pitch_m"] == pytest.approx([0.5e-3, 0.5e-3])
+    wavelength = speed_of_light / 295e9
+    assert found["cross_range_resolution_m"]["2"] == pytest.approx(2 * wavelength / 3.5e-3)
+    assert found["remarks"] == []
+    json.dumps(found, allow_nan=False)
+
+
+def test_facts_turn_with_the_array():
+    sweep = targets([0.5])
+    turned = sweep.assign_coords({f"{a}_position": sweep[f"{a}_position"][:, [2, 0, 1]] for a in ("tx", "rx")})
+    assert mf.info(turned)["aperture_m"] == pytest.approx(mf.info(sweep)["aperture_m"])
+    assert mf.info(turned)["pitch_m"] == pytest.approx(mf.info(sweep)["pitch_m"])
+
+
+@pytest.mark.parametrize(("elements", "snr_db"), [(1, 30.0), (1, 10.0), (8, 30.0), (8, 10.0), (8, 0.0)])
+def test_the_noise_is_estimated(elements, snr_db):
+    found = mf.info(add_noise(targets([0.5], frequencies=401, elements=elements), snr_db=snr_db, seed=0))
+    assert found["snr_db"] == pytest.approx(snr_db, abs=2.0 if elements == 1 else 0.5)
+    assert not any("wrapped" in remark or "reciprocal" in remark for remark in found["remarks"])
+
+
+def test_echoes_at_the_end_of_the_range_are_remarked():
+    end = 0.96 * mf.info(targets([0.5]))["ambiguous_range_m"]
+    assert any("wrapped around" in remark for remark in mf.info(targets([0.5, end]))["remarks"])
+    weak = targets([0.5, end], amplitude=[1.0, 0.01])
+    assert mf.info(weak)["range_end_db"] == pytest.approx(-40, abs=2)
+    assert mf.info(weak)["remarks"] == []
+
+
+def test_the_shared_sweep_is_fine_and_wraps_with_half_its_frequencies(shared_data):
+    sweep = mf.load(shared_data / "two_walls_fullwave.nc").isel(tx=slice(0, 161, 20))
+    assert not any("wrapped" in remark for remark in mf.info(sweep)["remarks"])
+    assert any("wrapped" in remark for remark in mf.info(sweep.isel(frequency=slice(None, None, 2)))["remarks"])
+
+
+def test_a_coarse_pitch_is_remarked_only_where_both_arrays_have_it():
+    sweep = targets([0.5])
+    assert mf.info(sweep)["field_of_view_deg"] > 170
+    one = mf.info(sweep.isel(tx=slice(None, None, 2)))
+    assert one["remarks"] == []
+    both = mf.info(sweep.isel(tx=slice(None, None, 2), rx=slice(None, None, 2)))
+    assert both["field_of_view_deg"] == pytest.approx(2 * np.degrees(np.arcsin(0.5)), rel=2e-3)
+    assert "grating lobes" in both["remarks"][0]
+
+
+def test_a_sweep_that_is_not_reciprocal_is_remarked():
+    sweep = targets([0.5])
+    assert not any("reciprocal" in remark for remark in mf.info(sweep)["remarks"])
+    late = sweep.assign(s=sweep["s"] * np.exp(0.5j * np.arange(8))[:, None])
+    assert any("not reciprocal" in remark for remark in mf.info(late.transpose(*sweep.dims))["remarks"])
+
+
+def test_what_a_single_antenna_or_frequency_cannot_tell():
+    found = mf.info(targets([0.5], elements=1).isel(frequency=[0]))
+    assert found["cross_range_resolution_m"] is None
+    assert found["ambiguous_range_m"] is None
+    assert len(found["remarks"]) == 2
+
+
+def test_an_image_says_where_it_is_brightest(image):
+    found = mf.info(image)
+    assert found["strongest_at"] == pytest.approx({"y": 1.2, "x": 0.1})
+    assert found["pixel"] == pytest.approx({"y": 0.02, "x": 0.02})
+    assert found["remarks"] == []
+    cut = mf.info(image.sel(x=slice(0.1, None)))
+    assert "border" in cut["remarks"][0]
+
+
+def test_a_reconstruction_lists_mirrors_and_points(reconstruction):
+    found = mf.info(reconstruction)
+    assert found["points_by_bounces"] == {"0": 2, "1": 3}
+    assert found["mirrors"][0]["start_m"] == [0.4, 1.6]
+    assert found["remarks"] == []
+
+
+def test_a_scene_beyond_the_unambiguous_range_is_remarked(scene_file):
+    scene = mf.load(scene_file)
+    assert mf.info(scene)["remarks"] == []
+    far = scene_file.with_name("far.toml")
+    far.write_text(scene_file.read_text().replace("[-0.2, 0.3]", "[-0.2, 1.3]"))
+    assert "beyond the unambiguous range" in mf.info(far)["remarks"][0]
+
+
+def test_anything_else_is_refused():
+    with pytest.raises(mf.InputError, match="got a int"):
+        mf.info(3)

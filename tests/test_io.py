@@ -1,0 +1,302 @@
+"""Files: what goes in comes out, what is broken is said in one sentence, and nothing is ever half written."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import mirrorfold as mf
+from mirrorfold.errors import InputError
+from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
+
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
+
+
+def test_a_sweep_comes_back_as_it_was(sweep, tmp_path):
+    path = mf.save(sweep, tmp_path / "sweep.nc")
+    xr.testing.assert_identical(mf.load(path), sweep)
+
+
+def test_complex_numbers_are_stored_natively(sweep, tmp_path):
+    with h5py.File(mf.save(sweep, tmp_path / "sweep.nc")) as file:
+        assert file["s"].dtype == np.complex64
+        assert file["s"].fletcher32
+
+
+def test_attributes_of_every_kind_come_back(sweep, tmp_path):
+    attrs = {
+        "flag": True,
+        "nothing": None,
+        "steps": ["rounded", "gated"],
+        "empty": [],
+        "settings": {"gate": [0.1, 2.5], "on": False},
+        "count": 3,
+        "level": -20.5,
+        "text": "plain, with [brackets",
+    }
+    loaded = mf.load(mf.save(sweep.assign_attrs(attrs), tmp_path / "sweep.nc"))
+    assert {name: loaded.attrs[name] for name in attrs} == attrs
+
+
+@pytest.mark.parametrize("part", [lambda z: z, abs])
+def test_an_image_comes_back_as_it_was(image, part, tmp_path):
+    image = part(image)
+    loaded = mf.load(mf.save(image, tmp_path / "image.nc"))
+    xr.testing.assert_identical(loaded, image.assign_attrs(mirrorfold_kind="image"))
+    assert loaded.dtype == image.dtype
+
+
+def test_a_volume_is_an_image(image, tmp_path):
+    volume = image.expand_dims(z=[0.0, 0.1])
+    xr.testing.assert_equal(mf.load(mf.save(volume, tmp_path / "volume.nc")), volume)
+
+
+def test_a_reconstruction_comes_back_as_it_was(reconstruction, tmp_path):
+    loaded = mf.load(mf.save(reconstruction, tmp_path / "reconstruction.nc"))
+    xr.testing.assert_identical(loaded, reconstruction)
+    assert loaded["objects"]["x"].dims == ("point",)
+
+
+def test_a_reconstruction_without_mirrors_or_objects_comes_back(reconstruction, tmp_path):
+    empty = reconstruction.copy()
+    empty["/mirrors"] = xr.DataTree(reconstruction["/mirrors"].to_dataset(inherit=False).isel(mirror=slice(0)))
+    empty["/objects"] = xr.DataTree(reconstruction["/objects"].to_dataset(inherit=False).isel(point=slice(0)))
+    loaded = mf.load(mf.save(empty, tmp_path / "empty.nc"))
+    assert loaded["mirrors"].sizes["mirror"] == 0
+    assert loaded["objects"]["x"].shape == (0,)
+
+
+def test_places_of_objects_are_not_hidden_behind_the_pixels(reconstruction, tmp_path):
+    plain = reconstruction.copy()
+    objects = reconstruction["/objects"].to_dataset(inherit=False)
+    plain["/objects"] = xr.DataTree(objects.reset_coords(["x", "y"]))
+    loaded = mf.load(mf.save(plain, tmp_path / "reconstruction.nc"))
+    np.testing.assert_array_equal(loaded["objects"]["x"].values, objects["x"].values)
+
+
+def test_nothing_is_left_to_read_once_a_file_is_loaded(sweep, reconstruction, tmp_path):
+    paths = [mf.save(sweep, tmp_path / "a.nc"), mf.save(reconstruction, tmp_path / "b.nc")]
+    loaded = [mf.load(path) for path in paths]
+    for path in paths:
+        path.unlink()
+    xr.testing.assert_equal(loaded[0], sweep)
+    xr.testing.assert_equal(loaded[1], reconstruction)
+
+
+def test_a_file_from_elsewhere_with_s_is_a_sweep(sweep, tmp_path):
+    foreign = sweep.drop_attrs()
+    foreign.to_netcdf(tmp_path / "foreign.nc", engine="h5netcdf")
+    xr.testing.assert_equal(mf.load(tmp_path / "foreign.nc"), sweep)
+
+
+def test_the_data_that_is_shared_is_read(shared_data):
+    sweep = mf.load(shared_data / "two_walls_fullwave.nc")
+    assert sweep["s"].shape == (401, 161, 161)
+    assert np.isfinite(sweep["s"].values).all()
+
+
+def refused(path, words):
+    with pytest.raises(InputError, match=words) as caught:
+        mf.load(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_netcdf_file_is_refused(tmp_path):
+    refused(tmp_path / "absent.nc", "does not exist")
+    refused(tmp_path, "is a directory")
+    for content in (b"", b"not a netCDF file at all", b"CDF\x01" + bytes(100)):
+        (tmp_path / "text.nc").write_bytes(content)
+        refused(tmp_path / "text.nc", "is not a netCDF-4 file")
+
+
+def test_what_is_none_of_ours_is_refused(tmp_path):
+    xr.Dataset({"t": ("x", [1.0])}).to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    refused(tmp_path / "t.nc", r"holds the variables \['t'\], expected a sweep, a")
+    xr.Dataset(attrs={"mirrorfold_kind": "cake"}).to_netcdf(tmp_path / "cake.nc", engine="h5netcdf")
+    refused(tmp_path / "cake.nc", "mirrorfold_kind is 'cake'")
+    xr.Dataset(attrs={"mirrorfold_kind": "image"}).to_netcdf(tmp_path / "image.nc", engine="h5netcdf")
+    refused(tmp_path / "image.nc", "holds no variable 'image'")
+
+
+def test_a_sweep_is_checked_when_it_is_read(sweep, tmp_path):
+    sweep.drop_vars("tx_position").to_netcdf(tmp_path / "sweep.nc", engine="h5netcdf")
+    refused(tmp_path / "sweep.nc", "no coordinate 'tx_position'")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda groups: groups.pop("/mirrors"), "the group /mirrors is missing"),
+        (lambda groups: groups.update({"/": groups["/"].drop_vars("intensity")}), "'intensity' is missing from"),
+        (lambda groups: groups["/"].attrs.update(mirrorfold_kind="image"), "holds no variable 'image'"),
+    ],
+)
+def test_a_reconstruction_is_checked_when_it_is_read(reconstruction, spoil, words, tmp_path):
+    groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
+    spoil(groups)
+    xr.DataTree.from_dict(groups).to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
+    refused(tmp_path / "r.nc", words)
+
+
+def test_variables_with_wrong_dimensions_are_refused(reconstruction):
+    wrong = reconstruction.copy()
+    objects = reconstruction["/objects"].to_dataset(inherit=False)
+    wrong["/objects"] = xr.DataTree(objects.rename(point="points"))
+    with pytest.raises(InputError, match=r"has dimensions \('points',\), expected \('point',\)"):
+        mf.save(wrong, "never.nc")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda i: i.transpose("x", "y"), r"has dimensions \('x', 'y'\)"),
+        (lambda i: i.astype(str), "expected real or complex"),
+        (lambda i: i.isel(x=slice(0)), "is empty"),
+        (lambda i: i.drop_vars("x"), "no coordinate 'x'"),
+        (lambda i: i.assign_coords(x=i["x"] * np.nan), "'x' holds values that are not finite"),
+        (lambda i: i.isel(x=slice(None, None, -1)), "equal rising steps"),
+        (lambda i: i.isel(y=[0, 1, 3, 4]), "equal rising steps"),
+        (lambda i: i.where(i["x"] > 0.09), "1000 pixels of 2000 are not finite"),
+    ],
+)
+def test_an_image_is_checked(image, spoil, words, tmp_path):
+    with pytest.raises(InputError, match=words) as caught:
+        mf.save(spoil(image), tmp_path / "image.nc")
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_our_own_objects_can_be_saved(tmp_path):
+    with pytest.raises(InputError, match="got a dict"):
+        mf.save({}, tmp_path / "x.nc")
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    """The bytes of a small sweep file and a directory to play in."""
+    folder = tmp_path_factory.mktemp("damage")
+    position = np.zeros((4, 3))
+    position[:, 0] = np.arange(4)
+    s = np.random.default_rng(0).standard_normal((100, 4, 4)) + 1j
+    sweep = mf.make_sweep(s, frequency=1e9 + 1e6 * np.arange(100), tx_position=position, rx_position=position)
+    return mf.save(sweep, folder / "whole.nc").read_bytes(), folder, sweep
+
+
+@ONE_FILE
+@given(share=st.floats(0.0, 1.0, exclude_max=True))
+def test_a_truncated_file_is_refused(content, share):
+    whole, folder, _ = content
+    path = folder / "cut.nc"
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=r"^\S*cut\.nc: ") as caught:
+        mf.load(path)
+    assert "\n" not in str(caught.value)
+
+
+@ONE_FILE
+@given(place=st.floats(0.0, 1.0, exclude_max=True), garbage=st.binary(min_size=1, max_size=200))
+def test_a_damaged_file_is_refused_or_still_a_valid_sweep(content, place, garbage):
+    whole, folder, _ = content
+    start = int(place * len(whole))
+    path = folder / "damaged.nc"
+    path.write_bytes(whole[:start] + garbage + whole[start + len(garbage) :])
+    try:
+        loaded = mf.load(path)
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        mf.check_sweep(loaded)
+
+
+def test_damaged_samples_are_noticed(content):
+    whole, folder, sweep = content
+    samples = sweep["s"].values.tobytes()[:64]
+    assert whole.count(samples) == 1
+    path = folder / "flipped.nc"
+    path.write_bytes(whole.replace(samples, samples[:32] + bytes(32)))
+    refused(path, "is damaged")
+
+
+def test_a_failed_write_leaves_what_was_there(sweep, tmp_path, monkeypatch):
+    path = tmp_path / "sweep.nc"
+    mf.save(sweep, path)
+    before = path.read_bytes()
+
+    def fail(self, temporary, **options):
+        temporary.write_bytes(b"half of a file")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(xr.DataTree, "to_netcdf", fail)
+    with pytest.raises(OSError, match="No space left"):
+        mf.save(sweep, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_appears_only_when_it_is_complete(tmp_path):
+    with written_whole(tmp_path / "a.txt") as temporary:
+        temporary.write_text("whole")
+        assert not (tmp_path / "a.txt").exists()
+        assert temporary.suffix == ".txt"
+    assert (tmp_path / "a.txt").read_text() == "whole"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_places_where_nothing_can_be_written_are_refused(sweep, tmp_path):
+    with pytest.raises(InputError, match=r"the directory \S*nowhere does not exist"):
+        mf.save(sweep, tmp_path / "nowhere" / "sweep.nc")
+    with pytest.raises(InputError, match="is a directory"):
+        mf.save(sweep, tmp_path)
+    with pytest.raises(InputError, match="does not exist"):
+        check_output_directory(tmp_path / "nowhere" / "out", names=())
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="is a file"):
+        check_output_directory(tmp_path / "file", names=())
+
+
+def test_a_read_only_directory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    with pytest.raises(InputError, match="is read-only"):
+        check_output(tmp_path / "sweep.nc")
+    with pytest.raises(InputError, match="is read-only"):
+        check_output_directory(tmp_path, names=())
+
+
+def test_an_input_is_never_overwritten_whatever_it_is_called(tmp_path):
+    source = tmp_path / "sweep.nc"
+    source.touch()
+    (tmp_path / "link.nc").symlink_to(source)
+    for name in ("sweep.nc", "link.nc", f"../{tmp_path.name}/sweep.nc"):
+        with pytest.raises(InputError, match="is the input itself"):
+            check_output(tmp_path / name, inputs=[source])
+    with pytest.raises(InputError, match="is the input itself"):
+        check_output_directory(tmp_path, names=["sweep.nc"], inputs=[source])
+    assert check_output(tmp_path / "other.nc", inputs=[source]) == tmp_path / "other.nc"
+
+
+def test_a_directory_appears_only_when_it_is_complete(tmp_path):
+    target = tmp_path / "out"
+    with pytest.raises(RuntimeError, match="half way"), directory_written_whole(target) as temporary:
+        (temporary / "a").write_text("1")
+        raise RuntimeError("half way")
+    assert list(tmp_path.iterdir()) == []
+    with directory_written_whole(target) as temporary:
+        (temporary / "a").write_text("1")
+    assert [path.name for path in target.iterdir()] == ["a"]
+
+
+def test_a_directory_that_exists_keeps_its_other_files(tmp_path):
+    (tmp_path / "notes").write_text("mine")
+    (tmp_path / "a").write_text("old")
+    with pytest.raises(RuntimeError, match="half way"), directory_written_whole(tmp_path) as temporary:
+        (temporary / "a").write_text("new")
+        raise RuntimeError("half way")
+    assert (tmp_path / "a").read_text() == "old"
+    with directory_written_whole(tmp_path) as temporary:
+        (temporary / "a").write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"notes": "mine", "a": "new"}
