@@ -115,7 +115,7 @@ class _Surface:
         """
         points, normals, lengths = [], [], []
         for piece in self.pieces(spacing):
-            for start, end in zip(piece[:-1], piece[1:], strict=True):
+            for start, end in pairwise(piece):
                 length = float(np.linalg.norm(end - start))
                 count = max(1, int(np.ceil(length / spacing)))
                 along = (np.arange(count) + 0.5) / count
