@@ -19,11 +19,16 @@ from mirrorfold.detection import THRESHOLD_DB, Echoes, find_echoes, find_pixels
 from mirrorfold.errors import InputError
 from mirrorfold.geometry import Isometry
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror
+from mirrorfold.mixed import is_mixed
 from mirrorfold.polar import PolarImage, to_polar_image
+from mirrorfold.sweep import check_sweep
 from mirrorfold.tree import ROOT, WALL_MARGIN, MirrorTree, Views, build_tree
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+
+MIXED_ROUNDS = 3
+"""Each round uncovers little: mixed-path ghosts rarely stand behind one another."""
 
 LARGEST_GROWTH = 2.0
 """The corrected grid grows to hold what folds to outside of the image, by at most this share of the image's size."""
@@ -67,6 +72,7 @@ PRESETS = {
 def fold(
     image: xr.DataArray,
     *,
+    sweep: xr.Dataset | None = None,
     preset: str = "default",
     normalization: str | None = None,
     threshold_db: float | None = None,
@@ -80,6 +86,9 @@ def fold(
     ----------
     image : (y, x) DataArray
         Complex or amplitude, not normalised with range.
+    sweep : xarray.Dataset, optional
+        The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
+        different ways, which focus where nothing is, from true ones.
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     normalization : {"r", "none", "r2"}, optional
@@ -115,6 +124,8 @@ def fold(
         if not np.isfinite(value) or (name == "minimum_length" and value <= 0) or (name == "wall_margin" and value < 0):
             raise InputError(f"{name} is {value}, expected a finite number{'' if name == 'threshold_db' else ' [m]'} "
                              "above zero; leave it out for the default")  # fmt: skip
+    if sweep is not None:
+        sweep = check_sweep(sweep)
     report = progress or (lambda done, total: None)
 
     polar = to_polar_image(image, normalization=settings.normalization)
@@ -124,10 +135,30 @@ def fold(
     else:
         echoes = find_echoes(polar, threshold_db=settings.threshold_db)
     report(2, 4)
-    tree, views = build_tree(
-        echoes, polar, minimum_length=settings.minimum_length, opaque=settings.opaque,
-        wall_margin=settings.wall_margin, tested=not settings.published,
-    )  # fmt: skip
+
+    def arrange(echoes: Echoes) -> tuple[MirrorTree, Views]:
+        return build_tree(
+            echoes,
+            polar,
+            minimum_length=settings.minimum_length,
+            opaque=settings.opaque,
+            wall_margin=settings.wall_margin,
+            tested=not settings.published,
+        )
+
+    tree, views = arrange(echoes)
+    if sweep is not None and not settings.published:
+        trusted = np.zeros(echoes.range.size, dtype=bool)
+        # What stands behind a mixed-path ghost comes into view, and is tested in its turn.
+        for _ in range(MIXED_ROUNDS):
+            new = ~trusted & views.clear(echoes.range, views.column(echoes.u), echoes.amplitude)
+            if not new.any():
+                break
+            mixed = np.zeros_like(new)
+            mixed[new] = is_mixed(echoes.take(new), sweep, polar)
+            trusted = (trusted | new)[~mixed]
+            echoes = echoes.take(~mixed)
+            tree, views = arrange(echoes)
     report(3, 4)
     result = to_reconstruction(image, polar, echoes, tree, views, settings)
     result.attrs["preset"] = preset

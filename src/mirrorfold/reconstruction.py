@@ -43,4 +43,4 @@ def reconstruct(
         If the sweep or a setting cannot be used.
     """
     image = focus(sweep, tolerance=tolerance, progress=progress)
-    return fold(image, **settings)
+    return fold(image, sweep=sweep, **settings)

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.detection import Echoes
+from mirrorfold.detection import Echoes, reference_echo
 from mirrorfold.geometry import Isometry
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror, find_mirrors, line_cell
 from mirrorfold.polar import PolarImage
@@ -34,6 +34,9 @@ OPAQUE_CELLS = 2.5
 CLEAR_DB = 20.0
 """An echo this much stronger than all objects in front of it is a thing: speckle fades by up to 20 dB, and multiple
 scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by 40 dB."""
+
+BEAM_STEP = 0.005
+"""Directions closer than this in u share their brightest echo."""
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and views usually agree after two or three rounds."""
@@ -211,11 +214,34 @@ def build_tree(
     for _ in range(MAXIMUM_ROUNDS):
         mirrors = find_mirrors(echoes, polar, minimum_length=minimum_length, usable=visible, tested=tested)
         mirrors, views, face = _arrange(mirrors, echoes, visible, polar, minimum_length, opaque, wall_margin)
-        still = visible & views.clear(echoes.range, views.column(echoes.u), echoes.amplitude)
-        if not opaque or np.array_equal(still, visible):
+        if not opaque:
             break
-        visible = still
+        column = views.column(echoes.u)
+        still = visible & views.clear(echoes.range, column, echoes.amplitude)
+        strong = _strong(echoes, still & (face == ROOT), views.seen_through(echoes.range, column), len(mirrors))
+        if np.array_equal(still, visible) and np.array_equal(strong, echoes.strong):
+            break
+        visible, echoes = still, replace(echoes, strong=strong)
     return _assemble(mirrors, views, face, echoes, visible)
+
+
+def _strong(echoes: Echoes, objects: Mask, through: Index, mirrors: int) -> Mask:
+    """Which echoes are strong for the world they are seen in.
+
+    A lossy mirror dims all that is seen through it. Where the objects of a mirror's world are dimmer than the
+    reference, the threshold follows them down.
+    """
+    strong = echoes.strong.copy()
+    for mirror in range(mirrors):
+        world = objects & (through == mirror)
+        seen = world & echoes.strong
+        if seen.any():
+            beam = np.rint(echoes.u[seen] / BEAM_STEP).astype(np.intp)
+            brightest = np.zeros(int(np.ptp(beam)) + 1)
+            np.maximum.at(brightest, beam - beam.min(), echoes.amplitude[seen])
+            dimming = reference_echo(brightest) / echoes.reference
+            strong |= world & (echoes.amplitude >= min(dimming, 1.0) * echoes.threshold)
+    return strong
 
 
 def _arrange(
