@@ -136,7 +136,8 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
     """Resample an image to the radar's view and undo the spreading with range.
 
     The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
-    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m]. Where they are
+    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m],
+    and `normalization` what was undone already. Where they are
     missing, the radar stands at the origin with its array along x, and two pixels make a resolution cell.
 
     Parameters
@@ -213,5 +214,6 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
         amplitude = np.hypot(*parts)
     else:
         amplitude = np.abs(map_coordinates(np.abs(values), [rows, columns], order=1, mode="constant"))
-    amplitude = amplitude.astype(np.float64) * range_[:, None] ** empty.power
+    done = NORMALIZATIONS.get(str(attrs.get("normalization", "none")), 0.0)
+    amplitude = amplitude.astype(np.float64) * range_[:, None] ** (empty.power - done)
     return PolarImage(**{**vars(empty), "amplitude": amplitude})
