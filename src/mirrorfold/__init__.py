@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirrorfold import plot
     from mirrorfold.errors import InputError
-    from mirrorfold.focusing import focus
+    from mirrorfold.focusing import FocusPlan, focus
     from mirrorfold.folding import fold
     from mirrorfold.inspection import info
     from mirrorfold.io import load, save
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "FocusPlan": "focusing",
     "InputError": "errors",
     "Scene": "scene",
     "add_noise": "sweep",
@@ -60,6 +61,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "add_noise",
     "info",
     "focus",
+    "FocusPlan",
     "fold",
     "reconstruct",
     "score",

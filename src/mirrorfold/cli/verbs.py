@@ -194,6 +194,7 @@ def fold(
     image: Path,
     *,
     output: Output,
+    sweep: Path | None = None,
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
@@ -207,6 +208,8 @@ def fold(
         Image to read (netCDF).
     output
         Reconstruction to write (netCDF).
+    sweep
+        Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
@@ -218,11 +221,17 @@ def fold(
     """
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[image])
+    check_output(output, inputs=[image] if sweep is None else [image, sweep])
     focused = read(image, "image")
+    measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:
         reconstruction = mf.fold(
-            focused, preset=preset, threshold_db=threshold_db, minimum_length=minimum_length, progress=report
+            focused,
+            sweep=measured,
+            preset=preset,
+            threshold_db=threshold_db,
+            minimum_length=minimum_length,
+            progress=report,
         )
     reconstruction.attrs["command"] = command.get()
     mf.save(reconstruction, output)

@@ -1,0 +1,202 @@
+"""Time and error of focusing, job by job: ``python benchmarks/focus.py [--quick]``.
+
+Every time is the median of repeats (the fastest beside it), every error relative L2 against the float64 direct sum on
+random pixels; ratios come from the same run. The peer kernel is timed on a patch and extrapolated to the whole image.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from peers import delay_and_sum_baseband, range_compressed
+from rich.console import Console
+from rich.table import Table
+from scipy.constants import speed_of_light
+
+from mirrorfold.focusing import FocusPlan, focus
+from mirrorfold.focusing.accuracy import measured_error
+from mirrorfold.focusing.plan import make_problem, white_noise
+from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.tfm import direct_sum, focus_exact
+from mirrorfold.sweep import make_sweep
+
+SCENE = Path(__file__).resolve().parents[2] / "shared" / "data" / "two_walls_fullwave.nc"
+PEER_SAMPLES = 512
+
+
+def line(elements: int, pitch: float) -> np.ndarray:
+    position = np.zeros((elements, 3))
+    position[:, 0] = pitch * (np.arange(elements) - 0.5 * (elements - 1))
+    return position
+
+
+def scatterers(frequency: np.ndarray, tx: np.ndarray, seed: int = 0, count: int = 40) -> np.ndarray:
+    """Data of random point scatterers 1-4.5 m ahead: a scene where no file is at hand."""
+    rng = np.random.default_rng(seed)
+    r, u = rng.uniform(1.0, 4.5, count), rng.uniform(-0.7, 0.7, count)
+    place = np.stack([r * u, r * np.sqrt(1 - u * u), np.zeros(count)], axis=1)
+    path = np.linalg.norm(tx[:, None] - place[None], axis=2)
+    k = 2 * np.pi * frequency / speed_of_light
+    wave = np.exp(-1j * k[:, None, None] * path) * rng.standard_normal(count)
+    return np.einsum("mip,mkp->mik", wave, np.exp(-1j * k[:, None, None] * path)).astype(np.complex64)
+
+
+def timed(call, repeats: int) -> tuple[float, float]:
+    """Median and least time [s] after one call that warms up."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times)), min(times)
+
+
+def error_on(problem: Problem, image: np.ndarray, s: np.ndarray) -> float:
+    return measured_error(problem, np.ascontiguousarray(image).reshape(problem.shape), s, seed=7, pixels=90)
+
+
+def peer(problem: Problem, s: np.ndarray, frequency: np.ndarray, side: int = 24) -> tuple[float, float]:
+    """Time [s] of the linear-interpolation kernel, extrapolated to the whole image, and its error on a patch."""
+    profile, carrier = range_compressed(s, problem.taper.real, frequency, max(PEER_SAMPLES, 2 * frequency.size))
+    step = (frequency[-1] - frequency[0]) / (frequency.size - 1)
+    patch = problem.on(
+        problem.x[:: problem.x.size // side][:side], problem.y[:: problem.y.size // side][:side], problem.z
+    )
+    points = patch.points(np.arange(patch.pixels))
+    delay = np.linalg.norm(points[:, None] - problem.tx[None], axis=2) / speed_of_light
+    phase = np.exp(2j * np.pi * carrier * delay).astype(np.complex64)
+    i, k = (index.ravel() for index in np.indices(s.shape[1:]))
+    out = np.empty(patch.pixels, np.complex64)
+    delay = delay.astype(np.float32)
+    per_second = np.float32(profile.shape[1] * step)
+    median, _ = timed(lambda: delay_and_sum_baseband(profile, i, k, delay, delay, phase, phase, per_second, out), 3)
+    reference = direct_sum(problem, s, points)
+    return median * problem.pixels / patch.pixels, float(np.linalg.norm(out - reference) / np.linalg.norm(reference))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few repeats, no planar job")
+    quick = parser.parse_args().quick
+    repeats = 5 if quick else 25
+    console = Console(width=150)
+    table = Table(title=f"focusing on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
+    for column in ("job", "tolerance", "algorithm", "median", "fastest", "error: scene", "error: noise", "target"):
+        table.add_column(column, justify="right" if column not in ("job", "algorithm", "target") else "left")
+    warnings.simplefilter("ignore", UserWarning)
+    tx = line(161, 0.5e-3)
+    wide = np.linspace(290e9, 300e9, 201)
+    jobs = [
+        ("A 161x161x201 -> 600x800", wide, (600, 800), (1.0, 5.0), 2.0, 1e-3, "<= 45 ms, stretch 30, at 2e-4 / 1e-3"),
+        ("A tight", wide, (600, 800), (1.0, 5.0), 2.0, 1e-5, "<= 70 ms at 1e-5"),
+        ("B same -> 2000x2000", wide, (2000, 2000), (1.0, 5.0), 2.0, 1e-3, "<= 100 ms"),
+        ("C 401, 270-300 GHz, 1-3 m", np.linspace(270e9, 300e9, 401), (600, 800), (1.0, 3.0), 1.0, 1e-3, "<= 75 ms"),
+    ]
+    notes = []
+    for name, frequency, (rows, columns), (near, far), half, tolerance, target in jobs:
+        grid = {"x": np.linspace(-half, half, columns), "y": np.linspace(near, far, rows)}
+        if SCENE.exists() and frequency is wide:
+            s = xr.open_dataset(SCENE, engine="h5netcdf")["s"].values[::2]
+        else:
+            s = scatterers(frequency, tx)
+        sweep = make_sweep(s, frequency=frequency, tx_position=tx, rx_position=tx)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        plan = FocusPlan(sweep, **grid, tolerance=tolerance)
+        problem = make_problem(sweep, grid["x"], grid["y"], None, tolerance, "hann", None, speed_of_light)
+        median, fastest = timed(lambda: plan(s), repeats)  # noqa: B023
+        after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        noise = white_noise(problem, seed=3)
+        errors = [f"{error_on(problem, plan(data), data):.1e}" for data in (s, noise)]
+        table.add_row(
+            name, f"{tolerance:g}", plan.algorithm, f"{1e3 * median:.1f} ms", f"{1e3 * fastest:.1f} ms", *errors, target
+        )
+        if name.startswith("A 161"):
+            again = time.perf_counter()
+            FocusPlan(sweep, **grid, tolerance=tolerance)
+            build = time.perf_counter() - again
+            notes.append(
+                f"A: plan build {build:.2f} s (target 1 s), tables {plan.nbytes / 2**20:.0f} MiB, "
+                f"peak memory above the input {after - before:.0f} MiB (target 400)"
+            )
+            patch = problem.on(problem.x[::8], problem.y[::6], problem.z)
+            exact, _ = timed(lambda: focus_exact(patch, s, 1e-3), 3)  # noqa: B023
+            rate = patch.pairs * patch.pixels / exact / 1e6
+            whole = exact * problem.pixels / patch.pixels
+            image = focus_exact(patch, s, 1e-3)
+            exact_error = f"{error_on(patch, image, s):.1e}"
+            table.add_row(
+                "A by the exact kernel, from 100x100",
+                "0.001",
+                "exact",
+                f"{whole:.1f} s",
+                "",
+                exact_error,
+                "",
+                f"{rate:.0f} M pair-pixels/s (target 500)",
+            )
+            seconds, peer_error = peer(problem, s, wide)
+            table.add_row(
+                "A by a peer's kernel, from 24x24", "", "linear", f"{seconds:.0f} s", "", f"{peer_error:.1e}", "", ""
+            )
+            notes.append(
+                f"A: {seconds / median:.0f} times the peer's kernel (target 3000), "
+                f"{whole / median:.0f} times the exact kernel (target 350)"
+            )
+    if SCENE.exists():
+        sweep = xr.open_dataset(SCENE, engine="h5netcdf").load()
+        start = time.perf_counter()
+        image = focus(sweep, tolerance=1e-4)
+        first = time.perf_counter() - start
+        start = time.perf_counter()
+        focus(sweep, tolerance=1e-4)
+        shape = "x".join(str(n) for n in image.shape)
+        table.add_row(
+            f"two walls, 401 -> {shape}, plan and proof included",
+            "0.0001",
+            image.attrs["algorithm"],
+            f"{first:.2f} s",
+            f"{time.perf_counter() - start:.2f} s",
+            f"{image.attrs['error']:.1e}",
+            "",
+            "second: same geometry again",
+        )
+    if not quick:
+        planar(table)
+    console.print(table)
+    for note in notes:
+        console.print(note)
+
+
+def planar(table: Table) -> None:
+    """101 x 101 monostatic positions, 201 frequencies, 200 x 200 x 100 voxels: timed on every fifth voxel each way."""
+    frequency = np.linspace(290e9, 300e9, 201)
+    u = 0.5e-3 * (np.arange(101) - 50)
+    place = np.stack([a.ravel() for a in np.meshgrid(u, [0.0], u, indexing="ij")], axis=1)
+    axes = np.linspace(-0.1, 0.1, 200), np.linspace(0.3, 0.5, 100), np.linspace(-0.1, 0.1, 200)
+    geometry = xr.Dataset(coords={"frequency": frequency, "antenna_position": (("position", "axis"), place)})
+    problem = make_problem(geometry, *(axis[::5] for axis in axes), 1e-3, "hann", None, speed_of_light)
+    s = white_noise(problem)
+    median, _ = timed(lambda: focus_exact(problem, s, 1e-3), 1)
+    image = focus_exact(problem, s, 1e-3)
+    table.add_row(
+        "planar 101x101x201 -> 200x200x100, from 40x40x20",
+        "0.001",
+        "exact",
+        f"{125 * median:.0f} s",
+        "",
+        "",
+        f"{error_on(problem, image, s):.1e}",
+        "<= 2 s",
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,9 @@
+"""Step 1 of the algorithm: from the raw sweep to the complex image."""
+
+from __future__ import annotations
+
+from mirrorfold.focusing.api import focus
+from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
+from mirrorfold.focusing.plan import FocusPlan
+
+__all__ = ["FocusPlan", "default_grid", "focus", "polar_grid", "sweep_grid"]

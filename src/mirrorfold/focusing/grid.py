@@ -1,0 +1,124 @@
+"""Where to put the pixels: a grid from band, aperture and ambiguous range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+Array = NDArray[np.float64]
+
+FIELD_OF_VIEW = 0.9
+"""Largest |sin| of the angle off broadside that the default grid covers: ghosts stand far to the side."""
+
+CELLS_PER_RESOLUTION = 2.0
+"""Pixels in one resolution cell, each way."""
+
+NEAR_SHARE = 1.0 / 6.0
+"""The nearest range of interest as a share of the ambiguous range: cross-range cells grow with range, and the
+pixel is sized for this range."""
+
+MAXIMUM_PIXELS = 3_000_000
+"""The default grid never has more pixels than this: beyond it the pixels grow."""
+
+RANGE_SHARE = 0.995
+"""The default grid ends just short of the ambiguous range."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What band and aperture can resolve.
+
+    Attributes
+    ----------
+    range_resolution : float [m]
+        ``c / (2 B)``.
+    angle_resolution : float [rad]
+        ``lambda / (2 D)`` at broadside, of the two-way array of length D.
+    ambiguous_range : float [m]
+        ``c / (2 df)``; infinite for a single frequency.
+    near : float [m]
+        Where the grid may begin: in front of every antenna.
+    aperture : float [m]
+        Length of the two-way array: half of the transmitters' length plus half of the receivers'.
+    """
+
+    range_resolution: float
+    angle_resolution: float
+    ambiguous_range: float
+    near: float
+    aperture: float
+
+
+def extent(frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light) -> Extent:
+    """What `frequency` [Hz] and antennas at `tx`, `rx` (n, 3) [m] resolve."""
+    step = (frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)
+    band = step * frequency.size
+    wavelength = wave_speed / float(frequency.mean())
+    aperture = 0.5 * float(np.linalg.norm(np.ptp(tx, axis=0)) + np.linalg.norm(np.ptp(rx, axis=0)))
+    ambiguous = wave_speed / (2.0 * step) if step > 0.0 else float("inf")
+    range_resolution = wave_speed / (2.0 * band) if band > 0.0 else wavelength
+    front = float(max(tx[:, 1].max(), rx[:, 1].max()))
+    return Extent(
+        range_resolution=range_resolution,
+        angle_resolution=wavelength / (2.0 * aperture) if aperture > 0.0 else 1.0,
+        ambiguous_range=ambiguous,
+        near=front + max(range_resolution, 2.0 * aperture, 2.0 * wavelength),
+        aperture=aperture,
+    )
+
+
+def default_grid(
+    frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light, maximum_pixels: int = MAXIMUM_PIXELS
+) -> tuple[Array, Array]:
+    """Pixel coordinates x and y [m] that show everything the array can see.
+
+    y runs from just in front of the array to the ambiguous range R, x symmetrically over ``|x| <= 0.9 R`` around the
+    array. Pixels are half a range resolution cell ``c/(2B)`` deep and half a cross-range cell
+    ``r lambda / (2 D)`` wide at the nearest range of interest r = R/6, but never wider than deep: an echo from the
+    side lies across the pixel grid. Both grow together where there would be more than `maximum_pixels`.
+
+    Parameters
+    ----------
+    frequency : (frequencies,) array [Hz]
+    tx, rx : (n, 3) arrays [m]
+    wave_speed : float [m/s]
+    maximum_pixels : int
+
+    Returns
+    -------
+    x, y : 1D arrays [m]
+    """
+    see = extent(frequency, tx, rx, wave_speed)
+    far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
+    centre = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
+    side = FIELD_OF_VIEW * far
+    pitch_y = see.range_resolution / CELLS_PER_RESOLUTION
+    pitch_x = min(pitch_y, NEAR_SHARE * far * see.angle_resolution / CELLS_PER_RESOLUTION)
+    wanted = 2.0 * side / pitch_x * (far - see.near) / pitch_y
+    growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
+    pitch_x, pitch_y = growth * pitch_x, growth * pitch_y
+    half = int(np.ceil(side / pitch_x))
+    x = centre + pitch_x * np.arange(-half, half + 1)
+    y = see.near + pitch_y * np.arange(int((far - see.near) / pitch_y) + 1)
+    return np.asarray(x), np.asarray(y)
+
+
+def polar_grid(
+    frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light, field_of_view: float = FIELD_OF_VIEW
+) -> tuple[Array, Array]:
+    """Sines of the angle off broadside, and ranges [m], at half a resolution cell: ``x = r u, y = r sqrt(1 - u^2)``."""
+    see = extent(frequency, tx, rx, wave_speed)
+    far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
+    half = max(1, int(np.ceil(CELLS_PER_RESOLUTION * field_of_view / see.angle_resolution)))
+    u = field_of_view * np.arange(-half, half + 1) / half
+    step = see.range_resolution / CELLS_PER_RESOLUTION
+    return u, np.arange(see.near, far, step)
+
+
+def sweep_grid(sweep: xr.Dataset, wave_speed: float = speed_of_light) -> tuple[Array, Array]:
+    """The default grid x, y [m] of a sweep: see `default_grid`."""
+    return default_grid(sweep["frequency"].values, sweep["tx_position"].values, sweep["rx_position"].values, wave_speed)

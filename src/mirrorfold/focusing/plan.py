@@ -1,0 +1,289 @@
+"""A reusable plan: which algorithm focuses which pixels, proven against the direct sum."""
+
+from __future__ import annotations
+
+import time
+import warnings
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.accuracy import measured_error
+from mirrorfold.focusing.fast import FastPlan, line_array
+from mirrorfold.focusing.grid import default_grid, extent
+from mirrorfold.focusing.memory import available_memory
+from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.problem import Problem, pixel_axis
+from mirrorfold.focusing.taper import window
+from mirrorfold.focusing.tfm import ROUNDING, TABLE_BYTES, focus_exact
+from mirrorfold.focusing.threads import Progress
+from mirrorfold.sweep import check_sweep
+
+REFINEMENTS = 3
+"""Tries at a third of the tolerance each before the exact kernel takes over."""
+
+FEWEST_PAIR_PIXELS = 2e8
+"""Below this many pair-pixels the exact kernel needs no more time than building a plan."""
+
+SAMPLING_MARGIN = 0.8
+"""Share of the tolerance that the error measured on a sample of pixels must keep under."""
+
+NEAREST_PIXEL = 1e-3
+"""Distance of a pixel from an antenna, in wavelengths, under which it stands on it."""
+
+Apodization = str | ArrayLike | tuple[str | ArrayLike | None, str | ArrayLike | None] | None
+
+
+def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
+    """A valid sweep, from pairs ``s(frequency, tx, rx)`` or from one moving antenna ``s(frequency, position)``.
+
+    The second kind has the coordinate ``antenna_position(position, axis)`` [m]. A geometry without data passes too.
+    """
+    if isinstance(sweep, xr.Dataset) and "antenna_position" in sweep.variables:
+        place = sweep["antenna_position"]
+        if place.dims != ("position", "axis"):
+            raise InputError(f"antenna_position has dimensions {place.dims}, expected (position, axis) in metres")
+        pairs = xr.Dataset(
+            coords={
+                "frequency": sweep["frequency"],
+                "tx_position": (("tx", "axis"), place.values),
+                "rx_position": (("rx", "axis"), place.values[:1]),
+            },
+            attrs=sweep.attrs,
+        )
+        if "s" not in sweep:
+            pairs["s"] = (("frequency", "tx", "rx"), np.ones((pairs.sizes["frequency"], len(place), 1), np.complex64))
+            check_sweep(pairs)
+            return sweep
+        if sweep["s"].dims[-2:] != ("frequency", "position"):
+            raise InputError(f"s has dimensions {sweep['s'].dims}, expected (frequency, position); transpose it")
+        leading = sweep["s"].dims[:-2]
+        pairs["s"] = ((*leading, "frequency", "tx", "rx"), sweep["s"].values[..., None])
+        checked = check_sweep(pairs)
+        return sweep.assign(s=sweep["s"].copy(data=checked["s"].values[..., 0])).assign_attrs(checked.attrs)
+    if isinstance(sweep, xr.Dataset) and "s" not in sweep and {"tx_position", "rx_position"} <= set(sweep.variables):
+        shape = (sweep["frequency"].size, sweep["tx_position"].shape[0], sweep["rx_position"].shape[0])
+        dummy = np.broadcast_to(np.complex64(1.0), shape)
+        check_sweep(sweep.assign(s=(("frequency", "tx", "rx"), dummy)))
+        return sweep
+    return check_sweep(sweep)
+
+
+def make_problem(
+    sweep: xr.Dataset,
+    x: ArrayLike | None,
+    y: ArrayLike | None,
+    z: ArrayLike | None,
+    tolerance: float,
+    taper: str | ArrayLike,
+    apodization: Apodization,
+    wave_speed: float,
+) -> Problem:
+    """The focusing problem of a checked sweep on checked pixels.
+
+    Raises
+    ------
+    InputError
+        With what is wrong with the request; see `focus`.
+    """
+    if not isinstance(wave_speed, (int, float)) or not np.isfinite(wave_speed) or wave_speed <= 0.0:
+        raise InputError(f"wave_speed is {wave_speed!r}, expected a positive number of metres per second")
+    if not isinstance(tolerance, (int, float)) or not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance is {tolerance!r}, expected a relative error between {ROUNDING:g} and 1")
+    if tolerance < ROUNDING:
+        raise InputError(
+            f"tolerance is {tolerance:g}, finer than the {ROUNDING:g} that single-precision images can hold; "
+            "ask for a larger one"
+        )
+    monostatic = "antenna_position" in sweep.variables
+    tx = np.asarray(sweep["antenna_position" if monostatic else "tx_position"].values, dtype=np.float64)
+    rx = tx if monostatic else np.asarray(sweep["rx_position"].values, dtype=np.float64)
+    frequency = np.asarray(sweep["frequency"].values, dtype=np.float64)
+    if len(tx) * (1 if monostatic else len(rx)) < 2:
+        raise InputError("the sweep has one element, which sees no direction; measure at two positions at least")
+    if x is None or y is None:
+        own_x, own_y = default_grid(frequency, tx, rx, wave_speed)
+        x, y = own_x if x is None else x, own_y if y is None else y
+    tx_window, rx_window = apodization if isinstance(apodization, tuple) else (apodization, apodization)
+    problem = Problem(
+        k=2.0 * np.pi * frequency / wave_speed,
+        tx=tx,
+        rx=rx,
+        taper=window(taper, frequency.size, "taper"),
+        tx_weight=window(tx_window, len(tx), "apodization"),
+        rx_weight=window(None if monostatic else rx_window, len(rx), "apodization"),
+        x=pixel_axis(x, "x"),
+        y=pixel_axis(y, "y"),
+        z=pixel_axis(0.0 if z is None else z, "z"),
+        monostatic=monostatic,
+    )
+    _check_pixels(problem, extent(frequency, tx, rx, wave_speed).ambiguous_range)
+    return problem
+
+
+def _check_pixels(problem: Problem, ambiguous_range: float) -> None:
+    """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory."""
+    axes = (problem.x, problem.y, problem.z)
+    antennas = np.unique(np.concatenate([problem.tx, problem.rx]), axis=0)
+    gaps = [np.abs(antennas[:, n, None] - axis[None, :]) for n, axis in enumerate(axes)]
+    nearest = np.sqrt(sum(gap.min(axis=1) ** 2 for gap in gaps))
+    wavelength = 2.0 * np.pi / float(problem.k[-1])
+    if nearest.min() < NEAREST_PIXEL * wavelength:
+        place = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
+        raise InputError(f"a pixel stands on the antenna at ({place}) m; move or shorten the grid")
+    radar = 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
+    spans = [np.abs(axis - radar[n]) for n, axis in enumerate(axes)]
+    closest = float(np.sqrt(sum(span.min() ** 2 for span in spans)))
+    if closest > ambiguous_range:
+        raise InputError(
+            f"the grid begins {closest:.3g} m from the radar, beyond the ambiguous range of {ambiguous_range:.3g} m; "
+            "move it nearer, or measure with a smaller frequency step"
+        )
+    beyond = [name for name, span in zip("xyz", spans, strict=True) if span.max() > ambiguous_range]
+    if beyond:
+        warnings.warn(
+            f"{' and '.join(beyond)} reach beyond the ambiguous range of {ambiguous_range:.3g} m: what is imaged there "
+            "also stands nearer by that range",
+            stacklevel=4,
+        )
+    needed = 3 * 8 * problem.pixels + TABLE_BYTES
+    free = available_memory()
+    if needed > free:
+        raise InputError(
+            f"an image of {problem.pixels} pixels needs about {needed / 2**30:.3g} GiB of memory and "
+            f"{free / 2**30:.3g} GiB are free; ask for fewer pixels"
+        )
+
+
+def white_noise(problem: Problem, seed: int = 0) -> NDArray[np.complex64]:
+    """Complex white noise of unit variance in the shape of the data."""
+    rng = np.random.default_rng(seed)
+    shape = (*problem.data_shape, 2)
+    return rng.standard_normal(shape, dtype=np.float32).view(np.complex64)[..., 0]
+
+
+_latest: tuple[bytes, float, FastPlan] | None = None
+
+
+def _fast_plan(problem: Problem, tolerance: float) -> FastPlan:
+    """A fast plan; the latest one is kept, for whoever focuses many sweeps of one geometry."""
+    global _latest
+    key, latest = problem.key, _latest
+    if latest is None or latest[:2] != (key, tolerance):
+        _latest = None
+        latest = (key, tolerance, FastPlan(problem, tolerance))
+        _latest = latest
+    return latest[2]
+
+
+def prove(
+    problem: Problem, tolerance: float, s: NDArray[np.complex64], progress: Progress | None = None
+) -> tuple[FastPlan | None, NDArray[np.complex64] | None, float]:
+    """The coarsest fast plan that images `s` within the tolerance, its image, and its measured error.
+
+    None for the plan and image where no fast plan is suited or holds the tolerance.
+    """
+    if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS or not line_array(problem):
+        return None, None, tolerance
+    target = tolerance
+    for _ in range(REFINEMENTS):
+        try:
+            fast = _fast_plan(problem, target)
+        except UnsuitedError:
+            break
+        image = fast(s, progress)
+        error = measured_error(problem, image, s)
+        if error <= SAMPLING_MARGIN * tolerance:
+            return fast, image, error
+        target *= min(0.5, 0.5 * tolerance / error)
+    return None, None, tolerance
+
+
+class FocusPlan:
+    """Everything about an imaging task that does not depend on the data, ready to run frame by frame.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        A sweep, or only its geometry: ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or
+        ``antenna_position`` for one moving antenna).
+    x, y, z, tolerance, taper, apodization, wave_speed
+        As in `focus`.
+
+    Attributes
+    ----------
+    x, y, z : 1D arrays [m]
+        The pixels.
+    algorithm : str
+        ``"polar"`` for the structured path of line arrays, ``"exact"`` for the sum over all pairs.
+    error : float
+        Relative L2 error on white noise, measured on random pixels when the plan was made.
+    build_time : float [s]
+    nbytes : int
+        Memory of the plan's tables [bytes].
+
+    Raises
+    ------
+    InputError
+        As `focus`.
+
+    Notes
+    -----
+    A plan may be used from several threads at once.
+    """
+
+    def __init__(
+        self,
+        sweep: xr.Dataset,
+        *,
+        x: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        z: ArrayLike | None = None,
+        tolerance: float = 1e-4,
+        taper: str | ArrayLike = "hann",
+        apodization: Apodization = None,
+        wave_speed: float = speed_of_light,
+    ) -> None:
+        start = time.perf_counter()
+        self._problem = make_problem(
+            check_measurement(sweep), x, y, z, tolerance, taper, apodization, float(wave_speed)
+        )
+        self.tolerance = float(tolerance)
+        self._fast, _, self.error = prove(self._problem, self.tolerance, white_noise(self._problem))
+        self.x, self.y, self.z = self._problem.x, self._problem.y, self._problem.z
+        self.build_time = time.perf_counter() - start
+
+    @property
+    def algorithm(self) -> str:
+        """``"polar"`` or ``"exact"``."""
+        return "exact" if self._fast is None else "polar"
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the plan's tables [bytes]."""
+        return 0 if self._fast is None else self._fast.nbytes
+
+    def __repr__(self) -> str:
+        shape = " x ".join(str(n) for n in self._problem.shape)
+        return (
+            f"FocusPlan({self._problem.pairs} pairs, {self._problem.k.size} frequencies -> {shape} pixels "
+            f"(z, y, x), {self.algorithm}, error {self.error:.1e}, {self.nbytes / 2**20:.0f} MiB, "
+            f"built in {self.build_time:.2f} s)"
+        )
+
+    def __call__(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> NDArray[np.complex64]:
+        """Image (z, y, x), or (y, x) where there is one z, of one frame s(frequency, tx, rx)."""
+        data = np.ascontiguousarray(s, dtype=np.complex64)
+        if data.shape != self._problem.data_shape:
+            raise InputError(
+                f"the frame has shape {data.shape}, expected {self._problem.data_shape} as in the plan's geometry; "
+                "transpose it to (frequency, tx, rx) or make a plan of its own"
+            )
+        if self._fast is None:
+            image = focus_exact(self._problem, data, self.tolerance, progress)
+        else:
+            image = self._fast(data, progress)
+        return image[0] if self._problem.z.size == 1 else image

@@ -1,0 +1,110 @@
+"""What is to be focused where: geometry, wavenumbers, weights and pixels, checked once, in float64."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.errors import InputError
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+COINCIDENT_TOLERANCE = 1e-9
+"""Two antennas closer than this [m] are one: a phase of 1e-5 rad at 1 THz."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The sum ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` without its data.
+
+    Attributes
+    ----------
+    k : (frequencies,) array [rad/m]
+        Wavenumbers, in uniform steps.
+    tx, rx : (tx, 3), (rx, 3) arrays [m]
+    taper : (frequencies,) complex array
+    tx_weight, rx_weight : (tx,), (rx,) complex arrays
+    x, y, z : 1D arrays [m]
+        The pixels are the regular product of these.
+    monostatic : bool
+        Every antenna hears only itself: tx and rx list the same places, and the data is ``S[m, i]``.
+    """
+
+    k: Array
+    tx: Array
+    rx: Array
+    taper: Complex
+    tx_weight: Complex
+    rx_weight: Complex
+    x: Array
+    y: Array
+    z: Array
+    monostatic: bool = False
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of pixels along (z, y, x)."""
+        return self.z.size, self.y.size, self.x.size
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels."""
+        return self.z.size * self.y.size * self.x.size
+
+    @property
+    def pairs(self) -> int:
+        """Number of transmitter-receiver pairs."""
+        return len(self.tx) if self.monostatic else len(self.tx) * len(self.rx)
+
+    @property
+    def data_shape(self) -> tuple[int, ...]:
+        """Expected shape of the data of one frame."""
+        return (self.k.size, len(self.tx)) if self.monostatic else (self.k.size, len(self.tx), len(self.rx))
+
+    @property
+    def coincident(self) -> bool:
+        """Whether the transmitters stand where the receivers stand, in the same order."""
+        return self.tx.shape == self.rx.shape and bool(np.abs(self.tx - self.rx).max() < COINCIDENT_TOLERANCE)
+
+    @property
+    def key(self) -> bytes:
+        """A digest of everything, the same for equal problems."""
+        digest = hashlib.sha256(repr((self.monostatic, self.shape, self.data_shape)).encode())
+        for part in (self.k, self.tx, self.rx, self.taper, self.tx_weight, self.rx_weight, self.x, self.y, self.z):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.digest()
+
+    def points(self, flat: NDArray[np.integer]) -> Array:
+        """Coordinates [m] of pixels by their flat index in (z, y, x) order, shape (n, 3)."""
+        iz, iy, ix = np.unravel_index(flat, self.shape)
+        return np.stack([self.x[ix], self.y[iy], self.z[iz]], axis=-1)
+
+    def on(self, x: Array, y: Array, z: Array) -> Problem:
+        """The same measurement on other pixels."""
+        return replace(self, x=x, y=y, z=z)
+
+
+def pixel_axis(values: ArrayLike, name: str) -> Array:
+    """1D pixel coordinates [m] as float64; a single number is one pixel.
+
+    Raises
+    ------
+    InputError
+        If they are not a rising or falling row of finite numbers.
+    """
+    try:
+        axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} holds values that are not numbers; give 1D pixel coordinates in metres") from None
+    if axis.ndim != 1 or axis.size == 0:
+        raise InputError(f"{name} has shape {axis.shape}, expected a 1D array of pixel coordinates in metres")
+    if not np.isfinite(axis).all():
+        raise InputError(f"{name} holds values that are not finite; give every pixel its coordinate in metres")
+    steps = np.diff(axis)
+    if axis.size > 1 and not ((steps > 0).all() or (steps < 0).all()):
+        raise InputError(f"{name} is not sorted; give pixel coordinates that only rise (or only fall)")
+    return axis

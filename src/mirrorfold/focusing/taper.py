@@ -1,0 +1,66 @@
+"""Weights over frequency and over the elements of an array."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.errors import InputError
+
+TAYLOR_SIDE_LOBE_DB = 30
+TAYLOR_NBAR = 4
+
+
+def _hann(n: int) -> NDArray[np.float64]:
+    """``sin^2(pi (i + 1) / (n + 1))``: the Hann window without its two zeros, so that no sample is thrown away."""
+    return np.asarray(np.sin(np.pi * np.arange(1, n + 1) / (n + 1)) ** 2)
+
+
+def _triangular(n: int) -> NDArray[np.float64]:
+    """``1 - 2/(n-1) |i - (n+1)/2|``, i = 1..n (Cui and Trichopoulos 2024)."""
+    if n < 3:
+        return np.ones(n)
+    return np.asarray(1.0 - 2.0 / (n - 1) * np.abs(np.arange(1, n + 1) - (n + 1) / 2.0))
+
+
+def _taylor(n: int) -> NDArray[np.float64]:
+    from scipy.signal.windows import taylor  # takes a second to import
+
+    return np.asarray(taylor(n, nbar=TAYLOR_NBAR, sll=TAYLOR_SIDE_LOBE_DB, norm=False))
+
+
+WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
+    "uniform": np.ones,
+    "hann": _hann,
+    "triangular": _triangular,
+    "taylor": _taylor,
+}
+
+
+def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.complex128]:
+    """`n` weights: a window by its name, the user's own numbers, or ones for None.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, a wrong length, weights that are not finite or all zero; `name` is the argument's name.
+    """
+    if kind is None:
+        kind = "uniform"
+    if isinstance(kind, str):
+        if kind not in WINDOWS:
+            raise InputError(
+                f"{name} is {kind!r}, expected one of {', '.join(sorted(WINDOWS))} or an array of {n} weights"
+            )
+        return np.asarray(WINDOWS[kind](n), dtype=np.complex128)
+    try:
+        weights = np.asarray(kind, dtype=np.complex128)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} holds values that are not numbers; give a window's name or {n} weights") from None
+    if weights.shape != (n,):
+        raise InputError(f"{name} has shape {weights.shape}, expected ({n},): one weight for each sample")
+    if not np.isfinite(weights).all() or not weights.any():
+        raise InputError(f"{name} holds weights that are not finite, or only zeros; give finite numbers")
+    return weights

@@ -1,0 +1,102 @@
+"""A few threads over the blocks of a job: the kernels release the interpreter lock."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+T = TypeVar("T")
+
+Progress = Callable[[int, int], None]
+"""Called as ``progress(done, total)`` from the thread that asked for the work."""
+
+PATIENCE = 0.2
+"""Time [s] after which to look whether a worker has failed."""
+
+_pool: ThreadPoolExecutor | None = None
+_pool_lock = threading.Lock()
+
+
+def cpu_count() -> int:
+    """Number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _shared_pool() -> ThreadPoolExecutor:
+    global _pool
+    with _pool_lock:
+        if _pool is None:
+            _pool = ThreadPoolExecutor(cpu_count(), thread_name_prefix="mirrorfold-focus")
+        return _pool
+
+
+def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[], None] | None = None) -> None:
+    """Call ``work(item)`` for every item on all cores; the first exception stops the rest and is raised.
+
+    `done` is called on the calling thread after each item. Safe to call from several threads at once; never call it
+    from inside `work`, which would wait for itself.
+    """
+    waiting = deque(items)
+    finished: SimpleQueue[None] = SimpleQueue()
+    total = len(waiting)
+
+    def work_on() -> None:
+        try:
+            while True:
+                try:
+                    item = waiting.popleft()
+                except IndexError:
+                    return
+                work(item)
+                finished.put(None)
+        except BaseException:
+            waiting.clear()
+            raise
+
+    workers = [_shared_pool().submit(work_on) for _ in range(min(cpu_count(), total))]
+    try:
+        if done is not None:
+            seen = 0
+            while seen < total and not all(worker.done() for worker in workers):
+                try:
+                    finished.get(timeout=PATIENCE)
+                except Empty:
+                    continue
+                seen += 1
+                done()
+            for worker in workers:
+                worker.result()
+            for _ in range(total - seen):
+                done()
+        for worker in workers:
+            worker.result()
+    except BaseException:
+        waiting.clear()
+        raise
+
+
+class Buffers:
+    """Arrays of one shape for whoever needs one for a moment: fresh memory costs as much as the work done in it."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: DTypeLike = np.complex64) -> None:
+        self._shape, self._dtype = shape, np.dtype(dtype)
+        self._free: list[NDArray[Any]] = []
+
+    @contextmanager
+    def one(self) -> Iterator[NDArray[Any]]:
+        """An array that nobody else holds; its content is arbitrary."""
+        try:
+            array = self._free.pop()
+        except IndexError:
+            array = np.empty(self._shape, self._dtype)
+        yield array
+        self._free.append(array)
