@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.metrics import visible_truth
@@ -237,21 +239,23 @@ def judge(reconstruction: Any, scene: Scene) -> dict[str, Any]:
     return score
 
 
-def table(rows: dict[tuple[str, str], list[dict[str, Any]]]) -> str:
-    """Median and worst of every figure by family and preset."""
-    lines = [f"{'family':14} {'preset':10}" + "".join(f"{name:>22}" for name in FIGURES)]
+def table(rows: dict[tuple[str, str], list[dict[str, Any]]]) -> Table:
+    """Mean, median and worst of every figure by family and preset."""
+    result = Table(title="each cell: mean, median, worst over the scenes", title_justify="left")
+    result.add_column("family")
+    result.add_column("preset")
+    for name in FIGURES:
+        result.add_column(name, justify="right")
     for (family, preset), scores in rows.items():
         cells = []
         for name, figure in FIGURES.items():
-            values = [v for v in map(figure, scores) if v is not None]
-            if not values:
-                cells.append(f"{'-':>22}")
-                continue
-            worst = min(values) if name in LOW_IS_WORST else max(values)
-            cells.append(f"{np.mean(values):8.3f}/{np.median(values):6.3f}/{worst:6.2f}".rjust(22))
-        lines.append(f"{family:14} {preset:10}" + "".join(cells))
-    lines.append("each cell: mean/median/worst")
-    return "\n".join(lines)
+            values = [value for value in map(figure, scores) if value is not None]
+            worst = min if name in LOW_IS_WORST else max
+            digits = 1 if name.endswith(("[mm]", "%", "mirrors")) else 2 if name in LOW_IS_WORST else 3
+            figures = (np.mean(values), np.median(values), worst(values)) if values else ()
+            cells.append("  ".join(f"{value:.{digits}f}" for value in figures) or "-")
+        result.add_row(family, preset, *cells, end_section=preset == "published")
+    return result
 
 
 def main() -> None:
@@ -272,9 +276,7 @@ def main() -> None:
             for preset in ("default", "published"):
                 rows.setdefault((family, preset), []).append(judge(mf.fold(image, sweep=sweep, preset=preset), scene))
             print(f"{scene.name}: {time.perf_counter() - started:.1f} s", file=sys.stderr)
-        print(table({key: rows[key] for key in rows if key[0] == family}), flush=True)
-    print()
-    print(table(rows))
+    Console(width=200).print(table(rows))
     if options.json:
         options.json.write_text(json.dumps([{"family": f, "preset": p, "scores": s} for (f, p), s in rows.items()]))
 
