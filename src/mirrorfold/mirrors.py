@@ -32,6 +32,10 @@ GAP_CELLS = 3.0
 SMALLEST_FILL = 0.55
 """Share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
 
+SMALLEST_FILL_SHORT = 0.85
+"""The same for a mirror of the minimum length, falling to the above at twice that: clutter makes short rows by chance,
+filled by up to 85 %, but no long ones."""
+
 SMALLEST_CONTRAST = 2.0
 """Echoes on a mirror's line over those in a band of equal width in front of it: clutter has a ratio near one."""
 
@@ -256,9 +260,10 @@ def _grow(
     if mirror.length < minimum_length:
         return None, row
     mirror = replace(mirror, fill=_fill(points[row], mirror, polar))
+    short = np.clip(2.0 - mirror.length / minimum_length, 0.0, 1.0)
     if tested and not (
         _is_straight(points[row], mirror)
-        and mirror.fill >= SMALLEST_FILL
+        and mirror.fill >= SMALLEST_FILL + short * (SMALLEST_FILL_SHORT - SMALLEST_FILL)
         and _contrast(points, weight, mirror, polar) >= SMALLEST_CONTRAST
     ):
         return None, row
@@ -345,7 +350,8 @@ def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
             scale = 2.0 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
             weight = strength / (1.0 + (residual / scale) ** 2)
         # Neighbouring places share a resolution cell and its speckle.
-        independent = max(mirror.length / polar.range_cell, 3.0)
+        _, cell = line_cell(polar, mirror.middle[None], mirror.direction)
+        independent = max(mirror.length / float(cell[0]), 3.0)
         variance = float(np.average(residual**2, weights=weight)) / (independent - 2.0)
         spread = np.sqrt(variance * weight.sum() * np.diag(np.linalg.inv(normal_matrix)))
         direction = mirror.direction + solution[1] * mirror.normal

@@ -387,7 +387,7 @@ def _assemble(
             chains[index] = chain
         return MirrorTree(
             line=line,
-            face=_snapped(echoes.take(visible & (face == index)), line),
+            face=_snapped(echoes.take(visible & (face == index) & (index != ROOT)), line),
             objects=echoes.take(objects == index),
             mirrors=tuple(node(child, (*chain, i)) for i, child in enumerate(children)),
             chain=chain,

@@ -98,12 +98,13 @@ def default_grid(
     side = FIELD_OF_VIEW * far
     pitch_y = see.range_resolution / CELLS_PER_RESOLUTION
     pitch_x = min(pitch_y, NEAR_SHARE * far * see.angle_resolution / CELLS_PER_RESOLUTION)
-    wanted = 2.0 * side / pitch_x * (far - see.near) / pitch_y
+    last = 0.5 * float(tx[:, 1].mean() + rx[:, 1].mean()) + far
+    wanted = 2.0 * side / pitch_x * (last - see.near) / pitch_y
     growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
     pitch_x, pitch_y = growth * pitch_x, growth * pitch_y
     half = int(np.ceil(side / pitch_x))
     x = centre + pitch_x * np.arange(-half, half + 1)
-    y = see.near + pitch_y * np.arange(int((far - see.near) / pitch_y) + 1)
+    y = see.near + pitch_y * np.arange(int((last - see.near) / pitch_y) + 1)
     return np.asarray(x), np.asarray(y)
 
 
