@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from test_polar import APERTURE, WAVELENGTH, diffuse, empty_view, radar_image, radar_view, together
+from synthetic import APERTURE, WAVELENGTH, diffuse, empty_view, radar_image, radar_view, together
 
 from mirrorfold.detection import (
     FAINT_DB,

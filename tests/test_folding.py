@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
-from test_polar import diffuse, radar_image, together
+from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.folding import PRESETS

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from test_polar import diffuse, empty_view, radar_view, together
+from synthetic import diffuse, empty_view, radar_view, together
 
 from mirrorfold.detection import Echoes, find_echoes, find_pixels
 from mirrorfold.geometry import cross2

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from test_polar import diffuse, radar_image, radar_view, together
+from synthetic import diffuse, radar_image, radar_view, together
 
 import mirrorfold as mf
 from mirrorfold.detection import find_echoes

@@ -35,9 +35,6 @@ CLEAR_DB = 20.0
 """An echo this much stronger than all objects in front of it is a thing: speckle fades by up to 20 dB, and multiple
 scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by 40 dB."""
 
-BEAM_STEP = 0.005
-"""Directions closer than this in u share their brightest echo."""
-
 MAXIMUM_ROUNDS = 8
 """Mirrors and views usually agree after two or three rounds."""
 
@@ -218,14 +215,14 @@ def build_tree(
             break
         column = views.column(echoes.u)
         still = visible & views.clear(echoes.range, column, echoes.amplitude)
-        strong = _strong(echoes, still & (face == ROOT), views.seen_through(echoes.range, column), len(mirrors))
+        strong = _strong(echoes, still & (face == ROOT), views.seen_through(echoes.range, column), len(mirrors), polar)
         if np.array_equal(still, visible) and np.array_equal(strong, echoes.strong):
             break
         visible, echoes = still, replace(echoes, strong=strong)
     return _assemble(mirrors, views, face, echoes, visible)
 
 
-def _strong(echoes: Echoes, objects: Mask, through: Index, mirrors: int) -> Mask:
+def _strong(echoes: Echoes, objects: Mask, through: Index, mirrors: int, polar: PolarImage) -> Mask:
     """Which echoes are strong for the world they are seen in.
 
     A lossy mirror dims all that is seen through it. Where the objects of a mirror's world are dimmer than the
@@ -236,7 +233,7 @@ def _strong(echoes: Echoes, objects: Mask, through: Index, mirrors: int) -> Mask
         world = objects & (through == mirror)
         seen = world & echoes.strong
         if seen.any():
-            beam = np.rint(echoes.u[seen] / BEAM_STEP).astype(np.intp)
+            beam = np.rint(echoes.u[seen] / (0.5 * polar.u_cell)).astype(np.intp)
             brightest = np.zeros(int(np.ptp(beam)) + 1)
             np.maximum.at(brightest, beam - beam.min(), echoes.amplitude[seen])
             dimming = reference_echo(brightest) / echoes.reference

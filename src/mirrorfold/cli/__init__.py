@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mirrorfold import __version__
 from mirrorfold.errors import InputError
@@ -79,7 +80,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         from mirrorfold.cli.verbs import run
 
-        run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = _note
+            run(arguments)
         sys.stdout.flush()
     except InputError as error:
         return _complain(error, str(error), WRONG_INPUT)
@@ -96,6 +99,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         found = f"{type(error).__name__}: {error}"
         return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
     return DONE
+
+
+def _note(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a warning as a remark."""
+    print(f"mirrorfold: note: {message}", file=sys.stderr)
 
 
 def _complain(error: BaseException, sentence: str, code: int) -> int:
