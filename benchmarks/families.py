@@ -276,9 +276,10 @@ def main() -> None:
             for preset in ("default", "published"):
                 rows.setdefault((family, preset), []).append(judge(mf.fold(image, sweep=sweep, preset=preset), scene))
             print(f"{scene.name}: {time.perf_counter() - started:.1f} s", file=sys.stderr)
+        if options.json:
+            done = [{"family": name, "preset": preset, "scores": scores} for (name, preset), scores in rows.items()]
+            options.json.write_text(json.dumps(done))
     Console(width=200).print(table(rows))
-    if options.json:
-        options.json.write_text(json.dumps([{"family": f, "preset": p, "scores": s} for (f, p), s in rows.items()]))
 
 
 if __name__ == "__main__":

@@ -311,8 +311,15 @@ def _render(
     intensity = np.where(views.shows(range_, u, initial, ROOT, wall_margin), initial, 0.0)
     for index, chain in enumerate(views.chain):
         if chain:
-            range_, u = polar.to_polar(folds[chain].inverse(grid))
+            outline = folds[chain](polar.to_points(*views.region(index).T))
+            first, last = outline.min(axis=0), outline.max(axis=0)
+            rows, columns = (
+                slice(np.searchsorted(axis, first[i]), np.searchsorted(axis, last[i], side="right"))
+                for i, axis in ((1, y), (0, x))
+            )
+            range_, u = polar.to_polar(folds[chain].inverse(grid[rows, columns]))
             amplitude = polar.at(range_, u)
             seen = views.shows(range_, u, amplitude, index, wall_margin)
-            intensity[seen] = np.maximum(intensity[seen], amplitude[seen])
+            part = intensity[rows, columns]
+            part[seen] = np.maximum(part[seen], amplitude[seen])
     return intensity.astype(np.float32), initial.astype(np.float32)

@@ -42,9 +42,21 @@ SMALLEST_CONTRAST = 2.0
 DEEP = 0.1
 """A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
 
+MAXIMUM_PROPOSALS = 100
+"""A room has tens of mirrors, and the strongest come first; noise that passes for echoes proposes without end."""
+
 HOUGH_STEP_DEG = 0.25
 PROFILE_SAMPLES = 121
 """Samples of a profile across a mirror."""
+
+FILL_SAMPLES = 200
+
+BAND_CELLS = 4.0
+"""Echoes further from a proposed line than this many of the largest resolution cells, and `STRAY` besides, cannot be
+part of what is found on it: rows reach 1.5 cells from it, the band in front of them 2.5."""
+
+STRAY = 0.05
+"""How far [m] a refit may move a proposed line."""
 
 CLIP = 2.0
 """Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
@@ -202,27 +214,31 @@ def find_mirrors(
     amplitude = echoes.amplitude[usable]
     weight = echoes.length[usable] * np.minimum(amplitude / np.median(amplitude), CLIP)
     hough = _Hough(points - polar.radar, weight, 0.25 * polar.range_cell)
+    widest = max(polar.range_cell, float(polar.cross_cell(echoes.range[usable], echoes.u[usable]).max()))
     free = np.ones(len(points), dtype=bool)
     mirrors: list[Mirror] = []
     # Less than this many votes cannot be a filled row of the minimum length, even of faint echoes.
     enough = 0.25 * minimum_length * SMALLEST_FILL
-    while True:
+    for _ in range(MAXIMUM_PROPOSALS):
         on_line, direction, votes = hough.strongest()
         if votes < enough:
             return mirrors
+        on_line = on_line + polar.radar
+        band = np.flatnonzero(np.abs(cross2(points - on_line, direction)) <= BAND_CELLS * widest + STRAY)
         mirror, row = _grow(
-            points, amplitude, weight, free, on_line + polar.radar, direction, polar, minimum_length, tested
+            points[band], amplitude[band], weight[band], free[band], on_line, direction, polar, minimum_length, tested
         )
         if mirror is not None:
             if tested:
                 mirror = leading_edge(refined(_extended(mirror, every, polar), polar), polar)
             mirrors.append(mirror)
-        taken = np.flatnonzero(row & free)
+        taken = band[row & free[band]]
         if not taken.size:
             # Votes without echoes nearby: what rounding left over.
             return mirrors
         free[taken] = False
         hough.withdraw(taken)
+    return mirrors
 
 
 def _grow(
@@ -423,11 +439,11 @@ def _fill(points: Array, mirror: Mirror, polar: PolarImage) -> float:
     """Share of the mirror's length within half a resolution cell of one of its echoes."""
     _, cell = line_cell(polar, points, mirror.direction)
     position = mirror.along(points)
-    sample = np.linspace(0.0, mirror.length, 200)
-    covered = np.zeros(sample.size, dtype=bool)
-    for at, width in zip(position, cell, strict=True):
-        covered |= np.abs(sample - at) <= 0.5 * width
-    return float(covered.mean())
+    sample = np.linspace(0.0, mirror.length, FILL_SAMPLES)
+    # How many echoes begin to cover each sample, less those that have ceased to.
+    begun = np.bincount(np.searchsorted(sample, position - 0.5 * cell), minlength=FILL_SAMPLES + 1)
+    ceased = np.bincount(np.searchsorted(sample, position + 0.5 * cell, side="right"), minlength=FILL_SAMPLES + 1)
+    return float(np.mean(np.cumsum(begun - ceased)[:FILL_SAMPLES] > 0))
 
 
 def _contrast(points: Array, weight: Array, mirror: Mirror, polar: PolarImage) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -154,6 +155,19 @@ class Views:
         row = np.clip(((range_ - self.range[0]) / step).astype(np.intp), 0, self.range.size - 1)
         return np.asarray(amplitude > self.barrier[row, column])
 
+    @cached_property
+    def _worlds(self) -> tuple[Array, Index]:
+        """Crossings of every line of sight from the nearest outward, (depth, nu), and what is seen after each.
+
+        A crossing opens a mirror's world only where its parent's is open.
+        """
+        depth = int(np.isfinite(self.crossing).sum(axis=0).max(initial=0))
+        order = np.argsort(self.crossing, axis=0)[:depth]
+        opened = np.full((depth + 1, self.u.size), ROOT, dtype=np.intp)
+        for i, mirror in enumerate(order):
+            opened[i + 1] = np.where(opened[i] == self.parent[mirror], mirror, NOBODY)
+        return np.take_along_axis(self.crossing, order, axis=0), opened
+
     def shows(self, range_: Array, u: Array, amplitude: Array, mirror: int, wall_margin: float) -> Mask:
         """Whether points at that range and direction (NaN: behind the radar) are seen through `mirror` or ROOT.
 
@@ -167,14 +181,22 @@ class Views:
 
     def seen_through(self, range_: Array, column: Index) -> Index:
         """The mirror through which a point at that range and direction is seen: ROOT, NOBODY or its number."""
-        result = np.full(range_.shape, ROOT, dtype=np.intp)
-        # From the nearest crossing outward; a crossing opens a mirror's world only where its parent's is open.
-        order = np.argsort(self.crossing, axis=0)
-        for mirrors in order:
-            mirror = mirrors[column]
-            passed = self.crossing[mirror, column] < range_
-            result = np.where(passed, np.where(result == self.parent[mirror], mirror, NOBODY), result)
-        return result
+        crossing, opened = self._worlds
+        passed = np.zeros(range_.shape, dtype=np.intp)
+        for ranges in crossing:
+            passed += ranges[column] < range_
+        return np.asarray(opened[passed, column])
+
+    def region(self, mirror: int) -> Array:
+        """Outline (n, 2) of all that may be seen through a mirror: range [m] and u."""
+        columns = np.flatnonzero(np.isfinite(self.crossing[mirror]))
+        half = 0.5 * (self.u[1] - self.u[0])
+        edges = [
+            np.stack(np.broadcast_arrays(range_, self.u[columns] + side), axis=-1)
+            for range_ in (self.crossing[mirror, columns], self.range[-1])
+            for side in (-half, half)
+        ]
+        return np.concatenate(edges)
 
 
 def build_tree(
