@@ -143,21 +143,16 @@ def unit_phasor(turns):  # type: ignore[no-untyped-def]
     return np.float32(1.0) - np.float32(2.0) * s * s, np.float32(2.0) * s * c
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _tile_tables(x, y, z, element, per_metre, wavenumber, reference, delay, re, im):  # type: ignore[no-untyped-def]
     """For each antenna and pixel: path in table cells less `reference`, and exp(j k_c R)."""
     per_turn = wavenumber / (2.0 * np.pi)
     for e in range(element.shape[0]):
-        start = 0
-        for iz in range(z.size):
-            dz2 = (z[iz] - element[e, 2]) ** 2
-            for iy in range(y.size):
-                d2 = dz2 + (y[iy] - element[e, 1]) ** 2
-                for ix in range(x.size):
-                    r = np.sqrt(d2 + (x[ix] - element[e, 0]) ** 2)
-                    delay[e, start + ix] = r * per_metre - reference[e]
-                    re[e, start + ix], im[e, start + ix] = unit_phasor(r * per_turn)
-                start += x.size
+        ex, ey, ez = element[e]
+        for p in range(x.size):
+            r = np.sqrt((x[p] - ex) ** 2 + (y[p] - ey) ** 2 + (z[p] - ez) ** 2)
+            delay[e, p] = r * per_metre - reference[e]
+            re[e, p], im[e, p] = unit_phasor(r * per_turn)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -364,11 +359,12 @@ def _focus_tile(
     shape = (z.size, y.size, x.size)
     count = int(np.prod(shape))
     centre = 0.5 * np.array([x[0] + x[-1], y[0] + y[-1], z[0] + z[-1]])
+    pixel_z, pixel_y, pixel_x = (axis.ravel() for axis in np.meshgrid(z, y, x, indexing="ij"))
 
     def tabulate(element: NDArray[np.float64], ways: float) -> Tables:
         reference = np.linalg.norm(element - centre, axis=1) * (ways * per_metre)
         delay, re, im = (np.empty((len(element), count), dtype=np.float32) for _ in range(3))
-        _tile_tables(x, y, z, element, ways * per_metre, ways * middle, reference, delay, re, im)
+        _tile_tables(pixel_x, pixel_y, pixel_z, element, ways * per_metre, ways * middle, reference, delay, re, im)
         return reference, delay, re, im
 
     if problem.monostatic:

@@ -1,0 +1,337 @@
+"""The fast path of any array: what a small part of it images is smooth, and needs few pixels.
+
+The image by a block of antennas, less the phase of the path to the block's centre, is band-limited: the block's
+antennas see a pixel from nearly the same side. Its samples are summed exactly by few pairs on few pixels, interpolated
+to the denser samples of a block twice as large, and added there, until the whole array's image is interpolated to the
+pixels (factorised back-projection: Ulander, Hellsten and Stenstrom 2003; Boag, Bresler and Michielssen 2000).
+Bands are bounded by geometry, so that arrays may be irregular, planar or anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mirrorfold.focusing.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.tfm import ROUNDING, focus_exact, unit_phasor
+from mirrorfold.focusing.threads import Progress, for_each
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Planar = NDArray[np.float32]
+"""Real and imaginary parts, (2, z, y, x)."""
+
+PAIR_PIXEL = 2.2e-9
+PHASE = 8e-9
+MULTIPLY = 3e-11
+CALL = 1e-3
+"""Seconds that two cores take for a pair and pixel of the exact sum, for the phase of a pixel, for a multiplication in
+a matrix product, and for a call. Only their ratios matter, and only to how the array is divided."""
+
+WORTHWHILE = 0.5
+"""Share of the exact sum's time that the fast path must keep under."""
+
+SLAB_RATIO = 2.0
+"""Farthest over nearest distance of the pixels that are imaged together: bands are those of the nearest."""
+
+SPREAD_ANGLES = 4
+"""Pixels along each axis of a slab at which bands are bounded."""
+
+SHARE_EXACT = 0.5
+SHARE_AXIS = 0.5
+"""Of the tolerance: for the exact sums, and for one interpolation along one axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some antennas, and the samples (z, y, x) on which their image is made.
+
+    Attributes
+    ----------
+    tx, rx : int arrays
+        Which antennas; of one moving antenna both are its positions.
+    centre : (2, 3) array [m]
+        Of the transmitters and of the receivers; the path to them is taken off the image's phase.
+    samples : tuple of Interpolator
+        Along z, y and x.
+    parts : tuple of Block
+        Whose images make up this one; none where the sum is exact.
+    cost : float [s]
+    """
+
+    tx: Index
+    rx: Index
+    centre: Array
+    samples: tuple[Interpolator, Interpolator, Interpolator]
+    parts: tuple[Block, ...]
+    cost: float
+
+    @property
+    def index(self) -> tuple[Index, Index, Index]:
+        """Sampled pixels along z, y and x."""
+        z, y, x = self.samples
+        return z.index, y.index, x.index
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return int(np.prod([part.size for part in self.index]))
+
+    def walk(self) -> Iterator[Block]:
+        """Yield this block and all below it."""
+        yield self
+        for part in self.parts:
+            yield from part.walk()
+
+
+class Slab:
+    """Pixels at similar distances, with the division of the array that images them."""
+
+    def __init__(self, problem: Problem, tolerance: float) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
+        few = [np.unique(np.linspace(a[0], a[-1], SPREAD_ANGLES)) for a in (problem.x, problem.y, problem.z)]
+        self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
+        self.whole = self._divided(np.arange(len(problem.tx)), np.arange(len(problem.rx)))
+        steps = _work([part.index.size for part in self.whole.samples], problem.shape) * MULTIPLY
+        self.cost = self.whole.cost + steps + problem.pixels * PHASE
+
+    def _divided(self, tx: Index, rx: Index) -> Block:
+        """The cheapest way to image with some antennas: all pairs at once, or in two parts."""
+        problem = self.problem
+        monostatic = problem.monostatic
+        centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
+        band = self._band(problem.tx[tx], problem.rx[rx], centre)
+        z, y, x = (axis.interpolator(b) for axis, b in zip(self.axes, band[::-1], strict=True))
+        block = Block(tx, rx, centre, (z, y, x), (), 0.0)
+        pairs = tx.size if monostatic else tx.size * rx.size
+        exact = pairs * block.size * PAIR_PIXEL
+        block = replace(block, cost=exact + CALL)
+        if exact < CALL or pairs == 1:
+            return block
+        parts = tuple(self._divided(*part) for part in _halves(problem, tx, rx))
+        merge = block.size * PHASE + CALL / 4
+        cost = sum(
+            part.cost + merge + MULTIPLY * _work([i.size for i in part.index], [i.size for i in block.index])
+            for part in parts
+        )
+        return replace(block, parts=parts, cost=cost) if cost < block.cost else block
+
+    def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
+        """Largest spatial frequency [rad/m] along (x, y, z) of the image by some antennas, less the centre's phase."""
+        k, middle = self.problem.k, self.problem.k[self.problem.k.size // 2]
+        central = middle * sum(_towards(c[None], self._pixels)[0] for c in centre)
+        if self.problem.monostatic:
+            sight = 2.0 * _towards(_outermost(tx), self._pixels)
+            low, high = sight.min(axis=0), sight.max(axis=0)
+        else:
+            sides = [_towards(_outermost(a), self._pixels) for a in (tx, rx)]
+            low = sum(side.min(axis=0) for side in sides)
+            high = sum(side.max(axis=0) for side in sides)
+        ends = [np.abs(wavenumber * side - central) for wavenumber in (k[0], k[-1]) for side in (low, high)]
+        return np.max(ends, axis=(0, 1))
+
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick: Progress | None = None) -> None:
+        """Write the image (z, y, x) of one frame."""
+        leaves = [block for block in self.whole.walk() if not block.parts]
+        done = 0
+
+        def one_more() -> None:
+            nonlocal done
+            done += 1
+            if tick is not None:
+                tick(done, len(leaves))
+
+        everything = tuple(np.arange(n) for n in self.problem.shape)
+        planar = _interpolated(self._image(self.whole, s, one_more), self.whole, everything)
+        total = self._turned(planar, everything, self.whole.centre, None)
+        image.real, image.imag = total
+
+    def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
+        """The block's image on its samples, less the phase of the path to its centre."""
+        if not block.parts:
+            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), self._exact_tolerance)
+            one_more()
+            return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
+        total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
+        for part in block.parts:
+            planar = _interpolated(self._image(part, s, one_more), part, block.index)
+            self._turned(planar, block.index, part.centre, block.centre, total)
+        return total
+
+    @property
+    def _exact_tolerance(self) -> float:
+        return max(SHARE_EXACT * self.tolerance, ROUNDING)
+
+    def _turned(
+        self,
+        planar: Planar,
+        index: tuple[Index, ...],
+        plus: Array | None,
+        minus: Array | None,
+        total: Planar | None = None,
+    ) -> Planar:
+        """The image times ``exp(j k_c (path over plus - path over minus))``, added to `total` if there is one."""
+        problem = self.problem
+        z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), index, strict=True))
+        centres = np.concatenate([c for c in (plus, minus) if c is not None])
+        sign = np.concatenate([np.full(2, f) for c, f in ((plus, 1.0), (minus, -1.0)) if c is not None])
+        turns = sign * float(problem.k[problem.k.size // 2]) / (2.0 * np.pi)
+        pixel_y, pixel_x = (axis.ravel() for axis in np.meshgrid(y, x, indexing="ij"))
+        result = np.zeros(planar.shape, dtype=np.float32) if total is None else total
+        flat, out = planar.reshape(2, z.size, -1), result.reshape(2, z.size, -1)
+
+        def plane(n: int) -> None:
+            _turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
+
+        for_each(plane, range(z.size))
+        return result
+
+
+class FactorizedPlan:
+    """Factorised back-projection of any array on a regular grid.
+
+    Raises
+    ------
+    UnsuitedError
+        If the sum over all pairs would take less than twice the time.
+    """
+
+    algorithm = "factorized"
+
+    def __init__(self, problem: Problem, tolerance: float) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self._rows = _slabs(problem)
+        self.slabs = [Slab(problem.on(problem.x, problem.y[rows], problem.z), tolerance) for rows in self._rows]
+        if sum(slab.cost for slab in self.slabs) > WORTHWHILE * problem.pairs * problem.pixels * PAIR_PIXEL:
+            raise UnsuitedError("the exact sum takes hardly more time")
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tables [bytes]."""
+        return sum(made.matrix.nbytes for slab in self.slabs for axis in slab.axes for made in axis.interpolators())
+
+    def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
+        """Image (z, y, x) of one frame."""
+        image = np.zeros(self.problem.shape, dtype=np.complex64)
+        for n, (rows, slab) in enumerate(zip(self._rows, self.slabs, strict=True)):
+            slab(s, image[:, rows])
+            if progress is not None:
+                progress(n + 1, len(self.slabs))
+        return image
+
+
+def _slabs(problem: Problem) -> list[slice]:
+    """Rows of pixels, divided where their distance from the antennas has grown by SLAB_RATIO."""
+    antennas = np.concatenate([problem.tx, problem.rx])
+    low, high = antennas.min(axis=0), antennas.max(axis=0)
+    aside = [max(low[i] - axis.max(), axis.min() - high[i], 0.0) for i, axis in ((0, problem.x), (2, problem.z))]
+    ahead = np.maximum(np.maximum(low[1] - problem.y, problem.y - high[1]), 0.0)
+    distance = np.sqrt(ahead**2 + aside[0] ** 2 + aside[1] ** 2)
+    octave = np.floor(
+        np.log(np.maximum(distance / max(distance.min(), 1e-3 * distance.max()), 1.0)) / np.log(SLAB_RATIO)
+    )
+    cuts = [0, *(np.flatnonzero(np.diff(octave)) + 1), problem.y.size]
+    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
+def _middle(antennas: Array) -> Array:
+    return np.asarray(0.5 * (antennas.min(axis=0) + antennas.max(axis=0)))
+
+
+def _outermost(antennas: Array) -> Array:
+    """The antennas that reach farthest in each of 26 directions."""
+    if len(antennas) <= 26:
+        return antennas
+    directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
+    return antennas[np.unique(np.argmax(antennas @ directions.T, axis=0))]
+
+
+def _towards(antennas: Array, pixels: Array) -> Array:
+    """Unit vectors from antennas (n, 3) to pixels (m, 3), (n, m, 3)."""
+    offset = pixels[None] - antennas[:, None]
+    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-12))
+
+
+def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]:
+    """The antennas in two parts, divided across the larger extent of the transmitters or the receivers."""
+    extent = [np.ptp(problem.tx[tx], axis=0), np.ptp(problem.rx[rx], axis=0)]
+    of_rx = not problem.monostatic and (rx.size > 1) and (tx.size == 1 or extent[1].max() > extent[0].max())
+    which, position = (rx, problem.rx) if of_rx else (tx, problem.tx)
+    order = which[np.argsort(position[which, int(np.argmax(extent[int(of_rx)]))], kind="stable")]
+    halves = [np.sort(order[: order.size // 2]), np.sort(order[order.size // 2 :])]
+    if problem.monostatic:
+        return [(half, half) for half in halves]
+    return [(tx, half) if of_rx else (half, rx) for half in halves]
+
+
+def _part(problem: Problem, block: Block) -> Problem:
+    """The focusing problem of a block's antennas on its samples."""
+    z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+    return replace(
+        problem.on(x, y, z),
+        tx=problem.tx[block.tx],
+        rx=problem.rx[block.rx],
+        tx_weight=problem.tx_weight[block.tx],
+        rx_weight=problem.rx_weight[block.rx],
+    )
+
+
+def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[np.complex64]:
+    """The samples of a block's pairs."""
+    return s[:, block.tx] if problem.monostatic else s[:, block.tx[:, None], block.rx[None, :]]
+
+
+def _work(few, many) -> float:  # type: ignore[no-untyped-def]
+    """Multiplications to interpolate from few to many samples along (z, y, x), in the best order."""
+    return min(sum(work for work, _ in _orders(few, many, order)) for order in permutations(range(3)))
+
+
+def _orders(few, many, order) -> Iterator[tuple[float, int]]:  # type: ignore[no-untyped-def]
+    """Multiplications of each step, and its axis."""
+    sizes = [int(n) for n in few]
+    for axis in order:
+        work = 2.0 * np.prod(sizes) * many[axis] if few[axis] != many[axis] else 0.0
+        sizes[axis] = int(many[axis])
+        yield float(work), axis
+
+
+def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Planar:
+    """A block's image on other pixels, by three matrix products in the order of least work."""
+    few, many = [i.size for i in block.index], [i.size for i in index]
+    best = min(permutations(range(3)), key=lambda order: sum(work for work, _ in _orders(few, many, order)))
+    for axis in best:
+        matrix = block.samples[axis].onto(index[axis])
+        if matrix is None:
+            continue
+        if axis == 2:
+            planar = planar @ matrix
+        elif axis == 1:
+            planar = matrix.T @ planar
+        else:
+            flat = matrix.T @ planar.reshape(*planar.shape[:2], -1)
+            planar = flat.reshape(2, flat.shape[1], *planar.shape[2:])
+    return planar
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
+    """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
+    turn = np.zeros(x.size)
+    for c in range(turns.size):
+        cx, cy, cz = centres[c]
+        for p in range(x.size):
+            turn[p] += turns[c] * np.sqrt((x[p] - cx) ** 2 + (y[p] - cy) ** 2 + (z - cz) ** 2)
+    for p in range(x.size):
+        cosine, sine = unit_phasor(turn[p])
+        total_re[p] += re[p] * cosine - im[p] * sine
+        total_im[p] += re[p] * sine + im[p] * cosine
