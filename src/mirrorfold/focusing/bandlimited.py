@@ -1,8 +1,8 @@
 """Band-limited functions on an interval, known from few of their samples.
 
-A function on n pixels whose spectrum lies within [-B, B] is one of about ``B L / pi`` dimensions (Slepian and Pollak
-1961), however fine the pixels are. An interpolative decomposition (Cheng et al. 2005) of the functions cos and sin picks
-as many pixels, whose values tell all others.
+A function on pixels over a length L whose spectrum lies within [-B, B] is one of about ``B L / pi`` dimensions (Slepian
+and Pollak 1961), however fine the pixels are. An interpolative decomposition (Cheng et al. 2005) of the functions cos
+and sin picks as many pixels, whose values tell all others.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 from numba import njit
@@ -241,7 +241,7 @@ def _slabs(problem: Problem) -> list[slice]:
         np.log(np.maximum(distance / max(distance.min(), 1e-3 * distance.max()), 1.0)) / np.log(SLAB_RATIO)
     )
     cuts = [0, *(np.flatnonzero(np.diff(octave)) + 1), problem.y.size]
-    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(cuts)]
 
 
 def _middle(antennas: Array) -> Array:

@@ -4,10 +4,11 @@ The field of every antenna at every scatterer is the sum over the direct ray and
 mirrors, ``A[n, s] = sum over paths of prod(R rho) exp(-j k d) / sqrt(d)`` times the scatterer's factor. By reciprocity
 the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per frequency, which holds all mixed paths
 (there over one chain, back over another). To it come the purely specular returns: mirrors and corners by chains of
-images, arcs and circles by their glints.
+images, arcs and circles by their glints, and the waves from the ends of mirrors, with which a return fades instead of
+stopping at once.
 
-What is left out: diffraction at edges, light that scatters diffusely twice, arcs as mirrors within a chain, and
-what passes through a surface.
+What is left out: edge waves of arcs, of shadows, and of a mirror after another has reflected the wave; light that
+scatters diffusely twice; arcs as mirrors within a chain; and what passes through a surface.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.scene import Band, Scene
+from mirrorfold.simulation.edges import edge_factor, edge_waves
 from mirrorfold.simulation.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.outline import Outline, outline
 from mirrorfold.simulation.paths import Chain, Points, chains, trace
@@ -47,6 +49,7 @@ def scattered_field(
     bounces: int,
     seed: int,
     spacing: float | None = None,
+    edges: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.complex64]:
     """What each receiver measures of each transmitter, for sources with the field ``exp(-j k d) / sqrt(d)``.
@@ -59,6 +62,8 @@ def scattered_field(
     seed : int
     spacing : float [m], optional
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
+    edges : bool
+        Whether the ends of mirrors radiate; without, specular returns are those of geometrical optics.
     progress : callable, optional
         Called as ``progress(done, total)`` after every block of frequencies.
 
@@ -84,6 +89,9 @@ def scattered_field(
     from_tx = _diffuse(scene, world, to_tx, rough)
     from_rx = from_tx if same_array else _diffuse(scene, world, to_rx, rough)
     specular = _mirror_returns(scene, world, tx_chains[1:], rx) + _glint_returns(scene, world, to_tx, to_rx)
+    if edges:
+        # There, over the mirror that ends, and back: one mirror more than twice the chain.
+        specular += _edge_returns(scene, world, *([c for c in to if len(c.facets) < bounces] for to in (to_tx, to_rx)))
     # A scatterer counts where both ways reach it.
     used = np.intersect1d(_points(from_tx), _points(from_rx)).astype(np.int32)
     from_tx = [paths.renumbered(used) for paths in from_tx]
@@ -230,6 +238,23 @@ def _mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain], rx
             found.append(
                 _Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
             )
+    return found
+
+
+def _edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[_Paths]:
+    """The waves from the ends of all mirrors, there and back over the same chain."""
+    found = []
+    for waves in edge_waves(to_tx, to_rx, world):
+        surface = scene.surface[world.surface[waves.facet]]
+        amplitude = (
+            _reflections(scene, world, waves.chain, waves.tx_cosine)
+            * _reflections(scene, world, waves.chain, waves.rx_cosine)
+            * specular_coefficient(surface, _knots(scene.band), waves.end_cosine)
+            * edge_factor(waves, speed_of_light / _knots(scene.band))
+            / np.sqrt(waves.specular)
+        )
+        antennas = waves.chain.images.shape[1]
+        found.append(_Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, waves.length, amplitude))
     return found
 
 
