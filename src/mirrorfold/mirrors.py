@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from mirrorfold.detection import Echoes
 from mirrorfold.geometry import cross2, reflect, segment_normal
@@ -41,6 +42,15 @@ SMALLEST_CONTRAST = 2.0
 
 DEEP = 0.1
 """A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
+
+LARGEST_TURN_DEG = 0.8
+"""How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m."""
+
+LEVEL_CELLS = 8.0
+"""Resolution cells along a wall over which its speckle is averaged to tell how bright the wall is there."""
+
+SPECKLE_FLOOR = 1e-4
+"""Power, relative to the wall's, that speckle cannot be told from noise and side lobes below."""
 
 MAXIMUM_PROPOSALS = 100
 """A room has tens of mirrors, and the strongest come first; noise that passes for echoes proposes without end."""
@@ -407,11 +417,40 @@ def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
     shift = float(crossing + 0.5) * cell
     if shift > -DEEP * polar.range_cell:
         return mirror
-    return replace(
+    mirror = replace(
         mirror,
         start=mirror.start - shift * towards * mirror.normal,
         end=mirror.end - shift * towards * mirror.normal,
     )
+    return _parallel_to_speckle(mirror, polar)
+
+
+def _parallel_to_speckle(mirror: Mirror, polar: PolarImage) -> Mirror:
+    """The mirror turned about its middle to where the speckle of its wall is likeliest.
+
+    The power of speckle is distributed exponentially about its mean (Goodman 2007), which depends on the depth behind
+    the face alone. With the mean at each depth taken from the wall itself, the likelihood is largest where the mean of
+    the depths' logarithmic means is smallest: a line askew smears the wall's steep front.
+    """
+    along, offset, amplitude = across_profiles(mirror, polar, reach=2.0, spacing=0.25)
+    power = amplitude**2
+    _, cell = line_cell(polar, mirror.middle[None], mirror.direction)
+    width = LEVEL_CELLS * float(cell[0]) / (along[1] - along[0])
+    level = uniform_filter1d(power.max(axis=1), max(1, round(width)), mode="nearest")
+    power /= np.maximum(level, np.finfo(float).tiny)[:, None]
+    position = along - 0.5 * mirror.length
+
+    def unlikelihood(angle: float) -> float:
+        rows = zip(offset, position, power, strict=True)
+        turned = [np.interp(row + np.tan(angle) * at, row, values) for row, at, values in rows]
+        return float(np.log(np.mean(turned, axis=0) + SPECKLE_FLOOR).mean())
+
+    angle = 0.0
+    for step in np.radians([LARGEST_TURN_DEG / 8.0, LARGEST_TURN_DEG / 64.0]):
+        angle = min(angle + step * np.arange(-8, 9), key=unlikelihood)
+    direction = mirror.direction + np.tan(angle) * mirror.normal
+    half = 0.5 * mirror.length * direction / np.linalg.norm(direction)
+    return replace(mirror, start=mirror.middle - half, end=mirror.middle + half)
 
 
 def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror:
