@@ -273,11 +273,16 @@ def _arrange(
     wall_margin: float,
 ) -> tuple[list[Mirror], Views, Index]:
     """Parents of the mirrors, the end of every view, and the mirror each echo lies on (NOBODY: in its wall)."""
-    pieces: list[Mirror] = []
-    for mirror in mirrors:
-        pieces += _split(mirror, mirrors, polar, minimum_length)
-    mirrors = pieces
+    rows, pieces = mirrors, [[mirror] for mirror in mirrors]
+    # What hides a part of a row may itself be but a part of its row.
+    for _ in range(2):
+        divided = [_split(row, pieces[:i] + pieces[i + 1 :], polar, minimum_length) for i, row in enumerate(rows)]
+        pieces = [kept for kept, _ in divided]
+        scraps = [scrap for _, short in divided for scrap in short]
+    mirrors = [piece for kept in pieces for piece in kept]
     face = _faces(mirrors, echoes, polar, wall_margin)
+    # Where a row is too short for a mirror of its own it is a wall's edge still, and nothing that hides.
+    face[(face == ROOT) & (_faces(scraps, echoes, polar, wall_margin) != ROOT)] = NOBODY
     barrier = np.zeros_like(polar.amplitude)
     if opaque:
         barrier = _barrier(echoes.take(visible & echoes.strong & (face == ROOT)), polar)
@@ -349,26 +354,29 @@ def _parent(index: int, crossing: Array) -> int:
     return int(values[np.argmax(counts)])
 
 
-def _split(mirror: Mirror, mirrors: list[Mirror], polar: PolarImage, minimum_length: float) -> list[Mirror]:
-    """The pieces of a row of echoes that passes from one mirror's world into another's.
+def _split(
+    row: Mirror, others: list[list[Mirror]], polar: PolarImage, minimum_length: float
+) -> tuple[list[Mirror], list[Mirror]]:
+    """The pieces of a row of echoes that passes from one mirror's world into another's, and those too short to be one.
 
     The mirror image of a wall in another one at right angles to it continues the wall itself.
     """
-    index = next(i for i, other in enumerate(mirrors) if other is mirror)
-    crossing = _crossings(mirrors, polar)
-    columns, before = _before(index, crossing)
+    crossing = _crossings([row, *(piece for kept in others for piece in kept)], polar)
+    columns, before = _before(0, crossing)
     if not columns.size or np.all(before == before[0]):
-        return [mirror]
-    position = mirror.along(polar.to_points(crossing[index, columns], polar.u[columns]))
-    cuts = [0.0, mirror.length]
+        return [row], []
+    position = row.along(polar.to_points(crossing[0, columns], polar.u[columns]))
+    cuts = [0.0, row.length]
     for i in np.flatnonzero(before[1:] != before[:-1]):
         cuts.append(0.5 * (position[i] + position[i + 1]))
     cuts.sort()
-    pieces = [(a, b) for a, b in pairwise(cuts) if b - a >= minimum_length]
-    if not pieces:
-        return [mirror]
-    at = mirror.start
-    return [replace(mirror, start=at + a * mirror.direction, end=at + b * mirror.direction) for a, b in pieces]
+    pieces = [
+        replace(row, start=row.start + a * row.direction, end=row.start + b * row.direction) for a, b in pairwise(cuts)
+    ]
+    kept = [piece for piece in pieces if piece.length >= minimum_length]
+    if not kept:
+        return [row], []
+    return kept, [piece for piece in pieces if 0.0 < piece.length < minimum_length]
 
 
 def _faces(mirrors: list[Mirror], echoes: Echoes, polar: PolarImage, wall_margin: float) -> Index:
