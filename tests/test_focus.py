@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
-from mirrorfold.focusing import FocusPlan, default_grid, fast, focus, plan
-from mirrorfold.focusing.fast import FastPlan, line_array
+from mirrorfold.focusing import FocusPlan, default_grid, factorized, focus, linear, plan
+from mirrorfold.focusing.bandlimited import Axis
 from mirrorfold.focusing.interpolation import triangular_kernel
+from mirrorfold.focusing.linear import PolarPlan, line_array
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.taper import WINDOWS, window
 from mirrorfold.focusing.tfm import direct_sum, focus_exact, interpolation_error, table_cells
@@ -77,7 +78,7 @@ BAND = np.linspace(296e9, 300e9, 41)
 @pytest.fixture(autouse=True)
 def every_sector_counts(monkeypatch):
     """Small test images would leave their sectors to the exact kernel."""
-    monkeypatch.setattr(fast, "FEWEST_PAIR_PIXELS", 0)
+    monkeypatch.setattr(linear, "FEWEST_PAIR_PIXELS", 0)
 
 
 # The exact kernel.
@@ -212,7 +213,7 @@ def test_fast_path_for_one_moving_antenna():
     place = line(81, 0.25e-3)
     p = problem(place, place, BAND, np.linspace(-1.2, 1.2, 90), np.linspace(0.2, 1.4, 70), monostatic=True)
     s = noise(p.data_shape)
-    assert relative_error(FastPlan(p, 1e-4)(s), p, s) <= 1e-4
+    assert relative_error(PolarPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
 def test_fast_path_with_position_jitter():
@@ -221,7 +222,7 @@ def test_fast_path_with_position_jitter():
     p = problem(tx, tx, BAND, np.linspace(-0.6, 0.6, 80), np.linspace(0.4, 1.4, 60))
     s = noise(p.data_shape)
     assert line_array(p)
-    assert relative_error(FastPlan(p, 1e-4)(s), p, s) <= 1e-4
+    assert relative_error(PolarPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
 def test_wide_angle_close_in():
@@ -229,7 +230,7 @@ def test_wide_angle_close_in():
     r, u = np.meshgrid(np.linspace(0.5, 3.0, 40), np.linspace(-0.9, 0.9, 41))
     p = problem(tx, tx, BAND, np.linspace(-2.7, 2.7, 200), np.linspace(0.22, 3.0, 120))
     s = noise(p.data_shape)
-    image = FastPlan(p, 1e-4)(s)
+    image = PolarPlan(p, 1e-4)(s)
     inside = (r * u, r * np.sqrt(1 - u**2))
     ix = np.abs(p.x[None] - inside[0].reshape(-1, 1)).argmin(axis=1)
     iy = np.abs(p.y[None] - inside[1].reshape(-1, 1)).argmin(axis=1)
@@ -263,6 +264,87 @@ def test_fast_path_on_random_lines_bands_and_grids(seed):
         assert relative_error(image, p, s, pixels=100) <= 1.5 * tolerance
 
 
+# Any array.
+
+
+def plane(columns: int, rows: int, pitch: float, y: float = 0.0) -> np.ndarray:
+    x, z = np.meshgrid(line(columns, pitch)[:, 0], line(rows, pitch)[:, 0])
+    return np.stack([x.ravel(), np.full(x.size, y), z.ravel()], axis=1)
+
+
+@pytest.fixture
+def divide_always(monkeypatch):
+    """Small problems would leave everything to the exact kernel."""
+    monkeypatch.setattr(factorized, "WORTHWHILE", np.inf)
+    monkeypatch.setattr(factorized, "CALL", 0.0)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
+def test_few_samples_tell_a_band_limited_function(tolerance):
+    rng = np.random.default_rng(0)
+    position = np.sort(rng.uniform(-0.3, 0.5, 400))
+    axis = Axis(position, tolerance)
+    found = axis.interpolator(120.0)
+    waves = np.exp(1j * rng.uniform(-120.0, 120.0, (50, 1)) * position)
+    error = np.abs(waves[:, found.index] @ found.matrix - waves)
+    assert np.sqrt(np.mean(error**2)) <= 1.5 * tolerance
+    # As many as the band and length ask for, and a few for the ends.
+    assert 120.0 * np.ptp(position) / np.pi < found.index.size < 120.0 * 1.12 * np.ptp(position) / np.pi + 16
+
+
+def test_factorized_path_for_one_antenna_moved_over_a_plane(divide_always):
+    tx = plane(21, 17, 1.5e-3)
+    x, y, z = np.linspace(-0.2, 0.2, 40), np.linspace(0.5, 1.4, 60), np.linspace(-0.1, 0.15, 30)
+    p = problem(tx, tx, BAND, x, y, z, monostatic=True)
+    s = noise(p.data_shape)
+    divided = factorized.FactorizedPlan(p, 1e-3)
+    assert any(slab.whole.parts for slab in divided.slabs)
+    assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
+
+
+def test_factorized_path_for_planes_of_transmitters_and_receivers(divide_always):
+    tx, rx = plane(6, 5, 4e-3), plane(5, 8, 5e-3, y=0.01) - np.array([0.02, 0.0, 0.01])
+    x, y, z = np.linspace(-0.3, 0.2, 50), np.linspace(0.6, 1.0, 50), np.linspace(-0.1, 0.1, 20)
+    p = problem(tx, rx, BAND, x, y, z)
+    s = noise(p.data_shape)
+    divided = factorized.FactorizedPlan(p, 1e-3)
+    assert any(slab.whole.parts for slab in divided.slabs)
+    assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_factorized_path_on_arrays_anywhere(seed, divide_always):
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(0.01, 0.15, 3)
+    tx, rx = rng.uniform(-1, 1, (rng.integers(2, 60), 3)) * size, rng.uniform(-1, 1, (rng.integers(2, 40), 3)) * size
+    monostatic = bool(rng.integers(2))
+    start = rng.uniform(50e9, 300e9)
+    frequency = np.linspace(start, start + rng.uniform(1e9, 20e9), int(rng.integers(5, 40)))
+    reach = 0.9 * speed_of_light / 2 / (frequency[1] - frequency[0])
+    y = np.sort(rng.uniform(0.2, min(3.0, max(reach, 0.5)), int(rng.integers(1, 60)))) + 0.15
+    half = rng.uniform(0.05, 0.6)
+    x = np.linspace(-half, rng.uniform(0.1, 1.0) * half, int(rng.integers(1, 80)))
+    z = np.linspace(-0.2, 0.1, int(rng.integers(1, 12)))
+    p = problem(tx, tx if monostatic else rx, frequency, x, y, z, monostatic=monostatic)
+    s = noise(p.data_shape, seed=seed % 1000)
+    assert relative_error(factorized.FactorizedPlan(p, 1e-3)(s), p, s) <= 2e-3
+
+
+def test_focus_takes_the_factorized_path_where_it_pays():
+    tx = plane(40, 40, 1e-3)
+    sweep = xr.Dataset(
+        {"s": (("frequency", "position"), noise((41, 1600)))},
+        coords={"frequency": BAND, "antenna_position": (("position", "axis"), tx), "axis": ["x", "y", "z"]},
+    )
+    grid = {"x": np.linspace(-0.3, 0.3, 100), "y": np.linspace(0.6, 1.4, 120), "z": np.linspace(-0.2, 0.2, 40)}
+    image = focus(sweep, **grid, tolerance=1e-3)
+    assert image.attrs["algorithm"] == "factorized"
+    assert 0.0 < image.attrs["error"] <= 1e-3
+    p = problem(tx, tx, BAND, **grid, monostatic=True)
+    assert relative_error(image.values, p, sweep["s"].values, pixels=200) <= 1.3e-3
+
+
 def test_focus_proves_its_tolerance_and_says_so():
     tx = line(61, 0.5e-3)
     sweep = make_sweep(noise((41, 61, 61)), frequency=BAND, tx_position=tx, rx_position=tx)
@@ -281,7 +363,7 @@ def test_a_grid_of_any_shape_gives_the_same_numbers(shape):
     s = noise(p.data_shape)
     sweep = make_sweep(s, frequency=BAND, tx_position=tx, rx_position=tx)
     assert relative_error(focus(sweep, x=p.x, y=p.y).values, p, s) <= 1e-4
-    assert relative_error(FastPlan(p, 1e-4)(s), p, s) <= 1e-4
+    assert relative_error(PolarPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
 def test_a_volume_is_its_planes():

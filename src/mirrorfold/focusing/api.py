@@ -123,8 +123,8 @@ def _focus_frames(
     """Images (frames, z, y, x) with the largest measured error and the algorithm used."""
     inner = progress if len(frames) == 1 else None
     fast, first, error = prove(problem, tolerance, frames[0], inner)
-    if len(frames) == 1 and first is not None:
-        return first[None], error, "polar"
+    if len(frames) == 1 and fast is not None and first is not None:
+        return first[None], error, fast.algorithm
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
     worst = 0.0
@@ -144,7 +144,7 @@ def _focus_frames(
             f"tolerance is {tolerance:g} and the image's error {worst:.2g}: its echoes cancel below what single "
             "precision holds; ask for a larger tolerance, or remove the strong echoes that cancel"
         )
-    return images, worst, "exact" if fast is None else "polar"
+    return images, worst, "exact" if fast is None else fast.algorithm
 
 
 def _ranges(problem: Problem) -> NDArray[np.float64]:

@@ -12,8 +12,9 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
-from mirrorfold.focusing.fast import FastPlan, line_array
+from mirrorfold.focusing.factorized import FactorizedPlan
 from mirrorfold.focusing.grid import default_grid, extent
+from mirrorfold.focusing.linear import PolarPlan
 from mirrorfold.focusing.memory import available_memory
 from mirrorfold.focusing.nodes import UnsuitedError
 from mirrorfold.focusing.problem import Problem, pixel_axis
@@ -33,6 +34,9 @@ SAMPLING_MARGIN = 0.8
 
 NEAREST_PIXEL = 1e-3
 """Distance of a pixel from an antenna, in wavelengths, under which it stands on it."""
+
+FastPlan = PolarPlan | FactorizedPlan
+"""In the order in which they are tried: the first is the faster, the second suits any array."""
 
 Apodization = str | ArrayLike | tuple[str | ArrayLike | None, str | ArrayLike | None] | None
 
@@ -165,18 +169,18 @@ def white_noise(problem: Problem, seed: int = 0) -> NDArray[np.complex64]:
     return rng.standard_normal(shape, dtype=np.float32).view(np.complex64)[..., 0]
 
 
-_latest: tuple[bytes, float, FastPlan] | None = None
+_latest: tuple[type, bytes, float, FastPlan] | None = None
 
 
-def _fast_plan(problem: Problem, tolerance: float) -> FastPlan:
+def _fast_plan(kind: type[FastPlan], problem: Problem, tolerance: float) -> FastPlan:
     """A fast plan; the latest one is kept, for whoever focuses many sweeps of one geometry."""
     global _latest
     key, latest = problem.key, _latest
-    if latest is None or latest[:2] != (key, tolerance):
+    if latest is None or latest[:3] != (kind, key, tolerance):
         _latest = None
-        latest = (key, tolerance, FastPlan(problem, tolerance))
+        latest = (kind, key, tolerance, kind(problem, tolerance))
         _latest = latest
-    return latest[2]
+    return latest[3]
 
 
 def prove(
@@ -186,19 +190,20 @@ def prove(
 
     None for the plan and image where no fast plan is suited or holds the tolerance.
     """
-    if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS or not line_array(problem):
+    if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:
         return None, None, tolerance
-    target = tolerance
-    for _ in range(REFINEMENTS):
-        try:
-            fast = _fast_plan(problem, target)
-        except UnsuitedError:
-            break
-        image = fast(s, progress)
-        error = measured_error(problem, image, s)
-        if error <= SAMPLING_MARGIN * tolerance:
-            return fast, image, error
-        target *= min(0.5, 0.5 * tolerance / error)
+    for kind in (PolarPlan, FactorizedPlan):
+        target = tolerance
+        for _ in range(REFINEMENTS):
+            try:
+                fast = _fast_plan(kind, problem, target)
+            except UnsuitedError:
+                break
+            image = fast(s, progress)
+            error = measured_error(problem, image, s)
+            if error <= SAMPLING_MARGIN * tolerance:
+                return fast, image, error
+            target *= min(0.5, 0.5 * tolerance / error)
     return None, None, tolerance
 
 
@@ -218,7 +223,8 @@ class FocusPlan:
     x, y, z : 1D arrays [m]
         The pixels.
     algorithm : str
-        ``"polar"`` for the structured path of line arrays, ``"exact"`` for the sum over all pairs.
+        ``"polar"`` for the structured path of line arrays, ``"factorized"`` for that of any array, ``"exact"`` for
+        the sum over all pairs.
     error : float
         Relative L2 error on white noise, measured on random pixels when the plan was made.
     build_time : float [s]
@@ -258,8 +264,8 @@ class FocusPlan:
 
     @property
     def algorithm(self) -> str:
-        """``"polar"`` or ``"exact"``."""
-        return "exact" if self._fast is None else "polar"
+        """``"polar"``, ``"factorized"`` or ``"exact"``."""
+        return "exact" if self._fast is None else self._fast.algorithm
 
     @property
     def nbytes(self) -> int:

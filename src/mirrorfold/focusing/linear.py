@@ -25,10 +25,20 @@ LARGEST_DEVIATION = 0.5
 """Distance of antennas from their line, in wavelengths, up to which the fast path is tried."""
 
 
-class FastPlan:
-    """The structured path on all sectors of a line array's image."""
+class PolarPlan:
+    """The structured path on all sectors of a line array's image.
+
+    Raises
+    ------
+    UnsuitedError
+        If the antennas do not stand on a line, or no sector has few enough nodes.
+    """
+
+    algorithm = "polar"
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
+        if not line_array(problem):
+            raise UnsuitedError("the antennas do not stand on a line")
         self.problem = problem
         _, axis, _ = line_of(problem)
         lattice = build_lattice(problem, natural_pitch(problem, axis))
