@@ -6,6 +6,7 @@ A scene file is TOML; `load_scene` reads it and reports everything that is wrong
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
@@ -198,7 +199,42 @@ class Circle(_Surface):
         return [_arc_points(self.center, self.radius, 360.0, 0.0, spacing)]
 
 
-Surface = Segment | Polyline | Arc | Circle
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Curve(_Surface):
+    """A smooth curve through `points` [m], by cubic splines with continuous second derivative.
+
+    In a scene file the points may come from a file beside it, ``file = "profile.csv"`` (or .npy), with one x and y per
+    row. Where the last point is the first one, the curve is closed.
+    """
+
+    kind: Literal["curve"] = "curve"
+    points: Annotated[tuple[Point2, ...], Field(min_length=4)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; a spline needs distinct ones")
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the curve ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    def spline(self) -> tuple[Callable[..., Array], float]:
+        """The curve as a function of the length of the chords so far [m], and the total of that length."""
+        from scipy.interpolate import CubicSpline
+
+        points = np.array(self.points)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        return CubicSpline(along, points, bc_type="periodic" if self.is_closed else "not-a-knot"), float(along[-1])
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the curve."""
+        spline, length = self.spline()
+        count = max(len(self.points), int(np.ceil(length / spacing)))
+        return [np.asarray(spline(np.linspace(0.0, length, count + 1)))]
+
+
+Surface = Segment | Polyline | Arc | Circle | Curve
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -212,7 +248,7 @@ class Scene:
         2.
     array : LinearArray
     band : Band
-    surface : tuple of Segment, Polyline, Arc or Circle
+    surface : tuple of Segment, Polyline, Arc, Circle or Curve
         In the order of the file; may be empty.
     """
 
@@ -288,11 +324,11 @@ def _explain(item: Any) -> str:
     return f"{place} is {found!r}, expected {message}"
 
 
-_KINDS = ("segment", "polyline", "arc", "circle")
+_KINDS = ("segment", "polyline", "arc", "circle", "curve")
 _FIELDS = sorted(
     {
         name
-        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle)
+        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle, Curve)
         for name in cls.__dataclass_fields__
     }
 )
