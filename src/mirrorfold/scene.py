@@ -280,7 +280,56 @@ def load_scene(path: str | Path) -> Scene:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a scene file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not valid TOML ({error}); correct it or start from an example scene") from None
-    return parse_scene(content, source=str(path))
+    return parse_scene(_with_points_from_files(content, path), source=str(path))
+
+
+def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content of a scene file, with the points that curves keep in files beside it.
+
+    Raises
+    ------
+    InputError
+        If such a file is missing or does not hold two columns of numbers.
+    """
+    surfaces = content.get("surface")
+    if not isinstance(surfaces, list):
+        return content
+    read = []
+    for index, surface in enumerate(surfaces):
+        if isinstance(surface, dict) and surface.get("kind") == "curve" and isinstance(surface.get("file"), str):
+            place = f"{path}: surface[{index}].file"
+            if "points" in surface:
+                raise InputError(f"{place} is given beside points; leave out one of the two")
+            points = _read_points(path.parent / surface["file"], place)
+            surface = {name: value for name, value in surface.items() if name != "file"} | {"points": points}
+        read.append(surface)
+    return {**content, "surface": read}
+
+
+def _read_points(path: Path, place: str) -> list[list[float]]:
+    """The rows x, y [m] of an .npy or a .csv file; the latter may have one line of headings.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read.
+    """
+    expected = "expected an .npy or .csv file with one x and y [m] per row"
+    if path.suffix not in (".npy", ".csv"):
+        raise InputError(f"{place} is {path.name!r}, {expected}; convert it")
+    try:
+        if path.suffix == ".npy":
+            points = np.load(path, allow_pickle=False)
+        else:
+            lines = path.read_text(encoding="utf-8").splitlines()
+            headed = bool(lines) and any(letter.isalpha() and letter not in "eE" for letter in lines[0])
+            points = np.loadtxt(lines, delimiter=",", ndmin=2, skiprows=int(headed))
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error).splitlines()[0]
+        raise InputError(f"{place}: {path} cannot be read ({reason}); {expected}") from None
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
+        raise InputError(f"{place}: {path} holds an array of shape {points.shape}, {expected}")
+    return [[float(x), float(y)] for x, y in points]
 
 
 def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs, qr, solve_triangular
+from scipy.linalg import lapack, qr
 
 from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
 from mirrorfold.simulation.fullwave.kernel import hankel
@@ -42,8 +42,12 @@ length l."""
 PROBES = 16
 """Points of a group from which the distance of the samples is taken."""
 
-SPARE_ROWS = 2
-"""Samples kept for interpolation at every frequency, over the number of skeletons."""
+ROWS_PER_SKELETON = 2
+"""Samples kept for the interpolation at every frequency: with one per skeleton it fails at the low end of the band."""
+
+DAMPING = 0.03
+"""Damping of the interpolation over its tolerance: below the top frequency skeletons are one too many here and there,
+and would otherwise carry large currents that cancel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,8 @@ class Group:
         Antennas at which they must do so too.
     scale : (r + a,) float32 array
         By which the field there is multiplied, so that near and far count alike.
+    damping : float
+        Of the interpolation, relative to the norm of a column.
     children : tuple of Group
         Empty for a leaf.
     """
@@ -72,6 +78,7 @@ class Group:
     rows: Indices
     antennas: Indices
     scale: NDArray[np.float32]
+    damping: float
     children: tuple[Group, ...]
 
     @property
@@ -144,6 +151,7 @@ def _skeletonise(
         rows=rows[inner],
         antennas=outer - len(rows),
         scale=scale[chosen],
+        damping=DAMPING * tolerance,
         children=children,
     )
 
@@ -157,23 +165,27 @@ def sampled_field(nodes: Nodes, rows: Indices, antennas: Array, members: Indices
 def interpolation(group: Group, nodes: Nodes, antennas: Array, k: float) -> Complex:
     """Skeleton currents that stand for the currents of the members, (skeletons, members) matrix."""
     field = sampled_field(nodes, group.rows, antennas[group.antennas], group.members, k) * group.scale[:, None]
-    result = np.zeros((len(group.skeleton), len(group.members)), dtype=np.complex64)
-    result[np.arange(len(group.skeleton)), group.skeleton] = 1.0
+    kept = len(group.skeleton)
+    result = np.zeros((kept, len(group.members)), dtype=np.complex64)
+    result[np.arange(kept), group.skeleton] = 1.0
     if len(group.rest):
-        q, r = qr(field[:, group.skeleton], mode="economic", check_finite=False)
-        result[:, group.rest] = solve_triangular(r, q.conj().T @ field[:, group.rest], check_finite=False)
+        basis = np.zeros((len(field) + kept, kept), dtype=np.complex64, order="F")
+        basis[: len(field)] = field[:, group.skeleton]
+        np.fill_diagonal(basis[len(field) :], group.damping * np.linalg.norm(basis) / np.sqrt(kept))
+        target = np.zeros((len(basis), len(group.rest)), dtype=np.complex64, order="F")
+        target[: len(field)] = field[:, group.rest]
+        result[:, group.rest] = lapack.cgels(basis, target, overwrite_a=1, overwrite_b=1)[1][:kept]
     return result
 
 
 def _independent_rows(field: Complex) -> Indices:
     """Rows that determine all others: the pivots of Gaussian elimination, repeated on the rows that remain."""
-    getrf = get_lapack_funcs("getrf", (field,))
     remaining = np.arange(len(field))
     chosen = []
-    for _ in range(SPARE_ROWS):
+    for _ in range(ROWS_PER_SKELETON):
         if not len(remaining):
             break
-        _, pivots, _ = getrf(field[remaining])
+        _, pivots, _ = lapack.cgetrf(field[remaining])
         order = np.arange(len(remaining))
         for i, pivot in enumerate(pivots):
             order[[i, pivot]] = order[[pivot, i]]

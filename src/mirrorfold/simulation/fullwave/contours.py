@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -106,7 +107,7 @@ def _outline(surface: Surface) -> list[tuple[SmoothShape, float, float, tuple[En
     closed = len(corners) > 3 and bool(np.all(corners[0] == corners[-1]))
     last = len(corners) - 2
     arms = []
-    for i, (start, end) in enumerate(zip(corners[:-1], corners[1:], strict=True)):
+    for i, (start, end) in enumerate(pairwise(corners)):
         before: End = "vertex" if i > 0 or closed else "open"
         after: End = "vertex" if i < last or closed else "open"
         length = float(np.linalg.norm(end - start))

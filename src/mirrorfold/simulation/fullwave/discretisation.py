@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import zeta
 
@@ -144,8 +144,7 @@ def _graded(length: float, ends: tuple[End, End], wavelength: float, spacing: fl
     ``s'(t) = tanh(t / a)^(p-1) + tanh((T - t) / b)^(q-1) - 1``
     """
     (a, p), (b, q) = (
-        (min(wavelength * reach, length / SHORTEST_ARM), power)
-        for reach, power in ((_GRADING[end]) for end in ends)
+        (min(wavelength * reach, length / SHORTEST_ARM), power) for reach, power in ((_GRADING[end]) for end in ends)
     )
     duration = length + a * _lag(p) + b * _lag(q)
     count = math.ceil(duration / min(spacing, a / FINEST, b / FINEST))
@@ -160,14 +159,14 @@ def _graded(length: float, ends: tuple[End, End], wavelength: float, spacing: fl
 _GRADING = {"open": (OPEN_REACH, OPEN_POWER), "vertex": (VERTEX_REACH, VERTEX_POWER)}
 
 
-def _integral(power: int, x: Array | float) -> Array:
+def _integral(power: int, x: ArrayLike) -> Array:
     """Integral of ``tanh(x)^(power - 1)`` from 0."""
     x = np.asarray(x, dtype=float)
     log_cosh = np.logaddexp(x, -x) - math.log(2.0)
     if power == 2:
         return np.asarray(log_cosh)
     if power == 3:
-        return x - np.tanh(x)
+        return np.asarray(x - np.tanh(x))
     return np.asarray(log_cosh - 0.5 * np.tanh(x) ** 2)
 
 

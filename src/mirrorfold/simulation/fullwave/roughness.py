@@ -54,9 +54,9 @@ def rough_heights(
     correlation = roughness.correlation_length
     if length < SHORTEST * correlation:
         raise InputError(
-            f"{label}: is {length:g} m long (per straight piece), only {length / correlation:.0f} times its correlation "
-            f"length of {correlation:g} m; expected at least {SHORTEST:.0f} times for the statistics of roughness, make "
-            "it longer, choose a shorter correlation length or leave out roughness"
+            f"{label}: a piece of it is {length:g} m long, only {length / correlation:.1f} correlation lengths of "
+            f"{correlation:g} m; roughness needs at least {SHORTEST:.0f} for its statistics, make the piece longer, "
+            "choose a shorter correlation length or leave out roughness"
         )
     cells = int(np.ceil(CELLS * length / correlation))
     step = length / cells

@@ -57,20 +57,20 @@ class _Eliminated:
     ----------
     response : (s, s) complex64 array
         The M of the group.
-    inward : (n, s) complex64 array or None
-        Currents of the members for fields of one at the skeletons, ``(I + M_c G)^-1 M_c T^T``.
-    coupling : (n, n) complex64 array or None
-        G.
-    interpolation : (s, n) complex64 array or None
+    inward : (n, s) complex64 array
+        Currents of the members for a field of one at each skeleton, ``D^-1 T^T`` or ``(I + M_c G)^-1 M_c T^T``.
+    interpolation : (s, n) complex64 array
         T.
+    coupling : (n, n) complex64 array
+        G; empty for a leaf.
     children : tuple of _Eliminated
     """
 
     response: Complex
-    inward: Complex | None = None
-    coupling: Complex | None = None
-    interpolation: Complex | None = None
-    children: tuple[_Eliminated, ...] = ()
+    inward: Complex
+    interpolation: Complex
+    coupling: Complex
+    children: tuple[_Eliminated, ...]
 
 
 def scattered(system: System, k: float) -> Complex:
@@ -85,16 +85,8 @@ def scattered(system: System, k: float) -> Complex:
     -------
     (tx, rx) complex64 array
     """
-    if not system.roots:
-        everything = np.arange(system.nodes.size)
-        to_tx = hankel(system.nodes.position, system.tx, k)
-        currents = _solve(matrix(system.nodes, everything, everything, k), to_tx)
-        return -currents.T @ hankel(system.nodes.position, system.rx, k)
-    blocks = [_eliminate(root, system, k, keep=False).response for root in system.roots]
-    members = np.concatenate([root.skeletons for root in system.roots])
-    to_tx = hankel(system.nodes.position[members], system.tx, k)
-    currents = _joined(system.nodes, members, blocks, to_tx, k)[0]
-    return -currents.T @ hankel(system.nodes.position[members], system.rx, k)
+    members, charges, _ = _solved(system, np.eye(len(system.tx), dtype=np.complex64), k)
+    return charges.T @ hankel(system.nodes.position[members], system.rx, k)
 
 
 def currents(system: System, excitation: Complex, k: float) -> Complex:
@@ -112,21 +104,15 @@ def currents(system: System, excitation: Complex, k: float) -> Complex:
     (nodes, n) complex64 array
         The scattered field is their sum with ``H0^(2)(k r)``.
     """
+    members, charges, eliminated = _solved(system, excitation, k)
     if not system.roots:
-        everything = np.arange(system.nodes.size)
-        incident = hankel(system.nodes.position, system.tx, k) @ excitation
-        return -_solve(matrix(system.nodes, everything, everything, k), incident)
-    eliminated = [_eliminate(root, system, k, keep=True) for root in system.roots]
-    members = np.concatenate([root.skeletons for root in system.roots])
-    incident = hankel(system.nodes.position[members], system.tx, k) @ excitation
+        return charges
     blocks = [group.response for group in eliminated]
-    at_skeletons, coupling = _joined(system.nodes, members, blocks, incident, k, keep=True)
-    assert coupling is not None
-    exciting = incident - coupling @ at_skeletons
+    exciting = _incident(system, members, excitation, k) + _coupling(system.nodes, members, blocks, k) @ charges
     result = np.zeros((system.nodes.size, excitation.shape[1]), dtype=np.complex64)
     for root, group, part in zip(system.roots, eliminated, _split(exciting, blocks), strict=True):
-        _descend(root, group, part, result)
-    return -result
+        _descend(root, group, -part, result)
+    return result
 
 
 def residual(system: System, k: float, *, seed: int, cases: int = 4) -> float:
@@ -161,39 +147,56 @@ BLOCK_ROWS = 256
 """Rows of the full matrix that are made at a time when it is not stored."""
 
 
-def _eliminate(group: Group, system: System, k: float, *, keep: bool) -> _Eliminated:
+def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
+    """The nodes that are left, their currents ``-(I + M S)^-1 M b``, and the largest groups."""
+    if not system.roots:
+        members = np.arange(system.nodes.size)
+        whole = matrix(system.nodes, members, members, k)
+        return members, -_solve(whole, _incident(system, members, excitation, k)), []
+    eliminated = [_eliminate(root, system, k) for root in system.roots]
+    blocks = [group.response for group in eliminated]
+    members = np.concatenate([root.skeletons for root in system.roots])
+    right = _times(blocks, _incident(system, members, excitation, k))
+    joined = _coupling(system.nodes, members, blocks, k)
+    _identity_plus(blocks, joined, out=joined)
+    return members, -_solve(joined, right), eliminated
+
+
+def _incident(system: System, members: Indices, excitation: Complex, k: float) -> Complex:
+    """Field of the transmitters at nodes, (members, cases)."""
+    return hankel(system.nodes.position[members], system.tx, k) @ excitation
+
+
+def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
     """Eliminate a group and all below it."""
-    children = tuple(_eliminate(child, system, k, keep=keep) for child in group.children)
+    children = tuple(_eliminate(child, system, k) for child in group.children)
     to_skeleton = interpolation(group, system.nodes, system.antennas, k)
-    own = matrix(system.nodes, group.members, group.members, k)
     if not children:
-        inward = _solve(own, to_skeleton.T)
-        return _Eliminated(to_skeleton @ inward, *((inward, None, to_skeleton) if keep else ()))
+        inward = _solve(matrix(system.nodes, group.members, group.members, k), to_skeleton.T)
+        return _Eliminated(to_skeleton @ inward, inward, to_skeleton, np.empty((0, 0), np.complex64), ())
     blocks = [child.response for child in children]
-    _clear_blocks(own, blocks)
-    inward = _solve(_identity_plus(blocks, own), _times(blocks, to_skeleton.T))
-    response = to_skeleton @ inward
-    return _Eliminated(response, inward, own, to_skeleton, children) if keep else _Eliminated(response)
+    coupling = _coupling(system.nodes, group.members, blocks, k)
+    inward = _solve(_identity_plus(blocks, coupling, out=np.empty_like(coupling)), _times(blocks, to_skeleton.T))
+    return _Eliminated(to_skeleton @ inward, inward, to_skeleton, coupling, children)
 
 
-def _joined(
-    nodes: Nodes, members: Indices, blocks: Sequence[Complex], incident: Complex, k: float, *, keep: bool = False
-) -> tuple[Complex, Complex | None]:
-    """``(I + M S)^-1 M b`` for the largest groups, and S where it is kept."""
-    coupling = matrix(nodes, members, members, k)
-    _clear_blocks(coupling, blocks)
-    system = _identity_plus(blocks, coupling.copy() if keep else coupling, in_place=True)
-    return _solve(system, _times(blocks, incident)), coupling if keep else None
+def _coupling(nodes: Nodes, members: Indices, blocks: Sequence[Complex], k: float) -> Complex:
+    """The matrix between groups; what they do to themselves, in blocks on the diagonal, is in their response."""
+    result = matrix(nodes, members, members, k)
+    first = 0
+    for block in blocks:
+        last = first + len(block)
+        result[first:last, first:last] = 0.0
+        first = last
+    return result
 
 
 def _descend(group: Group, eliminated: _Eliminated, exciting: Complex, result: Complex) -> None:
     """Currents of all nodes of a group from the field that excites its skeletons."""
-    assert eliminated.inward is not None
     currents = eliminated.inward @ exciting
     if not group.children:
         result[group.members] = currents
         return
-    assert eliminated.coupling is not None and eliminated.interpolation is not None
     at_members = eliminated.interpolation.T @ exciting - eliminated.coupling @ currents
     parts = _split(at_members, [child.response for child in eliminated.children])
     for child, below, part in zip(group.children, eliminated.children, parts, strict=True):
@@ -205,27 +208,17 @@ def _split(array: Complex, blocks: Sequence[Complex]) -> list[Complex]:
     return np.split(array, np.cumsum([len(block) for block in blocks])[:-1])
 
 
-def _clear_blocks(coupling: Complex, blocks: Sequence[Complex]) -> None:
-    """Set the blocks on the diagonal to zero: what groups do to themselves is in their response."""
-    first = 0
-    for block in blocks:
-        last = first + len(block)
-        coupling[first:last, first:last] = 0.0
-        first = last
-
-
 def _times(blocks: Sequence[Complex], array: Complex) -> Complex:
     """Block diagonal matrix times array."""
     return np.concatenate([block @ part for block, part in zip(blocks, _split(array, blocks), strict=True)])
 
 
-def _identity_plus(blocks: Sequence[Complex], coupling: Complex, *, in_place: bool = False) -> Complex:
-    """``I + M G`` for block diagonal M."""
-    result = coupling if in_place else np.empty_like(coupling)
-    for block, source, target in zip(blocks, _split(coupling, blocks), _split(result, blocks), strict=True):
+def _identity_plus(blocks: Sequence[Complex], coupling: Complex, *, out: Complex) -> Complex:
+    """``I + M G`` for block diagonal M; `out` may be G itself."""
+    for block, source, target in zip(blocks, _split(coupling, blocks), _split(out, blocks), strict=True):
         target[:] = block @ source
-    result.ravel()[:: len(result) + 1] += 1.0
-    return result
+    out.ravel()[:: len(out) + 1] += 1.0
+    return out
 
 
 def _solve(a: Complex, b: Complex) -> Complex:
