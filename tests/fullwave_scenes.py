@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.constants import speed_of_light
-from scipy.special import j0, y0
+from scipy.special import hankel2, j0, jv, y0
 
 from mirrorfold.scene import Scene, parse_scene
 from mirrorfold.simulation.fullwave.contours import contours
@@ -15,6 +15,15 @@ WAVELENGTH = speed_of_light / TOP
 K = 2 * np.pi / WAVELENGTH
 WALL = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 TARGET = {"rms_height": 0.10e-3, "correlation_length": 0.2e-3}
+ANTENNAS = np.stack([np.linspace(-4e-3, 4e-3, 9), np.zeros(9)], axis=1)
+
+SHAPES = {
+    "strip": {"kind": "segment", "start": [-0.004, 0.02], "end": [0.005, 0.022]},
+    "right angle": {"kind": "polyline", "points": [[-0.004, 0.02], [0.0, 0.024], [0.005, 0.019]]},
+    "sharp angle": {"kind": "polyline", "points": [[-0.004, 0.02], [0.0, 0.0205], [-0.004, 0.022]]},
+    "triangle": {"kind": "polyline", "points": [[-0.002, 0.02], [0.002, 0.02], [0.0, 0.023], [-0.002, 0.02]]},
+    "arc": {"kind": "arc", "center": [0.0, 0.02], "radius": 2e-3, "start_angle": 20, "stop_angle": 200},
+}
 
 
 def scene_of(*surfaces: dict, elements: int = 9, points: int = 3, pitch: float = 0.5e-3) -> Scene:
@@ -90,3 +99,14 @@ def exact_field(nodes: Nodes, sources: np.ndarray, receivers: np.ndarray, k: flo
 def distance(a: np.ndarray, b: np.ndarray) -> float:
     """Relative distance in the mean square."""
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+def cylinder(radius: float, center: np.ndarray, sources: np.ndarray, receivers: np.ndarray) -> np.ndarray:
+    """Field scattered by a conducting cylinder: Harrington, Time-Harmonic Electromagnetic Fields, section 5-9."""
+    order = np.arange(-60, 61)
+    (rs, s), (rr, r) = (
+        (np.linalg.norm(p - center, axis=1), np.arctan2(*(p - center).T[::-1])) for p in (sources, receivers)
+    )
+    factor = -jv(order, K * radius) / hankel2(order, K * radius)
+    from_sources = hankel2(order, K * rs[:, None]) * np.exp(-1j * order * s[:, None])
+    return (hankel2(order, K * rr[:, None]) * np.exp(1j * order * r[:, None]) * factor) @ from_sources.T

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fullwave_scenes import TARGET, WALL, WAVELENGTH, K, distance, exact_field, exact_matrix, nodes_of, scene_of
-from scipy.special import hankel2, jv
+from fullwave_scenes import (
+    ANTENNAS,
+    SHAPES,
+    TARGET,
+    WALL,
+    WAVELENGTH,
+    K,
+    cylinder,
+    distance,
+    exact_field,
+    exact_matrix,
+    nodes_of,
+    scene_of,
+)
 from scipy.stats import kurtosis, skew
 
 from mirrorfold.errors import InputError
 from mirrorfold.scene import Roughness
 from mirrorfold.simulation.fullwave.discretisation import matrix
 from mirrorfold.simulation.fullwave.roughness import rough_heights
-
-ANTENNAS = np.stack([np.linspace(-4e-3, 4e-3, 9), np.zeros(9)], axis=1)
-
-
-def cylinder(radius: float, center: np.ndarray, sources: np.ndarray, receivers: np.ndarray) -> np.ndarray:
-    """Field scattered by a conducting cylinder: Harrington, Time-Harmonic Electromagnetic Fields, section 5-9."""
-    order = np.arange(-60, 61)
-    (rs, s), (rr, r) = (
-        (np.linalg.norm(p - center, axis=1), np.arctan2(*(p - center).T[::-1])) for p in (sources, receivers)
-    )
-    factor = -jv(order, K * radius) / hankel2(order, K * radius)
-    from_sources = hankel2(order, K * rs[:, None]) * np.exp(-1j * order * s[:, None])
-    return (hankel2(order, K * rr[:, None]) * np.exp(1j * order * r[:, None]) * factor) @ from_sources.T
 
 
 def test_cylinder_series_and_order_of_convergence():
@@ -39,15 +38,6 @@ def test_cylinder_series_and_order_of_convergence():
     assert error[12] < 1e-4
     order = np.log(error[8] / error[16]) / np.log(2.0)
     assert 4.5 < order < 6.0
-
-
-SHAPES = {
-    "strip": {"kind": "segment", "start": [-0.004, 0.02], "end": [0.005, 0.022]},
-    "right angle": {"kind": "polyline", "points": [[-0.004, 0.02], [0.0, 0.024], [0.005, 0.019]]},
-    "sharp angle": {"kind": "polyline", "points": [[-0.004, 0.02], [0.0, 0.0205], [-0.004, 0.022]]},
-    "triangle": {"kind": "polyline", "points": [[-0.002, 0.02], [0.002, 0.02], [0.0, 0.023], [-0.002, 0.02]]},
-    "arc": {"kind": "arc", "center": [0.0, 0.02], "radius": 2e-3, "start_angle": 20, "stop_angle": 200},
-}
 
 
 @pytest.mark.parametrize("name", SHAPES)

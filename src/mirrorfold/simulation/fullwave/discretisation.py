@@ -2,7 +2,7 @@
 
 The electric-field integral equation with E along the axis, ``sum_j H0^(2)(k r_ij) I_j = -E_i / c``, for the currents
 ``I_j = J_j w_j`` of nodes uniform in a parameter t. The logarithm in the kernel is integrated to fifth order by the
-zeta-corrected trapezoidal rule (Wu and Martinsson, "Corrected trapezoidal rules for boundary integral equations",
+zeta-corrected trapezoidal rule (Wu and Martinsson, "Zeta correction", Adv. Comput. Math. 47,
 2021), which leaves the matrix complex symmetric:
 
 ``A_ii = 1 - (2j / pi) (ln(k w_i / (4 pi)) + gamma)``, and ``-(2j / pi) zeta'(-2) (1, -2, 1) J0(k r)`` around the
