@@ -168,17 +168,22 @@ def simulate(
     results = output.with_name(f"{output.name}.frequencies")
     if solver == "fullwave":
         options["checkpoint"] = results
-    with progress("simulating the sweep") as report:
-        sweep = mf.simulate(
-            truth,
-            solver=solver,
-            seed=seed,
-            snr_db=snr_db,
-            workers=1 if workers is None else workers,
-            resume=resume,
-            progress=report,
-            **options,
-        )
+    try:
+        with progress("simulating the sweep") as report:
+            sweep = mf.simulate(
+                truth,
+                solver=solver,
+                seed=seed,
+                snr_db=snr_db,
+                workers=1 if workers is None else workers,
+                resume=resume,
+                progress=report,
+                **options,
+            )
+    except KeyboardInterrupt:
+        if results.exists():
+            raise KeyboardInterrupt(f"interrupted; what is done is kept in {results}, --resume goes on") from None
+        raise
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
         remove_directory(results)

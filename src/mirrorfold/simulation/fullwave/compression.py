@@ -2,8 +2,8 @@
 
 An interpolative decomposition (Cheng, Gimbutas, Martinsson and Rokhlin, SIAM J. Sci. Comput. 26, 2005) of the field
 that a group radiates, sampled where it is felt: on the actual rest of the scene and at the antennas, densely nearby
-and sparsely far away. Walls that are seen from one side, over one range of angles, need three times fewer skeletons
-this way than for all waves that could be. Groups of skeletons are compressed again, level by level (Martinsson and
+and sparsely far away. A piece of wall meets waves from few directions only, and needs far fewer skeletons this way than
+for all waves that could be. Groups of skeletons are compressed again, level by level (Martinsson and
 Rokhlin, J. Comput. Phys. 205, 2005).
 
 Skeletons are chosen once, at the highest frequency, and serve the whole band.

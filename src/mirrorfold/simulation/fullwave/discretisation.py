@@ -1,9 +1,9 @@
 """Nodes on the contours, and the matrix that turns their currents into the field on them.
 
-The electric-field integral equation with E along the axis, ``sum_j H0^(2)(k r_ij) I_j = -E_i / c``, for the currents
+The electric-field integral equation with E along the axis, ``sum_j H0^(2)(k r_ij) I_j = -E_i``, for the currents
 ``I_j = J_j w_j`` of nodes uniform in a parameter t. The logarithm in the kernel is integrated to fifth order by the
-zeta-corrected trapezoidal rule (Wu and Martinsson, "Zeta correction", Adv. Comput. Math. 47,
-2021), which leaves the matrix complex symmetric:
+zeta-corrected trapezoidal rule (Wu and Martinsson, Adv. Comput. Math. 47, 45, 2021), which leaves the matrix complex
+symmetric:
 
 ``A_ii = 1 - (2j / pi) (ln(k w_i / (4 pi)) + gamma)``, and ``-(2j / pi) zeta'(-2) (1, -2, 1) J0(k r)`` around the
 diagonal. At an open end, where the current grows as ``1 / sqrt(s)``, the arc length s is even in t and the sum is that
