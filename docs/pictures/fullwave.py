@@ -35,7 +35,7 @@ from fullwave_scenes import (  # noqa: E402
     small_two_walls,
 )
 
-FLOOR_DB = -50.0
+FLOOR_DB = -60.0
 NEAR_FIELD_HERTZ = 6e9
 
 
@@ -98,17 +98,16 @@ def near_field() -> None:
     figure.colorbar(strength, ax=axes[1], shrink=0.8, label="modulus [dB re m$^{-1/2}$]")
     for axis, title in zip(axes, ("the wave at one moment", "how strong it is"), strict=True):
         mf.plot.scene(scene, axis)
-        axis.set(title=title, xlabel="x [m]", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
-    axes[0].set_ylabel("y [m]")
-    figure.savefig(HERE / "fullwave_near_field.png", dpi=100)
+        axis.set(title=title, xlabel="x [m]", ylabel="y [m]", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    figure.savefig(HERE / "fullwave_near_field.png", dpi=80)
 
 
 def comparison(sweep: Path) -> None:
     """Images of both solvers' sweeps of one scene, at one scale, and their range profiles."""
     scene = mf.load_scene(HERE / "two_walls.toml")
     sweeps = {"full wave": mf.load(sweep), "rays": mf.simulate(scene)}
-    x, y = np.linspace(-1.2, 2.4, 721), np.linspace(0.6, 3.6, 601)
-    figure, axes = plt.subplots(1, 3, figsize=(13, 4.3), layout="constrained", width_ratios=(1, 1, 0.8))
+    x, y = np.linspace(-1.2, 2.8, 801), np.linspace(0.6, 4.6, 801)
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.3), layout="constrained", width_ratios=(1, 1, 0.9))
     images = {name: np.abs(mf.focus(data, x=x, y=y).values) * np.hypot(x, y[:, None]) for name, data in sweeps.items()}
     peak = max(image.max() for image in images.values())
     for axis, (name, image) in zip(axes, images.items(), strict=False):
@@ -117,8 +116,7 @@ def comparison(sweep: Path) -> None:
             level, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), vmin=FLOOR_DB, vmax=-5.0, cmap="viridis"
         )
         mf.plot.scene(scene, axis, alpha=0.6)
-        axis.set(title=name, xlabel="x [m]", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
-    axes[0].set_ylabel("y [m]")
+        axis.set(title=name, xlabel="x [m]", ylabel="y [m]", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     figure.colorbar(shown, ax=axes[:2], shrink=0.8, label="dB of the stronger image's peak, times range")
     for name, data in sweeps.items():
         s = data["s"].values
@@ -126,7 +124,7 @@ def comparison(sweep: Path) -> None:
         profile = np.sqrt(np.mean(np.abs(np.fft.ifft(s * window[:, None, None], axis=0)) ** 2, axis=(1, 2)))
         ranges = np.arange(len(s)) * mf.info(data)["ambiguous_range_m"] / len(s)
         axes[2].plot(ranges, 20 * np.log10(profile), label=name, linewidth=0.9)
-    axes[2].set(xlabel="range [m]", ylabel="mean echo [dB re m$^{-1/2}$]", ylim=(-120, -50), xlim=(0, 6))
+    axes[2].set(xlabel="range [m]", ylabel="mean echo [dB re m$^{-1/2}$]", ylim=(-95, -15), xlim=(0, 6))
     axes[2].grid(alpha=0.3)
     axes[2].legend()
     figure.savefig(HERE / "fullwave_rays.png", dpi=100)
