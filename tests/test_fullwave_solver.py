@@ -133,7 +133,7 @@ def test_long_smooth_wall_is_the_image_of_the_source():
     image = -np.exp(-1j * K * path) / np.sqrt(path)
     assert distance(s, image) < 0.01  # what the edges diffract
     rays = mf.simulate(wall, solver="rays")["s"].values[-1]
-    assert distance(s, rays) < 0.01
+    assert distance(s, rays) < 0.015
 
 
 # The near field

@@ -102,6 +102,16 @@ def test_processes_give_the_same_bytes(scene_file, uninterrupted):
     assert done == [(count, 13) for count in range(14)]
 
 
+@pytest.mark.slow
+def test_script_without_a_guard_is_told_so_instead_of_hanging(scene_file, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(f"import mirrorfold as mf\nmf.simulate({str(scene_file)!r}, solver='fullwave', workers=2)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert "lacks `if __name__" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
 def test_dask_cluster_of_two_workers_gives_the_same_bytes(scene_file, uninterrupted):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -109,6 +119,7 @@ def test_dask_cluster_of_two_workers_gives_the_same_bytes(scene_file, uninterrup
     np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
 
 
+@pytest.mark.slow
 def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_path, capsys):
     out = tmp_path / "sweep.nc"
     results = tmp_path / "sweep.nc.frequencies"

@@ -44,10 +44,11 @@ class Estimate:
 
 def estimate(system: System, frequencies: int) -> Estimate:
     """The cost of a sweep, from the sizes of its groups and the speed of this machine."""
-    values, operations = 0.0, 0.0
+    values, operations, kept = 0.0, 0.0, 0.0
     for group in (group for root in system.roots for group in root.walk()):
         n, s, rows = len(group.members), len(group.skeleton), len(group.scale)
         values += n * (n + rows)
+        kept += n * (n if group.children else 0) + 2 * n * s
         operations += SMALL_BLOCKS * (8 / 3 * n**3 + 8 * n * n * s + 8 * (rows + s) * s * n)
     top = sum(len(root.skeleton) for root in system.roots) or system.nodes.size
     blocks = sum(len(root.skeleton) ** 2 for root in system.roots)
@@ -58,7 +59,7 @@ def estimate(system: System, frequencies: int) -> Estimate:
         unknowns=system.nodes.size,
         skeletons=top,
         seconds_per_frequency=values / rate + operations / flops,
-        memory=PROCESS_BYTES + 8.0 * (1.1 * top * top + 2 * blocks + 4 * top * len(system.antennas)),
+        memory=PROCESS_BYTES + 8.0 * (1.1 * top * top + 2 * blocks + kept + 4 * top * len(system.antennas)),
         disk=2.0 * 8.0 * frequencies * len(system.tx) * len(system.rx),
     )
 

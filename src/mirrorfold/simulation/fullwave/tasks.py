@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,33 +67,37 @@ def _in_processes(
     system: System, frequency: Array, todo: Sequence[int], direct: bool, workers: int
 ) -> Iterator[tuple[int, Complex]]:
     """By worker processes, each with a copy of the system."""
-    pool = ProcessPoolExecutor(
-        min(workers, max(1, len(todo))),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(system,),
-    )
-    try:
-        futures = {pool.submit(_in_worker, float(frequency[index]), direct): index for index in todo}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenProcessPool:
-        raise InputError(
-            "a worker process has ended before its time, most likely for want of memory; use fewer workers, "
-            "and resume if the sweep has a checkpoint"
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+    # By way of a file: the parent would wait for ever for a worker that ends before it has read a large argument.
+    with tempfile.TemporaryDirectory(prefix="mirrorfold-") as folder:
+        path = Path(folder) / "system.pickle"
+        path.write_bytes(pickle.dumps(system))
+        pool = ProcessPoolExecutor(
+            min(workers, max(1, len(todo))),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start_worker,
+            initargs=(path,),
+        )
+        try:
+            futures = {pool.submit(_in_worker, float(frequency[index]), direct): index for index in todo}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        except BrokenProcessPool:
+            raise InputError(
+                "workers: a worker process has ended before its time, for want of memory or because the script that "
+                'started it lacks `if __name__ == "__main__":`; use fewer workers or add that line, and resume'
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 _system: System | None = None
 """The system of this worker process."""
 
 
-def _start_worker(system: System) -> None:
+def _start_worker(path: Path) -> None:
     """Take over the system, and end when the parent does, however abruptly."""
     global _system
-    _system = system
+    _system = pickle.loads(path.read_bytes())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interruption is the parent's to handle
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
