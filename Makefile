@@ -12,11 +12,11 @@ UV := .uv/bin/uv
 UV_FILE := .uv/bin/uv
 endif
 
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test lint bench bench-long clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
 
 demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in demo/
 	$(VENV)/bin/mirrorfold demo --out demo
@@ -32,6 +32,9 @@ lint: $(READY) ## style, types and the direction of imports
 
 bench: $(READY) ## run every benchmark
 	@set -e; for script in benchmarks/*.py; do echo "== $$script"; $(PYTHON) "$$script"; done
+
+bench-long: $(READY) ## the benchmarks that take some minutes
+	$(PYTHON) benchmarks/fullwave.py --long
 
 clean: ## remove what make has made
 	rm -rf $(VENV) .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

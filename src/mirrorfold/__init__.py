@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
+    from mirrorfold.simulation.fullwave.near_field import near_field
     from mirrorfold.sweep import add_noise, check_sweep, make_sweep
 
 __version__ = "0.1.0"
@@ -43,6 +44,7 @@ _HOME = {
     "load": "io",
     "load_scene": "scene",
     "make_sweep": "sweep",
+    "near_field": "simulation.fullwave.near_field",
     "reconstruct": "reconstruction",
     "save": "io",
     "score": "metrics",
@@ -56,6 +58,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "load_scene",
     "Scene",
     "simulate",
+    "near_field",
     "make_sweep",
     "check_sweep",
     "add_noise",

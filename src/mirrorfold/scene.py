@@ -6,6 +6,7 @@ A scene file is TOML; `load_scene` reads it and reports everything that is wrong
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
@@ -198,7 +199,42 @@ class Circle(_Surface):
         return [_arc_points(self.center, self.radius, 360.0, 0.0, spacing)]
 
 
-Surface = Segment | Polyline | Arc | Circle
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Curve(_Surface):
+    """A smooth curve through `points` [m], by cubic splines with continuous second derivative.
+
+    In a scene file the points may come from a file beside it, ``file = "profile.csv"`` (or .npy), with one x and y per
+    row. Where the last point is the first one, the curve is closed.
+    """
+
+    kind: Literal["curve"] = "curve"
+    points: Annotated[tuple[Point2, ...], Field(min_length=4)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; a spline needs distinct ones")
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the curve ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    def spline(self) -> tuple[Callable[..., Array], float]:
+        """The curve as a function of the length of the chords so far [m], and the total of that length."""
+        from scipy.interpolate import CubicSpline
+
+        points = np.array(self.points)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        return CubicSpline(along, points, bc_type="periodic" if self.is_closed else "not-a-knot"), float(along[-1])
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the curve."""
+        spline, length = self.spline()
+        count = max(len(self.points), int(np.ceil(length / spacing)))
+        return [np.asarray(spline(np.linspace(0.0, length, count + 1)))]
+
+
+Surface = Segment | Polyline | Arc | Circle | Curve
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -212,7 +248,7 @@ class Scene:
         2.
     array : LinearArray
     band : Band
-    surface : tuple of Segment, Polyline, Arc or Circle
+    surface : tuple of Segment, Polyline, Arc, Circle or Curve
         In the order of the file; may be empty.
     """
 
@@ -244,7 +280,56 @@ def load_scene(path: str | Path) -> Scene:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a scene file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not valid TOML ({error}); correct it or start from an example scene") from None
-    return parse_scene(content, source=str(path))
+    return parse_scene(_with_points_from_files(content, path), source=str(path))
+
+
+def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content of a scene file, with the points that curves keep in files beside it.
+
+    Raises
+    ------
+    InputError
+        If such a file is missing or does not hold two columns of numbers.
+    """
+    surfaces = content.get("surface")
+    if not isinstance(surfaces, list):
+        return content
+    read = []
+    for index, surface in enumerate(surfaces):
+        if isinstance(surface, dict) and surface.get("kind") == "curve" and isinstance(surface.get("file"), str):
+            place = f"{path}: surface[{index}].file"
+            if "points" in surface:
+                raise InputError(f"{place} is given beside points; leave out one of the two")
+            points = _read_points(path.parent / surface["file"], place)
+            surface = {name: value for name, value in surface.items() if name != "file"} | {"points": points}
+        read.append(surface)
+    return {**content, "surface": read}
+
+
+def _read_points(path: Path, place: str) -> list[list[float]]:
+    """The rows x, y [m] of an .npy or a .csv file; the latter may have one line of headings.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read.
+    """
+    expected = "expected an .npy or .csv file with one x and y [m] per row"
+    if path.suffix not in (".npy", ".csv"):
+        raise InputError(f"{place} is {path.name!r}, {expected}; convert it")
+    try:
+        if path.suffix == ".npy":
+            points = np.load(path, allow_pickle=False)
+        else:
+            lines = path.read_text(encoding="utf-8").splitlines()
+            headed = bool(lines) and any(letter.isalpha() and letter not in "eE" for letter in lines[0])
+            points = np.loadtxt(lines, delimiter=",", ndmin=2, skiprows=int(headed))
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error).splitlines()[0]
+        raise InputError(f"{place}: {path} cannot be read ({reason}); {expected}") from None
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
+        raise InputError(f"{place}: {path} holds an array of shape {points.shape}, {expected}")
+    return [[float(x), float(y)] for x, y in points]
 
 
 def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene:
@@ -288,11 +373,11 @@ def _explain(item: Any) -> str:
     return f"{place} is {found!r}, expected {message}"
 
 
-_KINDS = ("segment", "polyline", "arc", "circle")
+_KINDS = ("segment", "polyline", "arc", "circle", "curve")
 _FIELDS = sorted(
     {
         name
-        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle)
+        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle, Curve)
         for name in cls.__dataclass_fields__
     }
 )

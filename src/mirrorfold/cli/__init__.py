@@ -87,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except InputError as error:
         return _complain(error, str(error), WRONG_INPUT)
     except KeyboardInterrupt as error:
-        return _complain(error, "interrupted; nothing was written", INTERRUPTED)
+        return _complain(error, str(error) or "interrupted; nothing was written", INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone, for example `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED

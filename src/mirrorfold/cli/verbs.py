@@ -5,6 +5,7 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Sequence
 from contextvars import ContextVar
@@ -28,6 +29,7 @@ from mirrorfold.errors import InputError
 
 Output = Annotated[Path, Parameter(alias="-o")]
 Json = Annotated[bool, Parameter(negative="")]
+Flag = Annotated[bool, Parameter(negative="")]
 Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
@@ -100,11 +102,18 @@ def demo(*, out: Path = Path("demo"), json: Json = False) -> None:
 def simulate(
     scene: Path,
     *,
-    output: Output,
-    solver: Literal["rays"] = "rays",
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    solver: Literal["rays", "fullwave"] = "rays",
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
+    tolerance: float = 1e-3,
+    direct: Flag = False,
+    check_residual: Flag = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: Flag = False,
+    dry_run: Flag = False,
     json: Json = False,
 ) -> None:
     """Simulate a sweep.
@@ -114,25 +123,70 @@ def simulate(
     scene
         Scene file (TOML).
     output
-        Sweep to write (netCDF).
+        Sweep to write (netCDF); needed but for a dry run.
     solver
-        How the waves are followed.
+        How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db is
+        for fullwave alone.
     bounces
-        Largest number of mirrors on each way.
+        Largest number of mirrors on each way, for rays alone.
     seed
-        Of the diffuse scatterers and of the noise.
+        Of the diffuse scatterers or the random profiles, and of the noise.
     snr_db
         Signal over noise per sample [dB]; no noise by default.
+    tolerance
+        Relative error of the samples.
+    direct
+        Add the direct wave from transmitter to receiver.
+    check_residual
+        Measure how well the equations are solved, at mid-band.
+    workers
+        Processes that share the frequencies; one for each core by default.
+    scheduler
+        Address of a Dask scheduler, whose workers share the frequencies instead.
+    resume
+        Go on with a sweep that was interrupted.
+    dry_run
+        Say how long it will take and how much memory and disk it needs, and stop.
     json
         Print what was simulated as one JSON object.
     """
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[scene])
     truth = mf.load_scene(scene)
-    with progress("simulating the sweep") as report:
-        sweep = mf.simulate(truth, solver=solver, bounces=bounces, seed=seed, snr_db=snr_db, progress=report)
+    options: dict[str, Any] = {"bounces": bounces, "tolerance": tolerance, "direct": direct}
+    options |= {"check_residual": check_residual, "scheduler": scheduler}
+    if solver == "fullwave":
+        workers = available_cores() if workers is None else workers
+    if dry_run:
+        if solver != "fullwave":
+            raise InputError("--dry-run is for --solver fullwave; rays take seconds")
+        show_estimate(estimate_simulation(truth, tolerance=tolerance, seed=seed, workers=workers or 1), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
+    check_output(output, inputs=[scene])
+    results = output.with_name(f"{output.name}.frequencies")
+    if solver == "fullwave":
+        options["checkpoint"] = results
+    try:
+        with progress("simulating the sweep") as report:
+            sweep = mf.simulate(
+                truth,
+                solver=solver,
+                seed=seed,
+                snr_db=snr_db,
+                workers=1 if workers is None else workers,
+                resume=resume,
+                progress=report,
+                **options,
+            )
+    except KeyboardInterrupt:
+        if results.exists():
+            raise KeyboardInterrupt(f"interrupted; what is done is kept in {results}, --resume goes on") from None
+        raise
     mf.save(sweep.assign_attrs(command=command.get()), output)
+    if solver == "fullwave":
+        remove_directory(results)
     found = mf.info(sweep)
     remark(found["remarks"])
     if json:
@@ -323,6 +377,48 @@ for verb in (demo, simulate, focus, fold, reconstruct, score, info):
         help=VERBS[verb.__name__].purpose,
         help_epilogue=f"Example: {VERBS[verb.__name__].example}\n",
         version_flags=[],
+    )
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def remove_directory(path: Path) -> None:
+    """Remove a directory with all that is in it."""
+    import shutil
+
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def estimate_simulation(scene: mf.Scene, *, tolerance: float, seed: int, workers: int) -> dict[str, Any]:
+    """What a full-wave simulation will cost, in plain numbers."""
+    from mirrorfold.simulation.fullwave.sweep import estimate_sweep
+
+    cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
+    return {
+        "unknowns": cost.unknowns,
+        "skeletons": cost.skeletons,
+        "frequencies": scene.band.points,
+        "workers": workers,
+        "cpu_seconds_per_frequency": cost.seconds_per_frequency,
+        "minutes": cost.seconds_per_frequency * scene.band.points / workers / 60.0,
+        "memory_per_worker_gb": cost.memory / 1e9,
+        "memory_gb": workers * cost.memory / 1e9,
+        "disk_gb": cost.disk / 1e9,
+    }
+
+
+def show_estimate(found: dict[str, Any], *, json: bool) -> None:
+    """Print what a simulation will cost."""
+    if json:
+        show_json(found)
+        return
+    print(
+        f"{found['unknowns']} unknowns, {found['skeletons']} after compression, {found['frequencies']} frequencies: "
+        f"about {found['cpu_seconds_per_frequency']:.2g} s each, {found['minutes']:.2g} minutes with "
+        f"{found['workers']} workers, {found['memory_gb']:.2g} GB of memory, {found['disk_gb']:.2g} GB of disk"
     )
 
 

@@ -15,12 +15,12 @@ from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.factorized import FactorizedPlan
 from mirrorfold.focusing.grid import default_grid, extent
 from mirrorfold.focusing.linear import PolarPlan
-from mirrorfold.focusing.memory import available_memory
 from mirrorfold.focusing.nodes import UnsuitedError
 from mirrorfold.focusing.problem import Problem, pixel_axis
 from mirrorfold.focusing.taper import window
 from mirrorfold.focusing.tfm import ROUNDING, TABLE_BYTES, focus_exact
 from mirrorfold.focusing.threads import Progress
+from mirrorfold.memory import available_memory
 from mirrorfold.sweep import check_sweep
 
 REFINEMENTS = 3

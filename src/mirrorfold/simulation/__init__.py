@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.scene import Scene, load_scene
 from mirrorfold.sweep import add_noise, make_sweep
 
-SOLVERS = ("rays",)
+SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
 
 Progress = Callable[[int, int], None]
@@ -26,29 +27,54 @@ def simulate(
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
+    tolerance: float = 1e-3,
+    direct: bool = False,
+    check_residual: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """Simulate the sweep of a two-dimensional scene.
 
     Every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
     factor, and a sample of the sweep is the field scattered to the receiver; the direct wave from transmitter to
-    receiver is left out. An endless smooth mirror thus returns ``R exp(-j k d) / sqrt(d)``, with d the length of
-    the path over the mirror and R its reflection coefficient.
+    receiver is left out. The full-wave solver takes the line source itself, ``sqrt(pi k / 2) exp(-j pi / 4)
+    H0^(2)(k d)``, which has that far field, so that the sweeps of both solvers have one scale. An endless smooth
+    mirror thus returns ``R exp(-j k d) / sqrt(d)``, with d the length of the path over the mirror and R its reflection
+    coefficient.
 
     Parameters
     ----------
     scene : Scene or path
         A scene, or the path of a scene file.
-    solver : {"rays"}, default "rays"
-        Hybrid of frozen diffuse scatterers and specular image paths.
+    solver : {"rays", "fullwave"}, default "rays"
+        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equation of perfect conductors,
+        E along the axis, with all multiple scattering, diffraction and shadowing.
     bounces : int, default 3
-        Largest number of mirrors between an antenna and what scatters, on each way. Purely specular returns, which
-        go there and come back, are followed over twice as many.
+        Rays alone. Largest number of mirrors between an antenna and what scatters, on each way. Purely specular
+        returns, which go there and come back, are followed over twice as many.
     seed : int, default 0
-        Of the diffuse scatterers and of the noise.
+        Of the diffuse scatterers or of the random profiles, and of the noise.
     snr_db : float [dB], optional
         Mean power of the samples over the power of the added noise, per sample; no noise by default. Where the
         scene returns nothing, the noise has the mean power one.
+    tolerance : float, default 1e-3
+        Full-wave alone, like all that follow. Relative error of the samples, in the mean square.
+    direct : bool, default False
+        Add the direct wave from transmitter to receiver, but for pairs at one place, where it is infinite.
+    check_residual : bool, default False
+        Measure how well the whole system of equations is solved at mid-band, by a product with the full matrix on
+        random strengths of the transmitters; stored in the attribute `residual`.
+    workers : int, default 1
+        Processes that share the frequencies. With more than one, a script needs ``if __name__ == "__main__":``.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers share the frequencies instead.
+    checkpoint : path, optional
+        Folder that keeps the results by frequency, to resume from; remove it when the sweep is saved.
+    resume : bool, default False
+        Go on with the results in that folder, to the same bytes that an uninterrupted sweep would hold.
     progress : callable, optional
         Called as ``progress(done, total)`` while frequencies are done.
 
@@ -83,9 +109,51 @@ def simulate(
     if snr_db is not None and not np.isfinite(snr_db):
         raise InputError(f"snr_db is {snr_db!r}, expected a finite number of decibels, or None for no noise")
 
-    from mirrorfold.simulation.rays import scattered_field
+    _check_solver_options(
+        solver,
+        {"bounces": bounces != 3},
+        {
+            "tolerance": tolerance != 1e-3,
+            "direct": direct,
+            "check_residual": check_residual,
+            "workers": workers != 1,
+            "scheduler": scheduler is not None,
+            "checkpoint": checkpoint is not None,
+            "resume": resume,
+        },
+    )
+    settings: dict[str, Any]
+    if solver == "rays":
+        from mirrorfold.simulation.rays import scattered_field
 
-    s = scattered_field(scene, bounces=int(bounces), seed=int(seed), progress=progress)
+        s = scattered_field(scene, bounces=int(bounces), seed=int(seed), progress=progress)
+        settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
+    else:
+        from mirrorfold.simulation.fullwave.sweep import fullwave_field
+
+        if isinstance(workers, bool) or not isinstance(workers, (int, np.integer)) or workers < 1:
+            raise InputError(f"workers is {workers!r}, expected a whole number of at least 1")
+        if resume and checkpoint is None:
+            raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
+        s, facts = fullwave_field(
+            scene,
+            tolerance=tolerance,
+            seed=int(seed),
+            direct=direct,
+            check_residual=check_residual,
+            workers=int(workers),
+            scheduler=scheduler,
+            checkpoint=None if checkpoint is None else Path(checkpoint),
+            resume=resume,
+            progress=progress,
+        )
+        settings = {
+            "tolerance": float(tolerance),
+            "seed": int(seed),
+            "direct": bool(direct),
+            **facts,
+            "source_field": "sqrt(pi k/2) exp(-j pi/4) H0(2)(kd), far away exp(-jkd)/sqrt(d)",
+        }
     returns_something = bool(s.any())
     if not returns_something:
         if snr_db is None:
@@ -95,23 +163,31 @@ def simulate(
                 "add a surface that the array sees, or give snr_db for a sweep of noise alone"
             )
         s = _unit_noise(s.shape, int(seed))
+    chosen = ", ".join(f"{name}={settings[name]:g}" for name in ("bounces", "tolerance", "seed") if name in settings)
     sweep = make_sweep(
         s,
         frequency=scene.band.frequency,
         tx_position=scene.array.tx_position,
         rx_position=scene.array.rx_position,
         title=scene.name,
-        processing=[f"simulated by {solver}, bounces={bounces}, seed={seed}"],
+        processing=[f"simulated by {solver}, {chosen}"],
         solver=solver,
-        bounces=int(bounces),
-        seed=int(seed),
-        source_field="exp(-jkd)/sqrt(d)",
+        **settings,
     )
     if snr_db is None:
         return sweep
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+
+
+def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:
+    """Refuse options that the solver does not know; each is given with whether it was chosen."""
+    ignored = of_fullwave if solver == "rays" else of_rays
+    for name, chosen in ignored.items():
+        if chosen:
+            other = "fullwave" if solver == "rays" else "rays"
+            raise InputError(f"{name} is an option of the solver {other!r}, not of {solver!r}; leave it out")
 
 
 def _unit_noise(shape: tuple[int, ...], seed: int) -> np.ndarray:

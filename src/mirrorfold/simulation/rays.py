@@ -22,12 +22,12 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.errors import InputError
 from mirrorfold.scene import Band, Scene
 from mirrorfold.simulation.edges import edge_factor, edge_waves
 from mirrorfold.simulation.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.outline import Outline, outline
 from mirrorfold.simulation.paths import Chain, Points, chains, trace
+from mirrorfold.simulation.plane import in_plane
 from mirrorfold.simulation.scatterers import Scatterers, scatterers, specular_coefficient
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def scattered_field(
         If the scene is not a two-dimensional one of surfaces that rays can follow.
     """
     frequency = scene.band.frequency
-    tx, rx = _in_plane(scene.array.tx_position), _in_plane(scene.array.rx_position)
+    tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
     same_array = np.array_equal(tx, rx)
     world = outline(scene)
     tx_chains = chains(tx, world, 2 * bounces)
@@ -109,16 +109,6 @@ def scattered_field(
         if progress is not None:
             progress(first + len(part), frequency.size)
     return s
-
-
-def _in_plane(position: Array) -> Array:
-    """Antenna positions (n, 2) [m] in the plane of a two-dimensional scene."""
-    if np.any(position[:, 2] != 0.0):
-        raise InputError(
-            f"array: an antenna stands at z = {position[np.argmax(np.abs(position[:, 2])), 2]:g} m, expected z = 0 "
-            "in a scene of two dimensions; leave the third coordinate out of center and direction"
-        )
-    return np.ascontiguousarray(position[:, :2])
 
 
 @dataclass(frozen=True, eq=False)

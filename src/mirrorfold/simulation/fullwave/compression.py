@@ -1,0 +1,236 @@
+"""Skeletons: the few nodes of a group by which the rest of the scene and the antennas feel it.
+
+An interpolative decomposition (Cheng, Gimbutas, Martinsson and Rokhlin, SIAM J. Sci. Comput. 26, 2005) of the field
+that a group radiates, sampled where it is felt: on the actual rest of the scene and at the antennas, densely nearby
+and sparsely far away. A piece of wall meets waves from few directions only, and needs far fewer skeletons this way than
+for all waves that could be. Groups of skeletons are compressed again, level by level (Martinsson and
+Rokhlin, J. Comput. Phys. 205, 2005).
+
+Skeletons are chosen once, at the highest frequency, and serve the whole band.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.linalg import lapack, qr
+
+from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
+from mirrorfold.simulation.fullwave.kernel import hankel
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex64]
+Indices = NDArray[np.int64]
+
+LEAF = 10.0
+"""Length of the smallest groups [wavelengths]."""
+
+FAN_OUT = 4
+"""Groups that are joined to one of the next level."""
+
+LONGEST = 160.0
+"""Length [wavelengths] of the largest groups."""
+
+SAMPLING = 0.3
+"""Distance of samples over that of the fringes of a group's field, ``d lambda / l`` at distance d from a group of
+length l."""
+
+PROBES = 16
+"""Points of a group from which the distance of the samples is taken."""
+
+ROWS_PER_SKELETON = 2
+"""Samples kept for the interpolation at every frequency: with one per skeleton it fails at the low end of the band."""
+
+DAMPING = 0.03
+"""Damping of the interpolation over its tolerance: below the top frequency skeletons are one too many here and there,
+and would otherwise carry large currents that cancel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A piece of contour and its skeleton.
+
+    Attributes
+    ----------
+    members : (n,) array of int
+        All nodes of a leaf; else the skeletons of the children, child after child.
+    skeleton, rest : (s,) and (n - s,) arrays of int
+        Places in `members` of the skeletons and of the others.
+    rows : (r,) array of int
+        Nodes outside the group at which the skeletons must reproduce its field.
+    antennas : (a,) array of int
+        Antennas at which they must do so too.
+    scale : (r + a,) float32 array
+        By which the field there is multiplied, so that near and far count alike.
+    damping : float
+        Of the interpolation, relative to the norm of a column.
+    children : tuple of Group
+        Empty for a leaf.
+    """
+
+    members: Indices
+    skeleton: Indices
+    rest: Indices
+    rows: Indices
+    antennas: Indices
+    scale: NDArray[np.float32]
+    damping: float
+    children: tuple[Group, ...]
+
+    @property
+    def skeletons(self) -> Indices:
+        """The numbers of the nodes that are skeletons."""
+        return self.members[self.skeleton]
+
+    def walk(self) -> list[Group]:
+        """The group after all that is below it."""
+        return [group for child in self.children for group in child.walk()] + [self]
+
+
+def compress(nodes: Nodes, antennas: Array, *, k: float, tolerance: float) -> tuple[Group, ...]:
+    """The largest groups of a scene, with all below them.
+
+    Parameters
+    ----------
+    nodes : Nodes
+    antennas : (a, 2) array [m]
+        Transmitters and receivers.
+    k : float [rad/m]
+        Largest wavenumber of the band.
+    tolerance : float
+        Of the interpolation.
+    """
+    wavelength = 2.0 * np.pi / k
+    roots: list[Group] = []
+    for surface in np.unique(nodes.surface):
+        members = np.flatnonzero(nodes.surface == surface)
+        length = nodes.weight[members].sum()
+        leaves = max(1, round(length / (LEAF * wavelength)))
+        bounds = np.searchsorted(np.cumsum(nodes.weight[members]), np.linspace(0.0, length, leaves + 1)[1:-1])
+        groups = [_skeletonise(nodes, part, (), antennas, k, tolerance) for part in np.split(members, bounds)]
+        span = length / leaves
+        while len(groups) > 1 and span * FAN_OUT <= LONGEST * wavelength * 1.5:
+            joined = np.array_split(np.arange(len(groups)), -(-len(groups) // FAN_OUT))
+            families = [tuple(groups[i] for i in family) for family in joined]
+            groups = [
+                _skeletonise(nodes, np.concatenate([c.skeletons for c in family]), family, antennas, k, tolerance)
+                for family in families
+            ]
+            span *= FAN_OUT
+        roots += groups
+    return tuple(roots)
+
+
+def _skeletonise(
+    nodes: Nodes, members: Indices, children: tuple[Group, ...], antennas: Array, k: float, tolerance: float
+) -> Group:
+    """Choose the skeleton of a group, and the samples from which the rest is interpolated."""
+    first, last = members.min(), members.max()
+    rows, distance = _samples(nodes, first, last, members, 2.0 * np.pi / k)
+    probes = nodes.position[members[:: max(1, len(members) // PROBES)]]
+    to_antennas = np.min(np.linalg.norm(antennas[:, None] - probes, axis=2), axis=1)
+    # The modulus of the Hankel function to a few per cent.
+    scale = np.sqrt(0.5 * np.pi * k * np.concatenate([distance, to_antennas])).astype(np.float32)
+    field = sampled_field(nodes, rows, antennas, members, k) * scale[:, None]
+    triangle = qr(field, mode="r", check_finite=False)[0][: len(members)]
+    triangle, order = qr(triangle, mode="r", pivoting=True, check_finite=False)
+    size = np.abs(np.diag(triangle))
+    rank = max(1, int(np.count_nonzero(size > tolerance * size[0])))
+    skeleton, rest = np.sort(order[:rank]), np.sort(order[rank:])
+    chosen = _independent_rows(field[:, skeleton])
+    inner = chosen[chosen < len(rows)]
+    outer = chosen[chosen >= len(rows)]
+    return Group(
+        members=members,
+        skeleton=skeleton,
+        rest=rest,
+        rows=rows[inner],
+        antennas=outer - len(rows),
+        scale=scale[chosen],
+        damping=DAMPING * tolerance,
+        children=children,
+    )
+
+
+def sampled_field(nodes: Nodes, rows: Indices, antennas: Array, members: Indices, k: float) -> Complex:
+    """What unit currents in the members do to nodes outside the group and at antennas, (rows + antennas, members)."""
+    at_antennas = hankel(antennas, nodes.position[members], k)
+    return np.concatenate([matrix(nodes, rows, members, k), at_antennas])
+
+
+def interpolation(group: Group, nodes: Nodes, antennas: Array, k: float) -> Complex:
+    """Skeleton currents that stand for the currents of the members, (skeletons, members) matrix."""
+    field = sampled_field(nodes, group.rows, antennas[group.antennas], group.members, k) * group.scale[:, None]
+    kept = len(group.skeleton)
+    result = np.zeros((kept, len(group.members)), dtype=np.complex64)
+    result[np.arange(kept), group.skeleton] = 1.0
+    if len(group.rest):
+        basis = np.zeros((len(field) + kept, kept), dtype=np.complex64, order="F")
+        basis[: len(field)] = field[:, group.skeleton]
+        np.fill_diagonal(basis[len(field) :], group.damping * np.linalg.norm(basis) / np.sqrt(kept))
+        target = np.zeros((len(basis), len(group.rest)), dtype=np.complex64, order="F")
+        target[: len(field)] = field[:, group.rest]
+        result[:, group.rest] = lapack.cgels(basis, target, overwrite_a=1, overwrite_b=1)[1][:kept]
+    return result
+
+
+def _independent_rows(field: Complex) -> Indices:
+    """Rows that determine all others: the pivots of Gaussian elimination, repeated on the rows that remain."""
+    remaining = np.arange(len(field))
+    chosen = []
+    for _ in range(ROWS_PER_SKELETON):
+        if not len(remaining):
+            break
+        _, pivots, _ = lapack.cgetrf(field[remaining])
+        order = np.arange(len(remaining))
+        for i, pivot in enumerate(pivots):
+            order[[i, pivot]] = order[[pivot, i]]
+        taken = order[: len(pivots)]
+        chosen.append(remaining[taken])
+        remaining = np.delete(remaining, taken)
+    return np.sort(np.concatenate(chosen))
+
+
+def _samples(nodes: Nodes, first: int, last: int, members: Indices, wavelength: float) -> tuple[Indices, Array]:
+    """Nodes outside first..last at which a group's field is sampled, and their distances from the group [m]."""
+    x, y = nodes.coordinates
+    probes = members[:: max(1, len(members) // PROBES)]
+    length = nodes.weight[first : last + 1].sum()
+    distance = np.empty(nodes.size)
+    taken = np.empty(nodes.size, dtype=np.bool_)
+    _sample(x, y, nodes.weight, first, last, probes, SAMPLING * wavelength / length, distance, taken)
+    rows = np.flatnonzero(taken)
+    return rows, distance[rows]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _sample(
+    x: Array,
+    y: Array,
+    weight: Array,
+    first: int,
+    last: int,
+    probes: Indices,
+    spread: float,
+    distance: Array,
+    taken: NDArray[np.bool_],
+) -> None:
+    """Take nodes at intervals of `spread` times their distance from the probes, outside first..last."""
+    passed = 1.0
+    for i in range(x.size):
+        taken[i] = False
+        if first <= i <= last:
+            passed = 1.0
+            continue
+        nearest = np.inf
+        for p in probes:
+            nearest = min(nearest, (x[i] - x[p]) ** 2 + (y[i] - y[p]) ** 2)
+        distance[i] = math.sqrt(nearest)
+        passed += weight[i] / (spread * distance[i])
+        if passed >= 1.0:
+            taken[i] = True
+            passed = min(passed - 1.0, 1.0)

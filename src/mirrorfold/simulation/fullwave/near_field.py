@@ -1,0 +1,119 @@
+"""The field between the walls: a picture of waves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.constants import speed_of_light
+
+from mirrorfold.errors import InputError
+from mirrorfold.scene import Band, Scene, load_scene
+from mirrorfold.simulation.fullwave.kernel import hankel
+from mirrorfold.simulation.fullwave.preparation import prepare
+from mirrorfold.simulation.fullwave.solver import currents
+from mirrorfold.simulation.fullwave.tasks import source_strength
+from mirrorfold.simulation.fullwave.threads import one_thread
+
+BLOCK_VALUES = 2_000_000
+"""Values of the kernel that are held at a time."""
+
+
+def near_field(
+    scene: Scene | str | Path,
+    frequency: float,
+    grid: tuple[ArrayLike, ArrayLike],
+    *,
+    source: int | None = None,
+    tolerance: float = 1e-3,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.DataArray:
+    """The total field of one transmitter on a grid.
+
+    Parameters
+    ----------
+    scene : Scene or path
+        Of perfect conductors; its band does not matter here.
+    frequency : float [Hz]
+    grid : pair of (n,) and (m,) arrays [m]
+        Coordinates x and y of the pixels.
+    source : int, optional
+        Number of the transmitter; the middle one by default.
+    tolerance : float, default 1e-3
+    seed : int, default 0
+        Of the random profiles.
+    progress : callable, optional
+        Called as ``progress(done, total)`` with the number of rows done.
+
+    Returns
+    -------
+    xarray.DataArray
+        `field`, (y, x) complex64 [m^(-1/2)], for a source with the field ``exp(-j k d) / sqrt(d)`` far away. Within a
+        spacing of the nodes of a surface, about a twelfth of a wavelength, it is not accurate.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong or the scene cannot be solved.
+
+    Examples
+    --------
+    >>> from mirrorfold.scene import parse_scene
+    >>> scene = parse_scene({
+    ...     "name": "strip",
+    ...     "array": {"elements": 1, "pitch": 0.5e-3},
+    ...     "band": {"start": 290e9, "stop": 300e9, "points": 2},
+    ...     "surface": [{"name": "strip", "kind": "segment", "start": [-0.01, 0.02], "end": [0.01, 0.02]}],
+    ... })
+    >>> field = near_field(scene, 300e9, ([0.0], [0.015, 0.022]))
+    >>> bool(abs(field[0, 0]) > 10 * abs(field[1, 0]))  # before the strip, and in its shadow
+    True
+    """
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    if not 0.0 < frequency < math.inf:
+        raise InputError(f"frequency is {frequency!r}, expected one positive number of hertz")
+    x, y = (_coordinates(axis, name) for axis, name in zip(grid, "xy", strict=True))
+    count = scene.array.elements
+    source = count // 2 if source is None else source
+    if not 0 <= source < count:
+        raise InputError(f"source is {source!r}, expected the number of a transmitter, from 0 to {count - 1}")
+    # The band sets the spacing of the nodes and the frequency of the skeletons, by its upper end.
+    band = Band(start=0.5 * frequency, stop=frequency, points=2)
+    k = 2.0 * math.pi * frequency / speed_of_light
+    field = np.empty((y.size, x.size), dtype=np.complex64)
+    with one_thread():
+        system = prepare(replace(scene, band=band), tolerance=tolerance, seed=seed)
+        excitation = np.zeros((count, 1), dtype=np.complex64)
+        excitation[source] = 1.0
+        sources = np.concatenate([system.nodes.position, system.tx[source : source + 1]])
+        strengths = np.append(currents(system, excitation, k)[:, 0], np.complex64(1.0))
+        rows = max(1, BLOCK_VALUES // (x.size * len(sources)))
+        for first in range(0, y.size, rows):
+            pixels = np.stack(np.meshgrid(x, y[first : first + rows]), axis=-1).reshape(-1, 2)
+            for some in np.array_split(np.arange(len(pixels)), max(1, len(pixels) * len(sources) // BLOCK_VALUES)):
+                waves = hankel(pixels[some], sources, k)
+                # A pixel on a node or on the source would be infinite.
+                field[first : first + rows].reshape(-1)[some] = np.where(np.isfinite(waves), waves, 0.0) @ strengths
+            if progress is not None:
+                progress(min(first + rows, y.size), y.size)
+    return xr.DataArray(
+        np.complex64(source_strength(k)) * field,
+        dims=("y", "x"),
+        coords={"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})},
+        name="field",
+        attrs={"frequency": float(frequency), "source": int(source), "title": scene.name},
+    )
+
+
+def _coordinates(axis: ArrayLike, name: str) -> np.ndarray:
+    """The coordinates of the pixels along one axis."""
+    values = np.asarray(axis, dtype=float)
+    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
+        raise InputError(f"grid: {name} has shape {values.shape}, expected a row of finite coordinates in metres")
+    return values

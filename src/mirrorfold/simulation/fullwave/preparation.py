@@ -1,0 +1,169 @@
+"""From a scene to the system to be solved: its nodes and skeletons, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from mirrorfold.errors import InputError
+from mirrorfold.scene import Scene, Surface
+from mirrorfold.simulation.fullwave.compression import compress
+from mirrorfold.simulation.fullwave.contours import contours
+from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise
+from mirrorfold.simulation.fullwave.solver import System
+from mirrorfold.simulation.plane import in_plane
+
+Array = NDArray[np.float64]
+
+TOLERANCES = (3e-5, 0.1)
+"""Smallest and largest tolerance: single precision allows no smaller one."""
+
+SMOOTH_NODES = 7.5
+"""Nodes per wavelength of a smooth surface at a tolerance of 1e-3."""
+
+ROUGH_NODES = 2.5
+"""Further nodes per wavelength for each unit of ``lambda / L`` times the rms slope."""
+
+FEWEST_NODES = 10.0
+"""Least nodes per wavelength; neighbours are then less than a radian apart."""
+
+NODES_PER_CORRELATION = 2.0
+"""Least nodes per correlation length of a rough surface."""
+
+ORDER = 5
+"""The error falls with this power of the number of nodes."""
+
+INTERPOLATION_SHARE = 0.15
+"""Tolerance of the skeletons over that of the sweep: errors of many groups add up."""
+
+DENSE_BELOW = 1000
+"""Number of nodes up to which the whole system is solved without skeletons."""
+
+CLEARANCE = 2.0
+"""Least distance of antennas from surfaces, in spacings of the nodes."""
+
+TOUCH = 0.75
+"""Surfaces that come closer than this many spacings cross or touch."""
+
+NEIGHBOURHOOD = 10.0
+"""Distance along a surface, in spacings, within which it is allowed to be close to itself."""
+
+
+def prepare(
+    scene: Scene, *, tolerance: float = 1e-3, seed: int = 0, nodes_per_wavelength: float | None = None
+) -> System:
+    """The system of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+        Relative error of the sweep, in the mean square.
+    seed : int
+        Of the random profiles.
+    nodes_per_wavelength : float, optional
+        On all surfaces, at the highest frequency; by default what the tolerance and the roughness ask for.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be solved, with the reason and the remedy.
+    """
+    if not TOLERANCES[0] <= tolerance <= TOLERANCES[1]:
+        raise InputError(f"tolerance is {tolerance!r}, expected a number from {TOLERANCES[0]:g} to {TOLERANCES[1]:g}")
+    if not scene.surface:
+        raise InputError(f"scene {scene.name!r}: there is nothing to simulate, it has no surfaces; add one")
+    tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
+    wavelength = speed_of_light / scene.band.stop
+    densities = [
+        density(surface, wavelength, tolerance, nodes_per_wavelength, f"surface[{index}] {surface.name!r}")
+        for index, surface in enumerate(scene.surface)
+    ]
+    arms = contours(scene, seed=seed)
+    nodes = discretise(arms, wavelength=wavelength, per_wavelength=[densities[arm.surface] for arm in arms])
+    label: Callable[[int], str] = lambda index: f"surface[{index}] {scene.surface[index].name!r}"  # noqa: E731
+    _check_antennas(nodes, np.concatenate([tx, rx]), label)
+    _check_apart(nodes, label)
+    system = System(nodes, tx, rx, ())
+    if nodes.size <= DENSE_BELOW:
+        return system
+    k = 2.0 * math.pi / wavelength
+    roots = compress(nodes, system.antennas, k=k, tolerance=INTERPOLATION_SHARE * tolerance)
+    return System(nodes, tx, rx, roots)
+
+
+def density(surface: Surface, wavelength: float, tolerance: float, chosen: float | None, label: str) -> float:
+    """Nodes per wavelength on a surface; `chosen` by the user, or what its roughness and the tolerance ask for.
+
+    Raises
+    ------
+    InputError
+        If the chosen number is too small for the equation or the roughness.
+    """
+    least, reason = FEWEST_NODES, "to integrate the kernel"
+    roughness = surface.roughness
+    steepness = 0.0
+    if roughness is not None:
+        relative = wavelength / roughness.correlation_length
+        steepness = relative * math.sqrt(2.0) * roughness.rms_height / roughness.correlation_length
+        if least < NODES_PER_CORRELATION * relative:
+            least, reason = NODES_PER_CORRELATION * relative, "for spacings of half a correlation length"
+    if chosen is None:
+        return max(least, (SMOOTH_NODES + ROUGH_NODES * steepness) * (1e-3 / tolerance) ** (1.0 / ORDER))
+    if not least <= chosen < math.inf:
+        raise InputError(
+            f"{label}: nodes_per_wavelength is {chosen:g}, too coarse {reason}; expected at least {least:.3g}, "
+            "or leave it out to have it chosen"
+        )
+    return chosen
+
+
+def _check_antennas(nodes: Nodes, antennas: Array, label: Callable[[int], str]) -> None:
+    """Refuse antennas on a surface."""
+    distance, nearest = cKDTree(nodes.position).query(antennas)
+    worst = int(np.argmin(distance / nodes.weight[nearest]))
+    node = nearest[worst]
+    if distance[worst] < CLEARANCE * nodes.weight[node]:
+        x, y = antennas[worst]
+        least = CLEARANCE * nodes.weight[node]
+        raise InputError(
+            f"array: the antenna at ({x:.6g}, {y:.6g}) m stands on {label(nodes.surface[node])}, "
+            f"{distance[worst]:.2g} m from it; expected at least {least:.2g} m, move one of the two"
+        )
+
+
+def _check_apart(nodes: Nodes, label: Callable[[int], str]) -> None:
+    """Refuse surfaces that cross or touch each other or themselves."""
+    spacing = nodes.weight
+    pairs = cKDTree(nodes.position).query_pairs(TOUCH * float(spacing.max()), output_type="ndarray")
+    a, b = pairs[:, 0], pairs[:, 1]
+    distance = np.linalg.norm(nodes.position[a] - nodes.position[b], axis=1)
+    along = np.cumsum(spacing)
+    apart = np.abs(along[a] - along[b])
+    total = np.bincount(nodes.surface, weights=spacing)[nodes.surface[a]]
+    # The ends of a closed surface are neighbours; those of an open one are apart by all of its length.
+    first = np.searchsorted(nodes.surface, nodes.surface[a])
+    closed = np.linalg.norm(nodes.position[first] - nodes.position[_last(nodes, a)], axis=1) < 2.0 * spacing.max()
+    apart = np.where(closed, np.minimum(apart, total - apart), apart)
+    largest = np.maximum(spacing[a], spacing[b])
+    neighbours = (nodes.surface[a] == nodes.surface[b]) & (apart < NEIGHBOURHOOD * spacing.max())
+    bad = (distance < TOUCH * largest) & ~neighbours
+    if bad.any():
+        worst = int(np.flatnonzero(bad)[np.argmin(distance[bad])])
+        first_surface, second_surface = nodes.surface[a[worst]], nodes.surface[b[worst]]
+        other = "itself" if first_surface == second_surface else label(second_surface)
+        x, y = nodes.position[a[worst]]
+        raise InputError(
+            f"{label(first_surface)} crosses or touches {other} near ({x:.6g}, {y:.6g}) m; expected surfaces at least "
+            f"{largest[worst]:.2g} m apart, move one or join both to one polyline"
+        )
+
+
+def _last(nodes: Nodes, of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The last node of the surface of each node."""
+    return np.searchsorted(nodes.surface, nodes.surface[of], side="right") - 1

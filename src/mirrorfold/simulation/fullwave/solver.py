@@ -1,0 +1,233 @@
+"""The solution at one frequency: groups are eliminated from the leaves up, then one dense system joins them.
+
+With the matrix D of a leaf, the interpolation T to its skeletons and the coupling G between the children of a group,
+
+``M = T D^-1 T^T`` for a leaf and ``M = T (I + M_c G)^-1 M_c T^T`` for a group of children,
+
+where M_c is block diagonal. The sweep is ``-b_rx^T (I + M S)^-1 M b_tx``, with S the coupling of the largest groups and
+b the fields of the antennas at their skeletons. M is never inverted: it is singular to working precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from mirrorfold.simulation.fullwave.compression import Group, interpolation
+from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
+from mirrorfold.simulation.fullwave.kernel import hankel
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What the solver needs to know, at every frequency.
+
+    Attributes
+    ----------
+    nodes : Nodes
+    tx, rx : (n, 2) and (m, 2) arrays [m]
+    roots : tuple of Group
+        The largest groups; none to solve the whole dense system instead.
+    """
+
+    nodes: Nodes
+    tx: Array
+    rx: Array
+    roots: tuple[Group, ...]
+
+    @property
+    def antennas(self) -> Array:
+        """Transmitters and receivers, (n + m, 2) [m]; each place once where they are the same."""
+        return self.tx if np.array_equal(self.tx, self.rx) else np.concatenate([self.tx, self.rx])
+
+
+@dataclass(frozen=True, eq=False)
+class _Eliminated:
+    """A group at one frequency: what its parent needs, and what leads back to its currents.
+
+    Attributes
+    ----------
+    response : (s, s) complex64 array
+        The M of the group.
+    inward : (n, s) complex64 array
+        Currents of the members for a field of one at each skeleton, ``D^-1 T^T`` or ``(I + M_c G)^-1 M_c T^T``.
+    interpolation : (s, n) complex64 array
+        T.
+    coupling : (n, n) complex64 array
+        G; empty for a leaf.
+    children : tuple of _Eliminated
+    """
+
+    response: Complex
+    inward: Complex
+    interpolation: Complex
+    coupling: Complex
+    children: tuple[_Eliminated, ...]
+
+
+def scattered(system: System, k: float) -> Complex:
+    """Field scattered from every transmitter to every receiver, for sources with the field ``H0^(2)(k r)``.
+
+    Parameters
+    ----------
+    system : System
+    k : float [rad/m]
+
+    Returns
+    -------
+    (tx, rx) complex64 array
+    """
+    members, charges, _ = _solved(system, np.eye(len(system.tx), dtype=np.complex64), k)
+    return charges.T @ hankel(system.nodes.position[members], system.rx, k)
+
+
+def currents(system: System, excitation: Complex, k: float) -> Complex:
+    """Currents of all nodes.
+
+    Parameters
+    ----------
+    system : System
+    excitation : (tx, n) complex64 array
+        Strengths of the transmitters in each of n cases, as multiples of ``H0^(2)(k r)``.
+    k : float [rad/m]
+
+    Returns
+    -------
+    (nodes, n) complex64 array
+        The scattered field is their sum with ``H0^(2)(k r)``.
+    """
+    members, charges, eliminated = _solved(system, excitation, k)
+    if not system.roots:
+        return charges
+    blocks = [group.response for group in eliminated]
+    exciting = _incident(system, members, excitation, k) + _coupling(system.nodes, members, blocks, k) @ charges
+    result = np.zeros((system.nodes.size, excitation.shape[1]), dtype=np.complex64)
+    for root, group, part in zip(system.roots, eliminated, _split(exciting, blocks), strict=True):
+        _descend(root, group, -part, result)
+    return result
+
+
+def residual(system: System, k: float, *, seed: int, cases: int = 4) -> float:
+    """How well the compressed solution solves the whole system, for random strengths of the transmitters.
+
+    Parameters
+    ----------
+    system : System
+    k : float [rad/m]
+    seed : int
+    cases : int
+        Number of right-hand sides.
+
+    Returns
+    -------
+    float
+        Norm of ``A I + b`` over that of the field b, with the full matrix A, which is never stored.
+    """
+    generator = np.random.default_rng(seed)
+    shape = (len(system.tx), cases)
+    excitation = (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)).astype(np.complex64)
+    solution = currents(system, excitation, k)
+    incident = hankel(system.nodes.position, system.tx, k) @ excitation
+    everything = np.arange(system.nodes.size)
+    left = np.empty_like(incident)
+    for rows in np.array_split(everything, max(1, system.nodes.size // BLOCK_ROWS)):
+        left[rows] = matrix(system.nodes, rows, everything, k) @ solution + incident[rows]
+    return float(np.linalg.norm(left) / np.linalg.norm(incident))
+
+
+BLOCK_ROWS = 256
+"""Rows of the full matrix that are made at a time when it is not stored."""
+
+
+def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
+    """The nodes that are left, their currents ``-(I + M S)^-1 M b``, and the largest groups."""
+    if not system.roots:
+        members = np.arange(system.nodes.size)
+        whole = matrix(system.nodes, members, members, k)
+        return members, -_solve(whole, _incident(system, members, excitation, k)), []
+    eliminated = [_eliminate(root, system, k) for root in system.roots]
+    blocks = [group.response for group in eliminated]
+    members = np.concatenate([root.skeletons for root in system.roots])
+    right = _times(blocks, _incident(system, members, excitation, k))
+    joined = _coupling(system.nodes, members, blocks, k)
+    _identity_plus(blocks, joined, out=joined)
+    return members, -_solve(joined, right), eliminated
+
+
+def _incident(system: System, members: Indices, excitation: Complex, k: float) -> Complex:
+    """Field of the transmitters at nodes, (members, cases)."""
+    return hankel(system.nodes.position[members], system.tx, k) @ excitation
+
+
+def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
+    """Eliminate a group and all below it."""
+    children = tuple(_eliminate(child, system, k) for child in group.children)
+    to_skeleton = interpolation(group, system.nodes, system.antennas, k)
+    if not children:
+        inward = _solve(matrix(system.nodes, group.members, group.members, k), to_skeleton.T)
+        return _Eliminated(to_skeleton @ inward, inward, to_skeleton, np.empty((0, 0), np.complex64), ())
+    blocks = [child.response for child in children]
+    coupling = _coupling(system.nodes, group.members, blocks, k)
+    inward = _solve(_identity_plus(blocks, coupling, out=np.empty_like(coupling)), _times(blocks, to_skeleton.T))
+    return _Eliminated(to_skeleton @ inward, inward, to_skeleton, coupling, children)
+
+
+def _coupling(nodes: Nodes, members: Indices, blocks: Sequence[Complex], k: float) -> Complex:
+    """The matrix between groups; what they do to themselves, in blocks on the diagonal, is in their response."""
+    result = matrix(nodes, members, members, k)
+    first = 0
+    for block in blocks:
+        last = first + len(block)
+        result[first:last, first:last] = 0.0
+        first = last
+    return result
+
+
+def _descend(group: Group, eliminated: _Eliminated, exciting: Complex, result: Complex) -> None:
+    """Currents of all nodes of a group from the field that excites its skeletons."""
+    currents = eliminated.inward @ exciting
+    if not group.children:
+        result[group.members] = currents
+        return
+    at_members = eliminated.interpolation.T @ exciting - eliminated.coupling @ currents
+    parts = _split(at_members, [child.response for child in eliminated.children])
+    for child, below, part in zip(group.children, eliminated.children, parts, strict=True):
+        _descend(child, below, part, result)
+
+
+def _split(array: Complex, blocks: Sequence[Complex]) -> list[Complex]:
+    """The rows of an array that belong to each block."""
+    return np.split(array, np.cumsum([len(block) for block in blocks])[:-1])
+
+
+def _times(blocks: Sequence[Complex], array: Complex) -> Complex:
+    """Block diagonal matrix times array."""
+    return np.concatenate([block @ part for block, part in zip(blocks, _split(array, blocks), strict=True)])
+
+
+def _identity_plus(blocks: Sequence[Complex], coupling: Complex, *, out: Complex) -> Complex:
+    """``I + M G`` for block diagonal M; `out` may be G itself."""
+    for block, source, target in zip(blocks, _split(coupling, blocks), _split(out, blocks), strict=True):
+        target[:] = block @ source
+    out.ravel()[:: len(out) + 1] += 1.0
+    return out
+
+
+def _solve(a: Complex, b: Complex) -> Complex:
+    """Solution of ``a x = b``; a, in rows, is overwritten by its factors.
+
+    LAPACK expects columns, so that it factors the transpose and then solves with the transpose of that.
+    """
+    factors, pivots, info = lapack.cgetrf(a.T, overwrite_a=1)
+    if info > 0:
+        raise FloatingPointError(f"the system of {len(a)} equations is singular at its row {info}")
+    solution, _ = lapack.cgetrs(factors, pivots, b, trans=1)
+    return np.ascontiguousarray(solution)

@@ -1,0 +1,213 @@
+"""The full-wave sweep of a scene: checks, frequencies, results on disk."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.errors import InputError
+from mirrorfold.memory import available_memory
+from mirrorfold.scene import Band, Scene
+from mirrorfold.simulation.fullwave.checkpoint import Checkpoint, fingerprint
+from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
+from mirrorfold.simulation.fullwave.preparation import prepare
+from mirrorfold.simulation.fullwave.solver import residual
+from mirrorfold.simulation.fullwave.tasks import solve_frequencies
+from mirrorfold.simulation.fullwave.threads import one_thread
+
+Complex = NDArray[np.complex64]
+
+STRONG_DB = -40.0
+"""Level of an echo of rays against the strongest one [dB] above which it must not wrap around. Rays lack what scatters
+diffusely more than once, so that such echoes come out 10-15 dB too weak; -30 dB is what an image notices."""
+
+LONGER = 8
+"""How many ambiguous ranges are searched for strong echoes."""
+
+SEARCH_STEPS = 800
+"""Frequencies of that search, at most: its range resolution need not be that of the sweep."""
+
+
+def fullwave_field(
+    scene: Scene,
+    *,
+    tolerance: float = 1e-3,
+    seed: int = 0,
+    direct: bool = False,
+    check_residual: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
+    checkpoint: Path | None = None,
+    resume: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Complex, dict[str, float]]:
+    """What each receiver measures of each transmitter.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+        Relative error of the samples, in the mean square.
+    seed : int
+        Of the random profiles.
+    direct : bool
+        Add the wave that comes straight from the transmitter.
+    check_residual : bool
+        Measure how well the whole system is solved at mid-band.
+    workers : int
+        Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers are used instead.
+    checkpoint : path, optional
+        Folder for the results of frequencies that are done; it stays when the sweep is finished.
+    resume : bool
+        Go on with the results in that folder.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after every frequency.
+
+    Returns
+    -------
+    s : (frequencies, tx, rx) complex64 array
+    facts : dict
+        `unknowns`, `skeletons`, and `residual` where it was asked for.
+
+    Raises
+    ------
+    InputError
+        If the scene or an argument is wrong, or memory or disk will not do.
+    """
+    frequency = scene.band.frequency
+    with one_thread():
+        system = prepare(scene, tolerance=tolerance, seed=seed)
+    cost = estimate(system, frequency.size)
+    check_resources(cost, workers=1 if scheduler else workers, folder=checkpoint)
+    warn_of_wrapped_echoes(scene)
+    kept = None
+    if checkpoint is not None:
+        kept = Checkpoint.open(checkpoint, fingerprint(system, frequency, direct=direct), resume=resume)
+    s = np.empty((frequency.size, len(system.tx), len(system.rx)), dtype=np.complex64)
+    todo = []
+    for index in range(frequency.size):
+        done = kept.read(index) if kept else None
+        if done is None:
+            todo.append(index)
+        else:
+            s[index] = done
+    if progress is not None:
+        progress(frequency.size - len(todo), frequency.size)
+    finished = frequency.size - len(todo)
+    for index, result in solve_frequencies(
+        system, frequency, todo, direct=direct, workers=workers, scheduler=scheduler
+    ):
+        s[index] = result
+        if kept:
+            kept.write(index, result)
+        finished += 1
+        if progress is not None:
+            progress(finished, frequency.size)
+    facts: dict[str, float] = {"unknowns": cost.unknowns, "skeletons": cost.skeletons}
+    if check_residual:
+        with one_thread():
+            middle = 2.0 * np.pi * frequency[frequency.size // 2] / speed_of_light
+            facts["residual"] = residual(system, float(middle), seed=seed)
+    return s, facts
+
+
+def estimate_sweep(scene: Scene, *, tolerance: float = 1e-3, seed: int = 0) -> Estimate:
+    """What the full-wave sweep of a scene will cost; it takes as long as its preparation.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+    seed : int
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be solved.
+    """
+    with one_thread():
+        system = prepare(scene, tolerance=tolerance, seed=seed)
+    warn_of_wrapped_echoes(scene)
+    return estimate(system, scene.band.points)
+
+
+def check_resources(cost: Estimate, *, workers: int, folder: Path | None) -> None:
+    """Refuse work for which memory or disk will not do.
+
+    Raises
+    ------
+    InputError
+        With what is needed, what there is, and the remedy.
+    """
+    free = available_memory()
+    if workers * cost.memory > free:
+        fewer = int(free // cost.memory)
+        remedy = f"use {fewer} workers" if fewer else "simulate a smaller scene or a lower band"
+        raise InputError(
+            f"workers: {workers} processes need {workers * cost.memory / 1e9:.1f} GB of memory for {cost.unknowns} "
+            f"unknowns, but {free / 1e9:.1f} GB are free; {remedy}"
+        )
+    if folder is not None:
+        place = folder.absolute()
+        while not place.exists():
+            place = place.parent
+        room = shutil.disk_usage(place).free
+        if cost.disk > room:
+            raise InputError(
+                f"{folder}: the sweep needs {cost.disk / 1e9:.3g} GB of disk, but {room / 1e9:.3g} GB are free; "
+                "make room or choose another place"
+            )
+
+
+def warn_of_wrapped_echoes(scene: Scene) -> None:
+    """Warn where strong echoes come from beyond the ambiguous range, with the number of frequencies needed."""
+    step = (scene.band.stop - scene.band.start) / (scene.band.points - 1)
+    ambiguous = speed_of_light / (2.0 * step)
+    longest = longest_strong_echo(scene)
+    if longest > ambiguous:
+        needed = int(np.ceil((scene.band.stop - scene.band.start) * 2.0 * longest / speed_of_light)) + 1
+        warnings.warn(
+            f"scene {scene.name!r}: strong echoes come from up to {longest:.2g} m, but {scene.band.points} frequencies "
+            f"are unambiguous to {ambiguous:.2g} m alone; use at least {needed} in the same band",
+            stacklevel=2,
+        )
+
+
+def longest_strong_echo(scene: Scene) -> float:
+    """Range [m] of the farthest strong echo, by ray tracing with the two ends of the array; 0 without any.
+
+    Splines are left out, which rays cannot follow.
+    """
+    from mirrorfold.simulation.rays import scattered_field
+
+    straight = tuple(surface for surface in scene.surface if surface.kind != "curve")
+    if not straight:
+        return 0.0
+    array = scene.array
+    if array.elements > 2:
+        array = replace(array, elements=2, pitch=array.pitch * (array.elements - 1))
+    step = (scene.band.stop - scene.band.start) / (scene.band.points - 1) / LONGER
+    steps = min(LONGER * (scene.band.points - 1), SEARCH_STEPS)
+    middle = 0.5 * (scene.band.start + scene.band.stop)
+    band = Band(start=middle - 0.5 * steps * step, stop=middle + 0.5 * steps * step, points=steps + 1)
+    s = scattered_field(replace(scene, surface=straight, array=array, band=band), bounces=3, seed=0)
+    profile = np.abs(np.fft.ifft(s * np.hanning(steps + 1)[:, None, None], axis=0)).max(axis=(1, 2))
+    if not profile.any():
+        return 0.0
+    strong = np.flatnonzero(profile > 10.0 ** (STRONG_DB / 20.0) * profile.max())
+    # What lies at the very end is the leakage of range zero.
+    strong = strong[strong < steps - 2]
+    return float(strong.max(initial=0) * speed_of_light / (2.0 * (steps + 1) * step))

@@ -1,0 +1,151 @@
+"""Frequencies as independent tasks: in this process, in several, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.errors import InputError
+from mirrorfold.simulation.fullwave.kernel import hankel
+from mirrorfold.simulation.fullwave.solver import System, scattered
+from mirrorfold.simulation.fullwave.threads import one_thread
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex64]
+
+
+def source_strength(k: float) -> complex:
+    """The factor by which ``H0^(2)(k d)`` becomes ``exp(-j k d) / sqrt(d)`` far away [m^(-1/2)]."""
+    return complex(np.sqrt(0.5 * np.pi * k) * np.exp(-0.25j * np.pi))
+
+
+def solve_frequency(system: System, frequency: float, direct: bool) -> Complex:
+    """The sweep at one frequency, (tx, rx); the same bytes wherever it is computed with the same libraries.
+
+    Parameters
+    ----------
+    system : System
+    frequency : float [Hz]
+    direct : bool
+        Add the wave that comes straight from the transmitter, but for pairs at one place.
+    """
+    k = 2.0 * np.pi * frequency / speed_of_light
+    with one_thread():
+        field = scattered(system, k)
+        if direct:
+            straight = hankel(system.tx, system.rx, k)
+            field = field + np.where(np.isfinite(straight), straight, 0.0)
+        return (source_strength(k) * field).astype(np.complex64)
+
+
+def solve_frequencies(
+    system: System, frequency: Array, todo: Sequence[int], *, direct: bool, workers: int, scheduler: str | None
+) -> Iterator[tuple[int, Complex]]:
+    """The numbers and results of the frequencies to do, in the order in which they are done."""
+    if scheduler is not None:
+        yield from _on_cluster(system, frequency, todo, direct, scheduler)
+    elif workers == 1:
+        for index in todo:
+            yield index, solve_frequency(system, float(frequency[index]), direct)
+    else:
+        yield from _in_processes(system, frequency, todo, direct, workers)
+
+
+def _in_processes(
+    system: System, frequency: Array, todo: Sequence[int], direct: bool, workers: int
+) -> Iterator[tuple[int, Complex]]:
+    """By worker processes, each with a copy of the system."""
+    # By way of a file: the parent would wait for ever for a worker that ends before it has read a large argument.
+    with tempfile.TemporaryDirectory(prefix="mirrorfold-") as folder:
+        path = Path(folder) / "system.pickle"
+        path.write_bytes(pickle.dumps(system))
+        pool = ProcessPoolExecutor(
+            min(workers, max(1, len(todo))),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start_worker,
+            initargs=(path,),
+        )
+        try:
+            futures = {pool.submit(_in_worker, float(frequency[index]), direct): index for index in todo}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        except BrokenProcessPool:
+            raise InputError(
+                "workers: a worker process has ended before its time, for want of memory or because the script that "
+                'started it lacks `if __name__ == "__main__":`; use fewer workers or add that line, and resume'
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+_system: System | None = None
+"""The system of this worker process."""
+
+
+def _start_worker(path: Path) -> None:
+    """Take over the system, and end when the parent does, however abruptly."""
+    global _system
+    _system = pickle.loads(path.read_bytes())
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interruption is the parent's to handle
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the parent process, then end this one: its queue would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _in_worker(frequency: float, direct: bool) -> Complex:
+    """One frequency in a worker process."""
+    if _system is None:
+        raise RuntimeError("this process was not started as a worker")
+    return solve_frequency(_system, frequency, direct)
+
+
+def _on_cluster(
+    system: System, frequency: Array, todo: Sequence[int], direct: bool, scheduler: str
+) -> Iterator[tuple[int, Complex]]:
+    """By the workers of a Dask cluster."""
+    try:
+        from distributed import Client
+        from distributed import as_completed as completed
+    except ImportError:
+        raise InputError(
+            "scheduler: dask is not installed; run `pip install 'mirrorfold[dask]'`, or leave out the scheduler to use "
+            "the cores of this machine"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = str(error) or type(error).__name__
+        raise InputError(
+            f"scheduler: no Dask scheduler answers at {scheduler!r} ({reason}); start one with `dask scheduler` and "
+            "give its address, such as tcp://127.0.0.1:8786"
+        ) from None
+    with client:
+        [everywhere] = client.scatter([system], broadcast=True)
+        futures = {
+            client.submit(solve_frequency, everywhere, float(frequency[index]), direct, pure=False): index
+            for index in todo
+        }
+        for future in completed(futures, loop=client.loop):
+            yield futures[future], future.result()
+
+
+CONNECT_SECONDS = 10
+"""How long to wait for a Dask scheduler [s]."""

@@ -1,0 +1,340 @@
+"""Sweeps as work: processes, clusters, resumption, estimates, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fullwave_scenes import WALL, scene_of, small_two_walls
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.errors import InputError
+from mirrorfold.simulation.fullwave import sweep as fullwave
+from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
+from mirrorfold.simulation.fullwave.preparation import prepare
+from mirrorfold.simulation.fullwave.sweep import check_resources, longest_strong_echo
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*strong echoes")
+
+STRIP = {"kind": "segment", "start": [-0.01, 0.05], "end": [0.01, 0.055]}
+
+TOML = """
+name = "wall and corner"
+[array]
+elements = 9
+pitch = 0.5e-3
+[band]
+start = 290e9
+stop = 300e9
+points = 13
+[[surface]]
+name = "wall"
+kind = "segment"
+start = [-0.06, 0.1]
+end = [0.06, 0.12]
+roughness = {rms_height = 0.05e-3, correlation_length = 0.2e-3}
+[[surface]]
+name = "corner"
+kind = "polyline"
+points = [[0.02, 0.2], [0.04, 0.22], [0.06, 0.2]]
+roughness = {rms_height = 0.1e-3, correlation_length = 0.2e-3}
+"""
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "scene.toml"
+    path.write_text(TOML)
+    return path
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(scene_file):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return mf.simulate(scene_file, solver="fullwave")["s"].values
+
+
+def test_sweep_carries_what_it_was_made_with():
+    sweep = mf.simulate(scene_of(STRIP), solver="fullwave", tolerance=3e-3, check_residual=True, seed=5)
+    assert sweep["s"].dtype == np.complex64
+    assert sweep["s"].dims == ("frequency", "tx", "rx")
+    assert sweep.attrs["solver"] == "fullwave"
+    assert sweep.attrs["tolerance"] == 3e-3
+    assert sweep.attrs["seed"] == 5
+    assert sweep.attrs["unknowns"] > 100
+    assert sweep.attrs["residual"] < 1e-4
+    assert "H0(2)(kd)" in sweep.attrs["source_field"]
+
+
+def test_direct_wave_is_the_field_of_a_line_source():
+    without, with_ = (mf.simulate(scene_of(STRIP), solver="fullwave", direct=direct)["s"] for direct in (False, True))
+    direct = (with_ - without).values
+    apart = np.abs(np.arange(9)[:, None] - np.arange(9)) * 0.5e-3
+    assert not direct[:, apart == 0].any()
+    far = apart > 3.5e-3
+    k = 2 * np.pi * without["frequency"].values / speed_of_light
+    expected = np.exp(-1j * k[:, None] * apart[far]) / np.sqrt(apart[far])
+    # The asymptotic field of the source is off by 1/(8 k d).
+    np.testing.assert_allclose(direct[:, far], expected, rtol=1 / (8 * k[0] * 3.5e-3))
+
+
+def test_noise_is_added_by_its_level():
+    clean, noisy = (mf.simulate(scene_of(STRIP), solver="fullwave", snr_db=snr)["s"].values for snr in (None, 10.0))
+    measured = np.mean(np.abs(clean) ** 2) / np.mean(np.abs(noisy - clean) ** 2)
+    assert 10 * np.log10(measured) == pytest.approx(10.0, abs=1.0)
+
+
+def test_processes_give_the_same_bytes(scene_file, uninterrupted):
+    done = []
+    s = mf.simulate(scene_file, solver="fullwave", workers=2, progress=lambda *state: done.append(state))["s"].values
+    np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
+    assert done == [(count, 13) for count in range(14)]
+
+
+@pytest.mark.slow
+def test_script_without_a_guard_is_told_so_instead_of_hanging(scene_file, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(f"import mirrorfold as mf\nmf.simulate({str(scene_file)!r}, solver='fullwave', workers=2)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert "lacks `if __name__" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_dask_cluster_of_two_workers_gives_the_same_bytes(scene_file, uninterrupted):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        s = mf.simulate(scene_file, solver="fullwave", scheduler=cluster.scheduler_address)["s"].values
+    np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
+
+
+@pytest.mark.slow
+def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_path, capsys):
+    out = tmp_path / "sweep.nc"
+    results = tmp_path / "sweep.nc.frequencies"
+    command = ["simulate", str(scene_file), "--solver", "fullwave", "-o", str(out), "--workers", "1"]
+    in_two = [sys.executable, "-m", "mirrorfold", *command[:-1], "2"]
+    process = subprocess.Popen(in_two, stderr=subprocess.DEVNULL)
+    while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = {path.name: path.stat().st_mtime_ns for path in results.glob("*.npy")}
+    assert 2 <= len(kept) < 13
+    assert not out.exists()
+    # Without --resume the results are not thrown away, and other settings do not go on with them.
+    assert main(command) == 2
+    assert "resume it, or remove the folder" in capsys.readouterr().err
+    assert main([*command, "--resume", "--tolerance", "1e-2"]) == 2
+    assert "another scene or of other settings" in capsys.readouterr().err
+    for name, written in kept.items():
+        assert (results / name).stat().st_mtime_ns == written
+    assert main([*command, "--resume"]) == 0
+    np.testing.assert_array_equal(mf.load(out)["s"].values.view(np.uint64), uninterrupted.view(np.uint64))
+    assert not results.exists()
+
+
+def test_resumption_solves_only_what_is_missing(scene_file, uninterrupted, tmp_path, monkeypatch):
+    mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done")
+    for index in (0, 7, 12):
+        (tmp_path / "done" / f"{index:05d}.npy").unlink()
+    solved = []
+    original = fullwave.solve_frequencies
+
+    def watched(system, frequency, todo, **options):
+        solved.extend(todo)
+        return original(system, frequency, todo, **options)
+
+    monkeypatch.setattr(fullwave, "solve_frequencies", watched)
+    s = mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done", resume=True)["s"].values
+    assert solved == [0, 7, 12]
+    np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
+
+
+def test_dry_run_estimates_and_writes_nothing(scene_file, tmp_path, capsys):
+    assert main(["simulate", str(scene_file), "--solver", "fullwave", "--dry-run", "--json", "--workers", "2"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["frequencies"] == 13
+    assert found["workers"] == 2
+    assert 0 < found["minutes"] < 1
+    assert 0.1 < found["memory_gb"] < 1.0
+    assert found["disk_gb"] == pytest.approx(2 * 13 * 81 * 8 / 1e9)
+    assert not list(tmp_path.iterdir())
+
+
+def test_estimate_grows_with_the_scene():
+    small, large = (estimate(prepare(small_two_walls(scale)), 100) for scale in (0.06, 0.12))
+    assert 1.7 < large.unknowns / small.unknowns < 2.3
+    assert small.skeletons < large.skeletons < 2.5 * small.skeletons
+    assert large.seconds_per_frequency > 1.3 * small.seconds_per_frequency
+
+
+# What is refused, and how
+
+
+def refused(*surfaces: dict, **options: object) -> str:
+    with pytest.raises(InputError) as error:
+        mf.simulate(scene_of(*surfaces), solver="fullwave", **options)
+    message = str(error.value)
+    assert "\n" not in message
+    assert len(message) < 400
+    return message
+
+
+def test_crossing_surfaces():
+    message = refused(STRIP, {"kind": "segment", "start": [0.0, 0.04], "end": [0.002, 0.06]})
+    assert "surface[0] 'surface 0' crosses or touches surface[1] 'surface 1' near (0.00" in message
+
+
+def test_a_surface_that_crosses_itself():
+    bow = {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.06], [0.01, 0.05], [-0.01, 0.06]]}
+    assert "crosses or touches itself near" in refused(bow)
+
+
+def test_surfaces_that_touch_at_a_corner_of_their_own():
+    message = refused(STRIP, {"kind": "segment", "start": [0.01, 0.055], "end": [0.02, 0.05]})
+    assert "join both to one polyline" in message
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.05], [0.0, 0.07], [-0.01, 0.05]]},
+        {"kind": "circle", "center": [0.0, 0.06], "radius": 0.005},
+        {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.05], [-0.01, 0.056]]},
+    ],
+    ids=["triangle", "circle", "sharp"],
+)
+def test_closed_and_sharp_surfaces_do_not_cross_themselves(surface):
+    prepare(scene_of(surface))
+
+
+def test_antenna_on_a_surface():
+    message = refused({"kind": "segment", "start": [-0.01, 0.0001], "end": [0.01, 0.0001]})
+    assert "array: the antenna at" in message
+    assert "stands on surface[0]" in message
+
+
+def test_surface_without_length():
+    with pytest.raises(InputError, match="start and end are the same point"):
+        scene_of({"kind": "segment", "start": [0.0, 0.05], "end": [0.0, 0.05]})
+
+
+def test_other_materials_name_the_solver_that_takes_them():
+    message = refused({**STRIP, "material": "concrete"})
+    assert "'concrete'" in message
+    assert "use solver 'rays'" in message
+    assert "volume_depth" in refused({**STRIP, "volume_depth": 0.01})
+
+
+def test_mesh_too_coarse_for_the_roughness():
+    fine = {"rms_height": 0.01e-3, "correlation_length": 0.1e-3}
+    scene = scene_of({**STRIP, "roughness": fine})
+    with pytest.raises(InputError, match=r"too coarse for spacings of half a correlation length; expected at least 20"):
+        prepare(scene, nodes_per_wavelength=12)
+    prepare(scene)
+
+
+def test_no_surfaces_and_antennas_out_of_the_plane():
+    assert "has no surfaces" in refused()
+    scene = scene_of(STRIP)
+    with pytest.raises(InputError, match=r"stands at z = 0\.1 m"):
+        mf.simulate(replace(scene, array=replace(scene.array, center=(0.0, 0.0, 0.1))), solver="fullwave")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tolerance": 0.0}, "tolerance is 0.0, expected a number from 3e-05 to 0.1"),
+        ({"workers": 0}, "workers is 0, expected a whole number of at least 1"),
+        ({"resume": True}, "resume needs the folder"),
+        ({"bounces": 5}, "bounces is an option of the solver 'rays', not of 'fullwave'"),
+    ],
+)
+def test_wrong_options(options, message):
+    assert message in refused(STRIP, **options)
+
+
+def test_options_that_rays_do_not_know():
+    with pytest.raises(InputError, match="tolerance is an option of the solver 'fullwave', not of 'rays'"):
+        mf.simulate(scene_of(STRIP), tolerance=1e-4)
+
+
+def test_no_scheduler_at_the_address(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("mirrorfold.simulation.fullwave.tasks.CONNECT_SECONDS", 1)
+    assert "no Dask scheduler answers at 'tcp://127.0.0.1:9'" in refused(STRIP, scheduler="tcp://127.0.0.1:9")
+
+
+def test_not_enough_memory_or_disk(tmp_path):
+    huge = Estimate(unknowns=10**6, skeletons=10**5, seconds_per_frequency=1e4, memory=1e15, disk=1.0)
+    with pytest.raises(InputError, match=r"workers: 2 processes need 2000000.0 GB of memory.*smaller scene"):
+        check_resources(huge, workers=2, folder=None)
+    with pytest.raises(InputError, match=r"sweep needs 1e\+09 GB of disk"):
+        check_resources(replace(huge, memory=1.0, disk=1e18), workers=1, folder=tmp_path / "not" / "there")
+
+
+def test_too_few_frequencies_for_the_echoes_are_told_with_the_number_needed():
+    # The return over two parallel mirrors, there and back, comes from 0.4 m and beyond.
+    far = {"kind": "segment", "start": [-0.1, 0.4], "end": [0.1, 0.4], "roughness": WALL}
+    few, many = (scene_of(far, elements=3, points=points) for points in (11, 61))
+    assert longest_strong_echo(many) == pytest.approx(0.41, abs=0.05)
+    with pytest.warns(UserWarning, match="strong echoes come from up to 0.4.* m, but 11 frequencies") as caught:
+        fullwave.warn_of_wrapped_echoes(few)
+    needed = int(str(caught[0].message).split("use at least ")[1].split()[0])
+    assert 26 <= needed <= 32
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fullwave.warn_of_wrapped_echoes(many)
+
+
+# Curves from files
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npy"])
+def test_curve_from_a_file_beside_the_scene(tmp_path, suffix):
+    x = np.linspace(-0.02, 0.02, 41)
+    points = np.stack([x, 0.05 + 0.003 * np.sin(200 * x)], axis=1)
+    if suffix == ".npy":
+        np.save(tmp_path / "profile.npy", points)
+    else:
+        np.savetxt(tmp_path / "profile.csv", points, delimiter=",", header="x [m], y [m]", comments="")
+    (tmp_path / "scene.toml").write_text(
+        'name = "measured"\n[array]\nelements = 3\npitch = 0.5e-3\n[band]\nstart = 290e9\nstop = 300e9\npoints = 3\n'
+        f'[[surface]]\nname = "profile"\nkind = "curve"\nfile = "profile{suffix}"\n'
+    )
+    scene = mf.load_scene(tmp_path / "scene.toml")
+    assert scene.surface[0].points[0] == (-0.02, pytest.approx(points[0, 1]))
+    nodes = prepare(scene).nodes
+    assert np.abs(nodes.position[:, 1] - 0.05 - 0.003 * np.sin(200 * nodes.position[:, 0])).max() < 1e-5
+    with pytest.raises(InputError, match="is a curve, which rays cannot follow"):
+        mf.simulate(scene)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, r"surface\[0\].file: .*profile.csv cannot be read \(No such file"),
+        ("1,2,3\n4,5,6\n", r"holds an array of shape \(2, 3\), expected an .npy or .csv"),
+        ("1;2\n", "cannot be read"),
+        ("0,0\n1,1\n", "points"),
+        ("0,0\n0,0\n1,1\n2,2\n", "two consecutive points are the same"),
+    ],
+)
+def test_bad_files_of_points(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "profile.csv").write_text(content)
+    (tmp_path / "scene.toml").write_text(TOML + '[[surface]]\nname = "p"\nkind = "curve"\nfile = "profile.csv"\n')
+    with pytest.raises(InputError, match=message.replace("surface\\[0\\]", "surface\\[2\\]")):
+        mf.load_scene(tmp_path / "scene.toml")
