@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -11,6 +12,9 @@ import xarray as xr
 from mirrorfold.errors import InputError
 from mirrorfold.scene import Scene, load_scene
 from mirrorfold.sweep import add_noise, make_sweep
+
+if TYPE_CHECKING:
+    from mirrorfold.solids import Scene3D
 
 SOLVERS = ("rays",)
 """The solvers that `simulate` knows."""
@@ -20,24 +24,26 @@ Progress = Callable[[int, int], None]
 
 
 def simulate(
-    scene: Scene | str | Path,
+    scene: Scene | Scene3D | str | Path,
     *,
     solver: str = "rays",
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Simulate the sweep of a two-dimensional scene.
+    """Simulate the sweep of a scene.
 
-    Every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
+    A three-dimensional scene is seen by a raster scanner; its sweep is S11 of every beam. In a two-dimensional one every
+    source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
     factor, and a sample of the sweep is the field scattered to the receiver; the direct wave from transmitter to
     receiver is left out. An endless smooth mirror thus returns ``R exp(-j k d) / sqrt(d)``, with d the length of
     the path over the mirror and R its reflection coefficient.
 
     Parameters
     ----------
-    scene : Scene or path
+    scene : Scene, Scene3D or path
         A scene, or the path of a scene file.
     solver : {"rays"}, default "rays"
         Hybrid of frozen diffuse scatterers and specular image paths.
@@ -49,13 +55,15 @@ def simulate(
     snr_db : float [dB], optional
         Mean power of the samples over the power of the added noise, per sample; no noise by default. Where the
         scene returns nothing, the noise has the mean power one.
+    force : bool, default False
+        In three dimensions, go on where returns wrap around or the scan is too coarse for the beam.
     progress : callable, optional
-        Called as ``progress(done, total)`` while frequencies are done.
+        Called as ``progress(done, total)`` while frequencies or beams are done.
 
     Returns
     -------
     xarray.Dataset
-        The sweep, variable ``s(frequency, tx, rx)``.
+        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``.
 
     Raises
     ------
@@ -74,7 +82,7 @@ def simulate(
     >>> round(float(abs(simulate(scene)["s"][0, 0, 0])), 6)
     0.707107
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
     if solver not in SOLVERS:
         raise InputError(f"solver is {solver!r}, expected one of: {', '.join(SOLVERS)}")
     for name, value in (("bounces", bounces), ("seed", seed)):
@@ -82,6 +90,12 @@ def simulate(
             raise InputError(f"{name} is {value!r}, expected a whole number of at least 0")
     if snr_db is not None and not np.isfinite(snr_db):
         raise InputError(f"snr_db is {snr_db!r}, expected a finite number of decibels, or None for no noise")
+    if not isinstance(scene, Scene):
+        from mirrorfold.simulation.raster import simulate_raster
+
+        return simulate_raster(
+            scene, bounces=int(bounces), seed=int(seed), snr_db=snr_db, force=force, progress=progress
+        )
 
     from mirrorfold.simulation.rays import scattered_field
 
