@@ -8,6 +8,7 @@ what it shows behind the mirror belongs to nobody.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +59,21 @@ class Worlds:
 
     def seen_through(self, range_: Array, beam: Index) -> Index:
         """The mirror through which points at that range [m] in that beam are seen: ROOT, NOBODY or its number."""
-        through = self.views.seen_through(range_, beam)
-        for crossing, edge in zip(self.views.crossing, self.straddles, strict=True):
-            through = np.where(edge[beam] & (range_ > crossing[beam]), NOBODY, through)
-        return through
+        crossing, opened = self.tables
+        passed = np.zeros(range_.shape, dtype=np.intp)
+        for ranges in crossing:
+            passed += ranges[beam] < range_
+        return np.asarray(opened[passed, beam])
+
+    @cached_property
+    def tables(self) -> tuple[Array, Index]:
+        """Crossings of every beam from the nearest outward, (depth, beams), and what is seen after each."""
+        crossing, opened = self.views._worlds
+        order = np.argsort(self.views.crossing, axis=0)[: len(crossing)]
+        edge = np.take_along_axis(self.straddles, order, axis=0) & np.isfinite(crossing)
+        opened = opened.copy()
+        opened[1:][np.logical_or.accumulate(edge, axis=0)] = NOBODY
+        return crossing, opened
 
 
 def build_worlds(
