@@ -109,11 +109,8 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
                 if not any(scatters(finish)[inside] for finish in finishes):
                     continue
                 generator = np.random.default_rng([seed, solid.surface, side, inside])
-                foot, normal, area = (
-                    _on_mesh(solid, BODY_SPACING / np.sqrt(density), generator)
-                    if quad is None
-                    else _on_quad(quad, WALL_SPACING / np.sqrt(density), generator)
-                )
+                spacing = (BODY_SPACING if quad is None else WALL_SPACING) / np.sqrt(density)
+                foot, normal, area = sample(solid, quad, spacing, generator)
                 uniform = generator.uniform(size=len(foot))
                 gaussian = generator.standard_normal((len(foot), 2)) @ np.array([1.0, 1.0j]) * np.sqrt(0.5)
                 owner = np.full(len(foot), solid.surface)
@@ -133,6 +130,19 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
     if not parts:
         return Speckle(np.empty((0, 3)), np.empty(0), np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, complex))
     return Speckle(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def sample(solid: Solid, quad: Quad | None, spacing: float, generator: np.random.Generator) -> tuple[Array, Array, float]:
+    """Random points on one face of a solid, or on all of it, evenly spread.
+
+    Returns
+    -------
+    points, normals : (n, 3) arrays
+        The normals are outward and have length one.
+    area : float [m^2]
+        That each point stands for.
+    """
+    return _on_mesh(solid, spacing, generator) if quad is None else _on_quad(quad, spacing, generator)
 
 
 def _on_quad(quad: Quad, spacing: float, generator: np.random.Generator) -> tuple[Array, Array, float]:
