@@ -34,6 +34,12 @@ from mirrorfold.volume_folding import find_worlds, folded_voxels
 from mirrorfold.volume_score import patch_contrast
 
 Content = dict[str, Any]
+
+
+class NotHidden(Exception):
+    """A draw in which the radar sees the body directly is no scene of the family."""
+
+
 SNR_DB = 10.0
 """Per sample: the body then stands some 20 dB above the noise of the volume."""
 
@@ -58,6 +64,7 @@ def drywall(random: np.random.Generator, lean_deg: float = 0.0) -> Content:
     normal = np.cos(lean) * flat + np.array([0.0, 0.0, np.sin(lean)])
     wall, body = part(content, "drywall"), part(content, "mannequin")
     wall |= {"center": [0.0, distance, 0.0], "normal": normal.tolist(), "width": 3.0}
+    wall["volume_depth"] = float(random.choice([0.0, random.uniform(0.005, 0.03)], p=[0.2, 0.8]))
     # The ghost stands in the middle of the field of view, the body is its mirror image in the wall, upright.
     seen = distance + random.uniform(1.25, 1.6)
     azimuth = np.radians(random.uniform(-3.0, 3.0))
@@ -89,9 +96,9 @@ def corridor(random: np.random.Generator) -> Content:
     content = shipped("corridor")
     turn = np.radians(random.uniform(-5.0, 5.0))
     # Turned about a point in the view, so that the walls stay in it.
-    pivot = np.array([-0.1, 2.3])
+    pivot = np.array([-0.1, 2.2])
     rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    shift = random.uniform([-0.05, -0.10], [0.05, 0.05])
+    shift = random.uniform([-0.05, -0.05], [0.05, 0.05])
 
     def moved(place: list[float]) -> list[float]:
         return [*(pivot + rotation @ (np.array(place[:2]) - pivot) + shift).tolist(), place[2]]
@@ -135,13 +142,15 @@ def judge_drywall(content: Content, seed: int) -> dict[str, float]:
     scene = parse_scene(content)
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
+    if "mannequin" not in score["surfaces"]:
+        raise NotHidden
     bare = parse_scene(without_foil(content))
     objects = mf.reconstruct(mf.simulate(bare, seed=seed, snr_db=SNR_DB)).children["objects"].dataset
     behind = objects["bounces"].values > 0
     points = np.stack([objects[axis].values for axis in "xyz"], axis=-1)[behind]
     foil = next(surface for surface in scene.surface if surface.name == "foil")
     angle, offset = mirror_error(score, "drywall")
-    body = score["surfaces"].get("mannequin", {})
+    body = score["surfaces"]["mannequin"]
     return {
         "plane error [deg] <= 0.15": angle,
         "plane offset [mm] <= 5": offset,
@@ -159,7 +168,9 @@ def judge_corridor(content: Content, seed: int) -> dict[str, float]:
     scene = parse_scene(content)
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
-    body, box = score["surfaces"].get("mannequin", {}), score["surfaces"].get("extinguisher box", {})
+    if "mannequin" not in score["surfaces"]:
+        raise NotHidden
+    body, box = score["surfaces"]["mannequin"], score["surfaces"].get("extinguisher box", {})
     return {
         "mirror wall [deg] <= 0.2": mirror_error(score, "outer wall")[0],
         "hidden wall [deg] <= 0.3": mirror_error(score, "inner wall")[0],
@@ -192,6 +203,8 @@ def run_family(name: str, seeds: int) -> list[dict[str, float]]:
         draw += 1
         try:
             rows.append(judge(make(random), draw))
+        except NotHidden:
+            continue
         except mf.InputError as error:
             # A draw whose farthest echo lies beyond the unambiguous range is no scene for this instrument.
             if "wrap around" not in str(error):

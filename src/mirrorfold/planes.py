@@ -30,6 +30,13 @@ SMALLEST_FILL = 0.5
 LARGEST_SAGITTA = 0.010
 """A sheet that bulges by more than this [m] is curved: an object, not a plane mirror."""
 
+LARGEST_DEVIATION = 1.2
+"""Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_DEVIATION` together: walls show
+up to 0.8, for they average over the footprint, the flattest parts of a body 1.3 and more."""
+
+INSIDE_DEVIATION = 0.004
+"""What volume scattering adds at most to the deviation of a wall's centroids [m]."""
+
 PROPOSALS = 300
 """Triples drawn for each plane: one in ten falls on a wall that holds a third of the echoes, hence never none."""
 
@@ -290,7 +297,9 @@ def _settle(
     mirror = PlaneMirror(center, normal, points, beams, fill=fill)
     if fill < SMALLEST_FILL or min(mirror.extent) < minimum_size or _sagitta(cloud, mirror, member) > LARGEST_SAGITTA:
         return None, member
-    normal, center, angle_error, offset_error = _refit(volume, mirror)
+    normal, center, angle_error, offset_error, flat = _refit(volume, mirror)
+    if not flat:
+        return None, member
     depth = _leading_edge(volume, normal, center, beams)
     center = center + depth * normal
     points = _face(volume, normal, center, beams)
@@ -352,8 +361,8 @@ def _sagitta(cloud: Cloud, mirror: PlaneMirror, member: Mask) -> float:
     return float(np.max(np.abs(bend[[0, 2]])))
 
 
-def _refit(volume: RadarVolume, mirror: PlaneMirror) -> tuple[Array, Array, float, float]:
-    """The plane through the centres of power of all its beams: normal, a point, and the two standard errors.
+def _refit(volume: RadarVolume, mirror: PlaneMirror) -> tuple[Array, Array, float, float, bool]:
+    """The plane through the centres of power of all its beams: normal, a point, both standard errors, and its flatness.
 
     A beam gathers echoes from all of its footprint, symmetrically about its axis: their centre of power lies on the
     plane, where single echoes are off by the footprint.
@@ -382,7 +391,8 @@ def _refit(volume: RadarVolume, mirror: PlaneMirror) -> tuple[Array, Array, floa
     independent = max(float(good.sum()) / shared, 3.0)
     size = float(np.sqrt(np.linalg.eigvalsh(np.cov(points.T))[1]))
     offset_error = deviation / np.sqrt(independent)
-    return normal, center, float(np.degrees(offset_error / max(size, 1e-6))), offset_error
+    flat = deviation <= LARGEST_DEVIATION * float(np.hypot(np.median(spread), INSIDE_DEVIATION))
+    return normal, center, float(np.degrees(offset_error / max(size, 1e-6))), offset_error, flat
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
