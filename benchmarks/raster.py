@@ -12,13 +12,13 @@ import copy
 import json
 import resource
 import time
+import tomllib
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomllib
 import xarray as xr
 from rich.console import Console
 from rich.table import Table
@@ -36,12 +36,12 @@ from mirrorfold.volume_score import patch_contrast
 Content = dict[str, Any]
 
 
-class NotHidden(Exception):
+class NotHiddenError(Exception):
     """A draw in which the radar sees the body directly is no scene of the family."""
 
 
-SNR_DB = 10.0
-"""Per sample: the body then stands some 20 dB above the noise of the volume."""
+SNR_DB = 20.0
+"""Per sample: the body then stands some 30 dB above the noise of the volume."""
 
 
 def shipped(name: str) -> Content:
@@ -112,7 +112,7 @@ def corridor(random: np.random.Generator) -> Content:
         if "heading" in surface:
             surface["heading"] += float(np.degrees(turn))
     body = part(content, "mannequin")
-    body["position"] = (np.array(body["position"]) + [*random.uniform(-0.05, 0.05, 2), random.uniform(-0.03, 0.03)]).tolist()
+    body["position"] = (np.array(body["position"]) + random.uniform([-0.05, -0.05, -0.03], [0.05, 0.05, 0.03])).tolist()
     body |= {
         "heading": body["heading"] + float(random.uniform(-25.0, 25.0)),
         "height": float(random.uniform(1.6, 1.8)),
@@ -143,7 +143,7 @@ def judge_drywall(content: Content, seed: int) -> dict[str, float]:
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
     if "mannequin" not in score["surfaces"]:
-        raise NotHidden
+        raise NotHiddenError
     bare = parse_scene(without_foil(content))
     objects = mf.reconstruct(mf.simulate(bare, seed=seed, snr_db=SNR_DB)).children["objects"].dataset
     behind = objects["bounces"].values > 0
@@ -169,7 +169,7 @@ def judge_corridor(content: Content, seed: int) -> dict[str, float]:
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
     if "mannequin" not in score["surfaces"]:
-        raise NotHidden
+        raise NotHiddenError
     body, box = score["surfaces"]["mannequin"], score["surfaces"].get("extinguisher box", {})
     return {
         "mirror wall [deg] <= 0.2": mirror_error(score, "outer wall")[0],
@@ -203,7 +203,7 @@ def run_family(name: str, seeds: int) -> list[dict[str, float]]:
         draw += 1
         try:
             rows.append(judge(make(random), draw))
-        except NotHidden:
+        except NotHiddenError:
             continue
         except mf.InputError as error:
             # A draw whose farthest echo lies beyond the unambiguous range is no scene for this instrument.
@@ -268,7 +268,10 @@ def speed() -> Table:
 def simulator_error() -> float:
     """Largest error of the fast sum against the plain one, relative to the largest sample."""
     content = shipped("drywall-mannequin")
-    content["scanner"] |= {"azimuth": {"start": -2, "stop": 2, "points": 7}, "elevation": {"start": -2, "stop": 2, "points": 5}}
+    content["scanner"] |= {
+        "azimuth": {"start": -2, "stop": 2, "points": 7},
+        "elevation": {"start": -2, "stop": 2, "points": 5},
+    }
     scene = parse_scene(content)
     echoes, _ = find_echoes(scene, bounces=1, seed=0, density=0.1)
     fast = measure(scene, echoes)

@@ -48,7 +48,9 @@ BOUNCES = 3
 """Reflections that a line of sight may take to a piece of truth that counts as reachable."""
 
 
-def score(reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES) -> dict[str, Any]:
+def score(
+    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+) -> dict[str, Any]:
     """Distances between a reconstruction and the true scene.
 
     Parameters

@@ -32,8 +32,8 @@ RUN_DB = -12.0
 """An echo's run of samples ends where its amplitude falls this far below its peak: speckle fades by as much."""
 
 RIDGE_DB = -9.0
-"""An echo this far below the one that a neighbouring beam sees at the same range is the edge of that beam's: at 0.7 beam
-radii the two-way pattern has fallen by as much."""
+"""An echo this far below the one that a neighbouring beam sees at the same range is the edge of that beam's: at 0.7
+beam radii the two-way pattern has fallen by as much."""
 
 MOST_ECHOES = 24
 """In one beam; the strongest count."""
@@ -100,7 +100,7 @@ class RadarVolume:
         """Angle between neighbouring beams [rad]."""
         return float(np.radians(0.5 * (np.diff(self.azimuth).mean() + np.diff(self.elevation).mean())))
 
-    def width(self, range_: Array) -> Array:
+    def width(self, range_: Array | float) -> Array:
         """Radius of the beam [m] at ranges [m]."""
         return beam_radius(
             range_, spot_radius=self.spot_radius, focus_distance=self.focus_distance, wavelength=self.wavelength
@@ -142,7 +142,7 @@ def to_radar_volume(volume: xr.DataArray, *, normalization: str | None = None) -
         if not np.isfinite(axis).all() or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
             raise InputError(f"image: the coordinate {name} does not rise in equal steps; resample to a regular grid")
     angle_table(axes[1])
-    amplitude = _magnitudes(beams_of(volume))
+    amplitude: NDArray[np.float32] = _magnitudes(beams_of(volume))
     if not np.isfinite(amplitude).all():
         raise InputError("image: holds pixels that are not finite (NaN or infinite); mask them with 0")
     if not amplitude.any():
@@ -165,7 +165,7 @@ def to_radar_volume(volume: xr.DataArray, *, normalization: str | None = None) -
 
     done = gain_of(str(attrs.get("normalization", "none")))
     if np.ptp(done) > 0.0:
-        amplitude = amplitude / np.maximum(done, 1e-12).astype(np.float32)
+        amplitude /= np.maximum(done, 1e-12).astype(np.float32)
     stride = max(1, amplitude.size // NOISE_SAMPLES)
     # An odd stride visits all ranges and beams alike.
     sample = amplitude.ravel()[:: stride | 1]

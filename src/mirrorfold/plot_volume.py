@@ -23,11 +23,14 @@ Array = NDArray[np.float64]
 FLOOR_DB = -20.0
 """Of the pictures of bodies: speckle fades by 10 dB, and foil outshines cloth by as much."""
 
-SMOOTHING = 0.018
+SMOOTHING = 0.013
 """Length over which the power of neighbouring points is averaged [m], about the radius of the beam."""
 
 CELL = 0.008
 """Pixels of the cross-section [m]."""
+
+FEWEST = 30
+"""Points that make a body."""
 
 LARGEST_CLUSTER_GAP = 0.12
 """Points further apart than this [m] belong to different things."""
@@ -59,6 +62,19 @@ def _largest_thing(points: Array) -> NDArray[np.bool_]:
     return np.asarray(group == np.argmax(np.bincount(group)))
 
 
+def _last_mirror(reconstruction: xr.DataTree, chain: str) -> Array:
+    """True place (3,) of the mirror through which a chain shows things."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    index = int(np.flatnonzero(mirrors["chain"].values == chain)[0])
+    return np.array([float(mirrors[f"folded_center_{axis}"][index]) for axis in "xyz"])
+
+
+def has_body(reconstruction: xr.DataTree) -> bool:
+    """Whether enough objects were seen by way of a mirror for `body`."""
+    columns = _points(reconstruction)
+    return int(((columns["bounces"] > 0) & (columns["surface"] == "object")).sum()) >= FEWEST
+
+
 def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
     """The largest hidden thing as it stands, seen from the front, and cut from the side.
 
@@ -78,7 +94,7 @@ def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
 
     columns = _points(reconstruction)
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
-    if hidden.sum() < 10:
+    if hidden.sum() < FEWEST:
         raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
     points = np.stack([columns[axis][hidden] for axis in "xyz"], axis=-1)
     amplitude = columns["amplitude"][hidden].astype(float)
@@ -89,8 +105,10 @@ def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
     flat = np.linalg.eigh(np.cov((points - middle)[:, :2].T))[1]
     across = np.array([*flat[:, 1], 0.0])
     ahead = np.array([*flat[:, 0], 0.0])
-    if np.cross(across, ahead)[2] < 0.0:
-        across = -across
+    if (_last_mirror(reconstruction, columns["chain"][hidden][mine][0]) - middle) @ ahead < 0.0:
+        ahead = -ahead
+    # As whoever faces the thing sees it: its own right is on the left.
+    across = np.cross(ahead, [0.0, 0.0, 1.0]) * -1.0
     u, v = (points - middle) @ across, (points - middle) @ ahead
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
     front, side = figure.subplots(1, 2, width_ratios=(1.15, 1.0))

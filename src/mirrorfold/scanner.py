@@ -98,7 +98,8 @@ class Scanner:
         """Azimuths (a,) and elevations (e,) of the grid [degree], rising."""
         if self.directions is not None:
             return _read_directions(self.directions)
-        assert self.azimuth is not None and self.elevation is not None  # for the type checker; see __post_init__
+        assert self.azimuth is not None  # for the type checker; see __post_init__
+        assert self.elevation is not None
         return (
             np.linspace(self.azimuth.start, self.azimuth.stop, self.azimuth.points),
             np.linspace(self.elevation.start, self.elevation.stop, self.elevation.points),

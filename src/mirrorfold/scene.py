@@ -258,7 +258,8 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
     InputError
         With every mistake and its place; `source` names the file in the message.
     """
-    kinds, fields, scene = _KINDS, _FIELDS, Scene
+    kinds: tuple[str, ...] = _KINDS
+    fields, scene = _FIELDS, Scene  # type: tuple[list[str], Any]
     if content.get("dimensions") == 3:
         from mirrorfold import solids
 

@@ -2,7 +2,8 @@
 
 Variable ``s(frequency, tx, rx)``, complex64, with coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
 ``rx_position(rx, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and ``elevation``
-[degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d contributes ``exp(-j k d)``.
+[degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d contributes
+``exp(-j k d)``.
 """
 
 from __future__ import annotations

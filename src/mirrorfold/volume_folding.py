@@ -128,7 +128,7 @@ def fold_volume(
     InputError
         If the volume or a setting cannot be used.
     """
-    settings = {
+    settings: dict[str, Any] = {
         "threshold_db": OBJECT_DB if threshold_db is None else threshold_db,
         "minimum_size": MINIMUM_SIZE if minimum_size is None else minimum_size,
         "wall_margin": WALL_MARGIN if wall_margin is None else wall_margin,
@@ -212,10 +212,10 @@ def _mirrors(found: Folded) -> xr.Dataset:
     nodes = [node for node in found.tree.walk() if node.line is not None]
     index = {node.chain: i for i, node in enumerate(nodes)}
     lines: list[Any] = [node.line for node in nodes]
-    corners = np.array([_corners(line) for line in lines]).reshape(-1, 4, 3)
-    ends = np.array([[line.start, line.end] for line in lines]).reshape(-1, 2, 3)
-    center = np.array([line.center for line in lines]).reshape(-1, 3)
-    tip = np.array([line.center + line.normal for line in lines]).reshape(-1, 3)
+    corners: Any = np.array([_corners(line) for line in lines]).reshape(-1, 4, 3)
+    ends: Any = np.array([[line.start, line.end] for line in lines]).reshape(-1, 2, 3)
+    center: Any = np.array([line.center for line in lines]).reshape(-1, 3)
+    tip: Any = np.array([line.center + line.normal for line in lines]).reshape(-1, 3)
     data: dict[str, Any] = {}
     for prefix in ("", "folded_"):
         if prefix:

@@ -53,7 +53,8 @@ def score_volume(reconstruction: xr.DataTree, scene: Scene3D, *, bounces: int = 
     dict
         As in two dimensions (see `mirrorfold.score`), with areas `reachable_m2` in place of lengths; besides
         `completeness_3cm` and `false_fraction` (points further than 15 cm from any truth). `surfaces`: the same for the
-        points nearest to each surface out of sight; `patches`: contrast of each patch to its surroundings, `contrast_db`.
+        points nearest to each surface out of sight; `patches`: contrast of each patch to its surroundings,
+        `contrast_db`.
     """
     objects = reconstruction.children["objects"].dataset
     points = np.stack([objects[letter].values for letter in "xyz"], axis=-1)
@@ -154,7 +155,9 @@ def visible_truth(
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     limit = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
     azimuth, elevation = scene.scanner.angles
-    fan = beam_direction(np.linspace(azimuth[0], azimuth[-1], FAN)[:, None], np.linspace(elevation[0], elevation[-1], FAN))
+    fan = beam_direction(
+        np.linspace(azimuth[0], azimuth[-1], FAN)[:, None], np.linspace(elevation[0], elevation[-1], FAN)
+    )
     for chain in find_chains(scene, world, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
         to_image = image_frame(world.quads, chain)
         sight = to_image.inverse(origin) - place

@@ -125,7 +125,7 @@ def _arrange(mirrors: list[PlaneMirror], volume: RadarVolume) -> Worlds:
     crossing = np.full((len(mirrors), beams), np.inf)
     straddles = np.zeros((len(mirrors), beams), dtype=bool)
     for index, mirror in enumerate(mirrors):
-        distance = np.linalg.norm(mirror.center - volume.origin)
+        distance = float(np.linalg.norm(mirror.center - volume.origin))
         steps = int(np.ceil(EDGE * float(volume.width(distance)) / (volume.beam_step * distance)))
         seen = mirror.beams.reshape(volume.shape)
         # The scan ends there, not the wall.
@@ -166,9 +166,7 @@ def _split(
     return pieces or [mirror]
 
 
-def _faces(
-    mirrors: list[PlaneMirror], worlds: Worlds, cloud: Cloud, volume: RadarVolume, wall_margin: float
-) -> Index:
+def _faces(mirrors: list[PlaneMirror], worlds: Worlds, cloud: Cloud, volume: RadarVolume, wall_margin: float) -> Index:
     """The mirror that each echo lies on, NOBODY for echoes from inside a wall, ROOT for all others."""
     face = np.full(cloud.range.size, ROOT, dtype=np.intp)
     nearest = np.full(cloud.range.size, np.inf)

@@ -31,8 +31,17 @@ Json = Annotated[bool, Parameter(negative="")]
 Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
+BODY, SPACE = "body.png", "space.png"
 
-DEMO_SCENE = "hidden_corner.toml"
+DEMO_SCENES = {
+    "hidden-corner": "hidden_corner.toml",
+    "drywall-mannequin": "drywall-mannequin.toml",
+    "drywall-control": "drywall-control.toml",
+    "corridor": "corridor.toml",
+}
+
+DEMO_SNR_DB = 20.0
+"""Of the scans in three dimensions, per sample: modest for a vector network analyser."""
 
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
@@ -59,13 +68,20 @@ def run(arguments: Sequence[str]) -> None:
         command.reset(token)
 
 
-def demo(*, out: Path = Path("demo"), json: Json = False) -> None:
+def demo(
+    *,
+    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor"] = "hidden-corner",
+    out: Path = Path("demo"),
+    json: Json = False,
+) -> None:
     """Run the demonstration.
 
     Parameters
     ----------
+    scene
+        Which of the scenes that come along.
     out
-        Directory for the scene, the sweep, the reconstruction, the picture and the score.
+        Directory for the scene, the sweep, the reconstruction, the pictures and the score.
     json
         Print the score as one JSON object.
     """
@@ -73,21 +89,22 @@ def demo(*, out: Path = Path("demo"), json: Json = False) -> None:
 
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    names = (DEMO_SCENE, "sweep.nc", RECONSTRUCTION, PICTURE, "score.json")
-    check_output_directory(out, names=names)
-    text = package_files("mirrorfold").joinpath("scenes", DEMO_SCENE).read_text(encoding="utf-8")
+    file = DEMO_SCENES[scene]
+    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, "score.json"))
+    text = package_files("mirrorfold").joinpath("scenes", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
-        (directory / DEMO_SCENE).write_text(text, encoding="utf-8")
-        scene = mf.load_scene(directory / DEMO_SCENE)
+        (directory / file).write_text(text, encoding="utf-8")
+        truth = mf.load_scene(directory / file)
+        snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None
         with progress("simulating the sweep") as report:
-            sweep = mf.simulate(scene, progress=report)
+            sweep = mf.simulate(truth, snr_db=snr_db, progress=report)
         mf.save(sweep, directory / "sweep.nc")
         with progress("reconstructing") as report:
             reconstruction = mf.reconstruct(sweep, progress=report)
-        write_results(reconstruction, directory, scene=scene)
-        score = mf.score(reconstruction, scene)
+        results = write_results(reconstruction, directory, scene=truth)
+        score = mf.score(reconstruction, truth)
         write_json(score, directory / "score.json")
-    paths = [out / name for name in names]
+    paths = [out / name for name in (file, "sweep.nc", *results, "score.json")]
     if json:
         show_json({**score, "files": list(map(str, paths))})
         return
@@ -105,6 +122,8 @@ def simulate(
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
+    force: Json = False,
+    dry_run: Json = False,
     json: Json = False,
 ) -> None:
     """Simulate a sweep.
@@ -123,6 +142,10 @@ def simulate(
         Of the diffuse scatterers and of the noise.
     snr_db
         Signal over noise per sample [dB]; no noise by default.
+    force
+        Of a raster scan: go on where returns wrap around or the scan step is wider than the beam.
+    dry_run
+        Of a raster scan: say what the simulation would take, and write nothing.
     json
         Print what was simulated as one JSON object.
     """
@@ -130,8 +153,16 @@ def simulate(
 
     check_output(output, inputs=[scene])
     truth = mf.load_scene(scene)
+    if dry_run:
+        from mirrorfold.simulation import estimate
+
+        found = {"kind": "estimate", **estimate(truth, bounces=bounces, seed=seed), "remarks": []}
+        show_json(found) if json else show_info(found)
+        return
     with progress("simulating the sweep") as report:
-        sweep = mf.simulate(truth, solver=solver, bounces=bounces, seed=seed, snr_db=snr_db, progress=report)
+        sweep = mf.simulate(
+            truth, solver=solver, bounces=bounces, seed=seed, snr_db=snr_db, force=force, progress=report
+        )
     mf.save(sweep.assign_attrs(command=command.get()), output)
     found = mf.info(sweep)
     remark(found["remarks"])
@@ -198,6 +229,7 @@ def fold(
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
+    export: Path | None = None,
     json: Json = False,
 ) -> None:
     """Fold an image.
@@ -215,13 +247,16 @@ def fold(
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
-        Of a mirror [m].
+        Of a mirror [m]; in a volume, of its width and height.
+    export
+        Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors and counts as one JSON object.
     """
     from mirrorfold.io.files import check_output
 
     check_output(output, inputs=[image] if sweep is None else [image, sweep])
+    check_export(export)
     focused = read(image, "image")
     measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:
@@ -235,7 +270,7 @@ def fold(
         )
     reconstruction.attrs["command"] = command.get()
     mf.save(reconstruction, output)
-    report_reconstruction(reconstruction, [output], json=json)
+    report_reconstruction(reconstruction, [output, *write_cloud(reconstruction, export)], json=json)
 
 
 def reconstruct(
@@ -245,6 +280,7 @@ def reconstruct(
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
+    export: Path | None = None,
     json: Json = False,
 ) -> None:
     """Reconstruct a scene.
@@ -254,19 +290,22 @@ def reconstruct(
     sweep
         Sweep to read (netCDF).
     output
-        Directory for reconstruction.nc and before_after.png.
+        Directory for reconstruction.nc and before_after.png; of a raster scan, body.png and space.png too.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
-        Of a mirror [m].
+        Of a mirror [m]; in a volume, of its width and height.
+    export
+        Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors, counts and files as one JSON object.
     """
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE), inputs=[sweep])
+    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE), inputs=[sweep])
+    check_export(export)
     measured = read(sweep, "sweep")
     remark(mf.info(measured)["remarks"])
     with progress("reconstructing") as report:
@@ -275,8 +314,9 @@ def reconstruct(
         )
     reconstruction.attrs["command"] = command.get()
     with directory_written_whole(output) as directory:
-        write_results(reconstruction, directory)
-    report_reconstruction(reconstruction, [output / RECONSTRUCTION, output / PICTURE], json=json)
+        results = write_results(reconstruction, directory)
+    files = [*(output / name for name in results), *write_cloud(reconstruction, export)]
+    report_reconstruction(reconstruction, files, json=json)
 
 
 def score(reconstruction: Path, scene: Path, *, json: Json = False) -> None:
@@ -363,10 +403,38 @@ def parse_axis(text: str, name: str) -> Any:
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
 
-def write_results(reconstruction: Any, directory: Path, scene: mf.Scene | None = None) -> None:
-    """Write a reconstruction and its picture to a directory."""
+def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
+    """Write a reconstruction and its pictures to a directory; returns the files' names."""
     mf.save(reconstruction, directory / RECONSTRUCTION)
-    mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
+    if "z" not in reconstruction.children["objects"].variables:
+        mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
+        return [RECONSTRUCTION, PICTURE]
+    from mirrorfold import plot_volume
+
+    mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
+    plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
+    names = [RECONSTRUCTION, PICTURE, SPACE]
+    if plot_volume.has_body(reconstruction):
+        plot_volume.body(reconstruction).savefig(directory / BODY)
+        names.append(BODY)
+    return names
+
+
+def check_export(path: Path | None) -> None:
+    """Refuse a point cloud that could not be written, before the work begins."""
+    if path is not None:
+        from mirrorfold.io.clouds import check_cloud_path
+
+        check_cloud_path(path)
+
+
+def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:
+    """Write the point cloud, if one is asked for; returns its path."""
+    if path is None:
+        return []
+    from mirrorfold.io.clouds import export
+
+    return [export(reconstruction, path)]
 
 
 def write_json(result: dict[str, Any], path: Path) -> None:

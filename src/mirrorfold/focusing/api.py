@@ -71,8 +71,9 @@ def focus(
     Returns
     -------
     xarray.DataArray
-        ``image``, complex64, (..., y, x) or (..., z, y, x). Of a raster scan, whose beams are focused by its lens, it is
-        the volume (range, azimuth, elevation), exact, or with x, y and z its amplitude (z, y, x). Among its attrs: `algorithm`, `error` (measured),
+        ``image``, complex64, (..., y, x) or (..., z, y, x). Of a raster scan, whose beams are focused by its lens, it
+        is the volume (range, azimuth, elevation), exact, or with x, y and z its amplitude (z, y, x). Among its attrs:
+        `algorithm`, `error` (measured),
         `radar_position`, `ambiguous_range` [m], `frequency_start`, `frequency_stop`, `frequency_step` [Hz].
 
     Raises

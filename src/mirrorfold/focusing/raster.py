@@ -88,8 +88,10 @@ def focus_raster(
         )
     first, last = int(np.ceil(nearest / step - 1e-9)), min(int(np.floor(farthest / step + 1e-9)) + 1, size)
     if last - first < 4:
-        raise InputError(f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them")
-    range_ = step * np.arange(first, last)
+        raise InputError(
+            f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
+        )
+    range_: Array = step * np.arange(first, last, dtype=float)
     turn = np.exp(1j * (4.0 * np.pi * frequency[0] / speed_of_light * range_))
     turn *= size * _spreading(sweep, range_, normalization)
     turn = turn.astype(np.complex64)
@@ -194,7 +196,9 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
 
     for_each(column, range(azimuth.size))
     side = np.radians(azimuth[[0, -1]])
-    x = np.arange(np.floor(min(range_[-1] * np.sin(side[0]), 0) / pixel), range_[-1] * max(np.sin(side[1]), 0) / pixel + 1)
+    x = np.arange(
+        np.floor(min(range_[-1] * np.sin(side[0]), 0) / pixel), range_[-1] * max(np.sin(side[1]), 0) / pixel + 1
+    )
     y = np.arange(max(np.floor(range_[0] * np.cos(np.abs(side).max()) / pixel), 1.0), range_[-1] / pixel + 1)
     x, y = x * pixel, y * pixel
     values = np.zeros((y.size, x.size), dtype=np.float32)

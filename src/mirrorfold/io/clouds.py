@@ -113,15 +113,15 @@ def _vtp(columns: Columns) -> bytes:
         raw = np.ascontiguousarray(values).tobytes()
         text = base64.b64encode(np.uint32(len(raw)).tobytes() + raw).decode()
         kind = kinds[values.dtype.str]
-        return (
-            f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">{text}</DataArray>'
-        )
+        head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">'
+        return f"{head}{text}</DataArray>"
 
     each = np.arange(size, dtype="<i8")
     parts = [
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian" header_type="UInt32"><PolyData>',
-        f'<Piece NumberOfPoints="{size}" NumberOfVerts="{size}" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="0">',
+        f'<Piece NumberOfPoints="{size}" NumberOfVerts="{size}" NumberOfLines="0" NumberOfStrips="0"'
+        ' NumberOfPolys="0">',
         f"<PointData>{''.join(array(name, column) for name, column in columns.items())}</PointData>",
         f"<Points>{array('Points', points, 3)}</Points>",
         f"<Verts>{array('connectivity', each)}{array('offsets', each + 1)}</Verts>",

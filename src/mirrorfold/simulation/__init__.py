@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -35,8 +35,8 @@ def simulate(
 ) -> xr.Dataset:
     """Simulate the sweep of a scene.
 
-    A three-dimensional scene is seen by a raster scanner; its sweep is S11 of every beam. In a two-dimensional one every
-    source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
+    A three-dimensional scene is seen by a raster scanner; its sweep is S11 of every beam. In a two-dimensional one
+    every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
     factor, and a sample of the sweep is the field scattered to the receiver; the direct wave from transmitter to
     receiver is left out. An endless smooth mirror thus returns ``R exp(-j k d) / sqrt(d)``, with d the length of
     the path over the mirror and R its reflection coefficient.
@@ -126,6 +126,22 @@ def simulate(
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+
+
+def estimate(scene: Scene | Scene3D | str | Path, *, bounces: int = 3, seed: int = 0) -> dict[str, Any]:
+    """What simulating a raster scan would take, without doing it; see `mirrorfold.simulation.raster.estimate`.
+
+    Raises
+    ------
+    InputError
+        If the scene has two dimensions.
+    """
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    if isinstance(scene, Scene):
+        raise InputError(f"scene {scene.name!r}: has two dimensions; only a raster scan is estimated beforehand")
+    from mirrorfold.simulation import raster
+
+    return raster.estimate(scene, bounces=bounces, seed=seed)
 
 
 def _unit_noise(shape: tuple[int, ...], seed: int) -> np.ndarray:

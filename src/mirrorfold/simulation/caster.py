@@ -40,7 +40,9 @@ class Caster:
         # Single precision is good to 0.3 um per metre; the triangles are kept near the origin for it.
         self._mesh = TriangleMesh(self._scene, vertices[faces].astype(np.float32))
 
-    def first_hit(self, origin: Array, direction: Array, *, start_at: float = 0.0, end_at: float = np.inf) -> tuple[Index, Array]:
+    def first_hit(
+        self, origin: Array, direction: Array, *, start_at: float = 0.0, end_at: float = np.inf
+    ) -> tuple[Index, Array]:
         """What rays meet first.
 
         Parameters

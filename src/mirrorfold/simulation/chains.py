@@ -85,34 +85,33 @@ def find_chains(
         At which losses are taken.
     """
     chains: list[tuple[int, ...]] = [()]
+    if not world.quads:
+        return chains
+    normals = np.array([quad.normal for quad in world.quads])
     start = np.tile(origin, (len(directions), 1))
     member = np.zeros(len(directions), dtype=np.int64)
     amplitude = np.ones(len(directions))
     for _ in range(bounces):
-        if not len(start):
-            break
         face, along = world.caster.first_hit(start, directions, start_at=SLACK)
-        on_mirror = (face >= 0) & (world.first_quad[face] >= 0)
-        start, directions, member, amplitude = (a[on_mirror] for a in (start, directions, member, amplitude))
-        quad = world.first_quad[face[on_mirror]]
-        place = start + along[on_mirror, None] * directions
-        normals = np.array([q.normal for q in world.quads])
-        cosine = -np.einsum("nd,nd->n", directions, normals[quad]) if len(quad) else np.empty(0)
+        met = np.flatnonzero((face >= 0) & (world.first_quad[face] >= 0))
+        if not met.size:
+            break
+        quad, arriving = world.first_quad[face[met]], directions[met]
+        cosine = -np.einsum("nd,nd->n", arriving, normals[quad])
         # Behind the first side of a panel is its second one.
-        quad = np.where(cosine < 0.0, quad + 1, quad)
-        cosine = np.abs(cosine)
+        quad, cosine = np.where(cosine < 0.0, quad + 1, quad), np.abs(cosine)
+        left = amplitude[met]
         for number in np.unique(quad):
             here = quad == number
             finish = scene.surface[world.quads[number].surface]
-            amplitude[here] *= np.abs(specular_amplitude(finish, frequency, cosine[here])) ** 2
-        kept = amplitude > WEAKEST_CHAIN
-        directions = directions + 2.0 * cosine[:, None] * normals[quad] if len(quad) else directions
-        start, directions, amplitude, quad, member = (
-            a[kept] for a in (place, unit(directions) if len(quad) else directions, amplitude, quad, member)
-        )
-        pairs, member = np.unique(np.stack([member, quad]), axis=1, return_inverse=True)
+            left[here] *= np.abs(specular_amplitude(finish, frequency, cosine[here])) ** 2
+        start = start[met] + along[met, None] * arriving
+        directions = unit(arriving + 2.0 * cosine[:, None] * normals[quad])
+        kept = left > WEAKEST_CHAIN
+        start, directions, amplitude = start[kept], directions[kept], left[kept]
+        pairs, member = np.unique(np.stack([member[met][kept], quad[kept]]), axis=1, return_inverse=True)
         member = member.ravel() + len(chains)
-        chains += [(*chains[before], int(number)) for before, number in pairs.T]
+        chains += [(*chains[int(before)], int(number)) for before, number in pairs.T]
     return chains
 
 

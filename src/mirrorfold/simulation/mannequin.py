@@ -6,7 +6,8 @@ The surface is the zero level of a signed distance, found by marching cubes.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,29 +116,31 @@ def mannequin_mesh(
     from skimage.measure import marching_cubes
 
     cones, ellipsoids = _parts(height, arms, elbows, stride)
-    spheres = [(end, radius) for a, b, first, last in cones for end, radius in ((a, first), (b, last))]
+    spheres: list[tuple[Array, Array]] = [
+        (end, np.full(3, radius)) for a, b, first, last in cones for end, radius in ((a, first), (b, last))
+    ]
     low = np.min([center - radius for center, radius in [*spheres, *ellipsoids]], axis=0) - 2 * CELL
     high = np.max([center + radius for center, radius in [*spheres, *ellipsoids]], axis=0) + 2 * CELL
     shape = tuple(np.ceil((high - low) / CELL).astype(int) + 1)
     far = 4.0 * CELL + BLEND
     distance = np.full(shape, far)
-    # Each part is evaluated in its own surroundings only.
-    for part in (*cones, *ellipsoids):
-        if len(part) == 4:
-            start, end, first, last = part
-            reach = max(first, last) + far
-            first_corner, last_corner = np.minimum(start, end) - reach, np.maximum(start, end) + reach
-        else:
-            center, radii = part
-            first_corner, last_corner = center - radii - far, center + radii + far
+
+    def join(first_corner: Array, last_corner: Array, shape_of: Callable[[Array], Array]) -> None:
+        """Add one part, which is evaluated in its own surroundings only."""
         box = tuple(
             slice(max(int((a - o) / CELL), 0), int((b - o) / CELL) + 2)
             for a, b, o in zip(first_corner, last_corner, low, strict=True)
         )
         index = np.stack(np.meshgrid(*(np.arange(n)[s] for n, s in zip(shape, box, strict=True)), indexing="ij"), -1)
-        points = low + CELL * index
-        here = round_cone(points, *part) if len(part) == 4 else ellipsoid(points, *part)
+        here = shape_of(low + CELL * index)
         distance[box] = smooth_minimum(distance[box], np.minimum(here, far), BLEND)
+
+    for start, end, first, last in cones:
+        reach = max(first, last) + far
+        part = partial(round_cone, start=start, end=end, first=first, last=last)
+        join(np.minimum(start, end) - reach, np.maximum(start, end) + reach, part)
+    for center, radii in ellipsoids:
+        join(center - radii - far, center + radii + far, partial(ellipsoid, center=center, radii=radii))
     vertices, faces, _, _ = marching_cubes(distance, 0.0, spacing=(CELL,) * 3, gradient_direction="descent")
     vertices = vertices + low
     vertices[:, 2] -= vertices[:, 2].min()

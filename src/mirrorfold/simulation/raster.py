@@ -171,7 +171,8 @@ def simulate_raster(
     seed : int
         Of the scatterers and of the noise.
     snr_db : float [dB], optional
-        Mean power of the samples, without leakage, over that of the noise.
+        Mean power of the samples, without leakage, over that of the noise. Where nothing returns, the noise has the
+        mean power one.
     force : bool
         Go on where the frequencies are too few for the longest return, or the scan step too wide for the beam.
     density : float
@@ -194,7 +195,12 @@ def simulate_raster(
     if not force:
         check_points(scene, echoes)
     azimuth, elevation = scene.scanner.angles
-    s = measure(scene, echoes, progress=progress)
+    if echoes.range.size:
+        s = measure(scene, echoes, progress=progress)
+    else:
+        shape = (azimuth.size, elevation.size, scene.band.points, 2)
+        noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32).view(np.complex64)
+        s = np.moveaxis(noise[..., 0] * np.float32(np.sqrt(0.5)), -1, 0)
     sweep = make_raster_sweep(
         s,
         frequency=scene.band.frequency,
@@ -212,10 +218,6 @@ def simulate_raster(
     )
     if snr_db is not None and echoes.range.size:
         sweep = add_noise(sweep, snr_db=snr_db, seed=seed)
-    elif snr_db is not None:
-        generator = np.random.default_rng(seed)
-        noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
-        sweep["s"].values[:] = noise * np.float32(np.sqrt(0.5))
     leakage = scene.scanner.leakage
     if leakage is not None:
         phase = -4.0j * np.pi * scene.band.frequency / speed_of_light * leakage.range
@@ -309,8 +311,8 @@ def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> dict[str, Any]:
     Returns
     -------
     dict
-        `echoes`, `scatterers`, `chains`, `longest_return_m`, `needed_frequencies`, `frequencies`, `beams`, `sweep_bytes`
-        and `seconds`, a rough figure for one core.
+        `echoes`, `scatterers`, `chains`, `longest_return_m`, `needed_frequencies`, `frequencies`, `beams`,
+        `sweep_bytes` and `seconds`, a rough figure for one core.
     """
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
     azimuth, elevation = scene.scanner.angles

@@ -132,7 +132,9 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
     return Speckle(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def sample(solid: Solid, quad: Quad | None, spacing: float, generator: np.random.Generator) -> tuple[Array, Array, float]:
+def sample(
+    solid: Solid, quad: Quad | None, spacing: float, generator: np.random.Generator
+) -> tuple[Array, Array, float]:
     """Random points on one face of a solid, or on all of it, evenly spread.
 
     Returns

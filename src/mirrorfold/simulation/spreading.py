@@ -1,9 +1,9 @@
 """Sums of echoes at any delay over a band of equally spaced frequencies, by spreading to a grid and one FFT.
 
-``S[b, m] = sum_e W(b, e) a_e exp(-2 pi j m x_e)``, with the delay ``x_e`` in units of the unambiguous one and the weight
-W of echo e in beam b. Each echo is spread over the six nearest points of a delay grid twice as fine as the band needs
-by the exponential-of-semicircle kernel (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41, 2019), whose
-transform is divided out behind the FFT. Its error is below 1e-5 of the sum of amplitudes.
+``S[b, m] = sum_e W(b, e) a_e exp(-2 pi j m x_e)``, with the delay ``x_e`` in units of the unambiguous one and the
+weight W of echo e in beam b. Each echo is spread over the six nearest points of a delay grid twice as fine as the band
+needs by the exponential-of-semicircle kernel (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41, 2019),
+whose transform is divided out behind the FFT. Its error is below 1e-5 of the sum of amplitudes.
 """
 
 from __future__ import annotations
