@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.beam import beam_angles, beam_direction, beam_radius
-from mirrorfold.detection import FALSE_ALARMS, RAYLEIGH_MEDIAN
+from mirrorfold.detection import FALSE_ALARMS, RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.raster import angle_table, beam_area, beams_of
 from mirrorfold.focusing.threads import for_each
@@ -61,6 +61,8 @@ class RadarVolume:
         Width of an echo between half-amplitude points.
     spot_radius, focus_distance, wavelength : float [m]
         Of the beam.
+    taper : str
+        Window over frequency.
     """
 
     amplitude: NDArray[np.float32]
@@ -74,6 +76,7 @@ class RadarVolume:
     spot_radius: float
     focus_distance: float
     wavelength: float
+    taper: str = "hann"
 
     @property
     def step(self) -> float:
@@ -84,6 +87,19 @@ class RadarVolume:
     def floor(self) -> float:
         """Amplitude, not normalised, that noise stays below in the whole volume; see `mirrorfold.detection`."""
         return float(np.sqrt(2.0 * np.log(self.amplitude.size / FALSE_ALARMS)) * self.noise)
+
+    @cached_property
+    def side_lobes(self) -> NDArray[np.float32]:
+        """Envelope of the window's side lobes, with a margin, by distance from the edge of an echo in samples.
+
+        With x in units of c/(2B): ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and
+        ``1 / (pi x)``, the slowest, for any other window (Harris, Proc. IEEE 66, 1978).
+        """
+        # The edge of a run, 12 dB below its peak, is more than one unit away from it.
+        x = 1.0 + np.arange(1, self.range.size + 1) * self.step / (self.range_cell / HANN_CELL)
+        envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
+        level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+        return np.minimum(level, 1.0).astype(np.float32)
 
     @cached_property
     def sight(self) -> Array:
@@ -183,6 +199,7 @@ def to_radar_volume(volume: xr.DataArray, *, normalization: str | None = None) -
         spot_radius=spot,
         focus_distance=float(attrs["focus_distance"]) if known else float(range_.mean()),
         wavelength=speed_of_light / frequency,
+        taper=str(attrs.get("taper", "hann")),
     )
 
 
@@ -232,7 +249,7 @@ def find_peaks(volume: RadarVolume) -> Cloud:
     def column(i: int) -> None:
         counts[i] = _peaks_of(
             volume.amplitude, i, np.float32(volume.floor), np.float32(10.0 ** (RUN_DB / 20.0)),
-            np.float32(10.0 ** (RIDGE_DB / 20.0)), cell, beams[i], found[i],
+            np.float32(10.0 ** (RIDGE_DB / 20.0)), volume.side_lobes, cell, beams[i], found[i],
         )  # fmt: skip
 
     for_each(column, range(columns))
@@ -245,12 +262,15 @@ def find_peaks(volume: RadarVolume) -> Cloud:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _peaks_of(amplitude, column, floor, run, ridge, cell, beams, found):  # type: ignore[no-untyped-def]
+def _peaks_of(amplitude, column, floor, run, ridge, lobes, cell, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 
     The strongest sample of a beam begins a run that goes on, both ways, as long as no more than `cell` samples lie
-    below ``run`` times the peak; the next run begins at the strongest sample that is left.
+    below ``run`` times the peak; the next run begins at the strongest sample that is left and no side lobe of the runs
+    before it.
     """
+    edges = np.zeros((MOST_ECHOES, 2), dtype=np.int64)
+    brightness = np.zeros(MOST_ECHOES, dtype=np.float32)
     columns, rows, size = amplitude.shape
     taken = np.zeros(size, dtype=np.bool_)
     count = 0
@@ -259,12 +279,18 @@ def _peaks_of(amplitude, column, floor, run, ridge, cell, beams, found):  # type
         taken[:] = False
         candidates = np.flatnonzero(profile > floor)
         order = candidates[np.argsort(-profile[candidates])]
-        here = 0
+        here = runs = 0
         for k in order:
             if taken[k]:
                 continue
-            if here == MOST_ECHOES:
+            if here == MOST_ECHOES or runs == MOST_ECHOES:
                 break
+            side_lobe = False
+            for m in range(runs):
+                away = max(edges[m, 0] - k, k - edges[m, 1])
+                side_lobe = side_lobe or profile[k] < brightness[m] * lobes[max(away, 1) - 1]
+            if side_lobe:
+                continue
             low = max(run * profile[k], 0.5 * floor)
             first, gap, n = k, 0, k
             while n > 0 and gap <= cell and not taken[n - 1]:
@@ -284,6 +310,8 @@ def _peaks_of(amplitude, column, floor, run, ridge, cell, beams, found):  # type
                 moment += n * profile[n] * profile[n]
             for n in range(max(first - cell, 0), min(last + cell + 1, size)):
                 taken[n] = True
+            edges[runs, 0], edges[runs, 1], brightness[runs] = first, last, profile[k]
+            runs += 1
             brightest = profile[k]
             for a in range(max(column - 1, 0), min(column + 2, columns)):
                 for b in range(max(j - 1, 0), min(j + 2, rows)):

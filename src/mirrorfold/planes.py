@@ -7,7 +7,7 @@ enough, filled and flat. Their extent is the set of beams that show them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numba
 import numpy as np
@@ -94,8 +94,8 @@ class PlaneMirror:
 
     center: Array
     normal: Array
-    outline: Array
-    beams: Mask
+    outline: Array = field(repr=False)
+    beams: Mask = field(repr=False)
     strength: float = 1.0
     angle_error: float = 0.0
     offset_error: float = 0.0
