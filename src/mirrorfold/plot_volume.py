@@ -134,7 +134,7 @@ def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
     side.scatter(v[cut], points[cut, 2], s=7, color=COLOURS[1], label="within 10 cm of the middle", linewidths=0)
     side.set(title="cross-section from the side", xlabel="ahead [m]", ylabel="height z [m]", aspect="equal")
     side.set_ylim(front.get_ylim())
-    side.legend(loc="upper left", fontsize=8, frameon=False)
+    side.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize=8, markerscale=2.0, frameon=False)
     return figure
 
 
@@ -182,7 +182,7 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: 
     axes.set_box_aspect(np.maximum(np.ptp(everything, axis=0), 0.3), zoom=1.05)
     axes.view_init(elev=24.0, azim=-62.0)
     axes.set_title("corrected: every echo folded back" if folded else "as the radar sees it, ghosts behind the walls")
-    axes.legend(loc="upper left", fontsize=8, markerscale=3.0, frameon=False)
+    axes.legend(loc="upper left", fontsize=8, markerscale=1.5, frameon=False)
     return figure
 
 
