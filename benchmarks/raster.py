@@ -22,6 +22,7 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 from rich.table import Table
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
@@ -279,8 +280,8 @@ def simulator_error() -> float:
 
     azimuth, elevation = scene.scanner.angles
     frequency = scene.band.frequency
-    width = scene.scanner.radius(echoes.range, 2.0 * 299792458.0 / (frequency[0] + frequency[-1]))
-    wave = np.exp(-4j * np.pi / 299792458.0 * np.outer(frequency[::50], echoes.range))
+    width = echoes.width
+    wave = np.exp(-4j * np.pi / speed_of_light * np.outer(frequency[::50], echoes.range))
     worst = 0.0
     for i, a in enumerate(azimuth):
         for j, e in enumerate(elevation):

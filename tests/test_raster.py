@@ -19,7 +19,7 @@ def plain_sum(world, echoes):
     """Every echo in every beam and at every frequency, in float64."""
     azimuth, elevation = world.scanner.angles
     frequency = world.band.frequency
-    width = world.scanner.radius(echoes.range, speed_of_light / frequency.mean())
+    width = echoes.width
     wave = np.exp(-4j * np.pi / speed_of_light * np.outer(frequency, echoes.range))
     result = np.empty((frequency.size, azimuth.size, elevation.size), dtype=complex)
     for i, a in enumerate(azimuth):
@@ -73,6 +73,38 @@ def test_a_mirror_shows_its_image_dimmed_by_twice_the_reflection():
     for axis in range(3):
         middle = through.position[through.bounces == 1, axis].mean()
         assert middle == pytest.approx(direct.position[:, axis].mean(), abs=0.004)
+
+
+@pytest.mark.parametrize("distance", [2.0, 3.0])
+def test_a_face_at_a_right_angle_returns_the_beam_to_itself(distance):
+    """S11 is the overlap of the beam with its mirror image, here by quadrature in the plane of the mirror."""
+    plate = panel("plate", (0.0, distance, 0.0), (0, -1, 0), 1.0, 1.0, material="pec")
+    world = scene(plate, half=1.0, beams=5, points=801)
+    sweep = mf.simulate(world, bounces=1)
+    wavelength = speed_of_light / 285e9
+    width = float(world.scanner.radius(distance, wavelength))
+    x = np.linspace(-0.25, 0.25, 4001)
+    for column, angle in enumerate(np.radians([-1.0, -0.5, 0.0, 0.5, 1.0])):
+        offset = distance * np.sin(angle)
+        along, across = (
+            np.exp(-2.0 * (x - a) ** 2 / width**2 - 1j * 2.0 * np.pi / wavelength * x**2 / distance).sum()
+            * (x[1] - x[0])
+            for a in (offset, 0.0)
+        )
+        expected = abs(2.0 / (np.pi * width**2) * along * across)
+        assert np.abs(sweep["s"].values[:, column, 2]).mean() == pytest.approx(expected, rel=0.03, abs=1e-4)
+    # What remains of the phase when the way to the plate and back is taken off does not depend on frequency.
+    rest = sweep["s"].values[:, 2, 2] * np.exp(4j * np.pi * world.band.frequency * distance / speed_of_light)
+    assert np.ptp(np.angle(rest * np.conj(rest[0]))) < 1e-3
+
+
+def test_a_glint_comes_by_way_of_a_mirror_too():
+    world = scene(panel("wall", (0.0, 1.5, 0.0), (-1, -1, 0), 1.0, 1.0, material="pec"),
+                  panel("end", (-1.0, 1.5, 0.0), (1, 0, 0), 1.0, 1.0, material="pec"), half=3.0)  # fmt: skip
+    echoes, _ = find_echoes(world, bounces=3, seed=0)
+    assert echoes.bounces.tolist() == [3]
+    assert echoes.position[0] == pytest.approx([0.0, 2.5, 0.0], abs=1e-9)
+    assert find_echoes(world, bounces=2, seed=0)[0].range.size == 0
 
 
 def test_three_mirrors_in_turn():
@@ -168,7 +200,7 @@ def test_a_scene_that_returns_nothing_is_refused():
     with pytest.raises(mf.InputError, match="nothing to simulate"):
         mf.simulate(scene(ball("ball", (0.0, -2.0, 0.0)), half=2.0, beams=9))
     smooth = parse_scene(content(panel("wall", material="pec"), half=2.0, beams=9))
-    with pytest.raises(mf.InputError, match="roughness"):
+    with pytest.raises(mf.InputError, match="give surfaces a roughness"):
         mf.simulate(smooth)
     assert mf.simulate(smooth, snr_db=0.0)["s"].values.std() == pytest.approx(1.0, rel=0.02)
 

@@ -1,10 +1,9 @@
-"""Draw the pictures of docs/raster.md: python docs/pictures/raster.py"""
+"""Draw the pictures of docs/raster.md, beside this file."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from importlib.resources import files
+from pathlib import Path
 
 import mirrorfold as mf
 from mirrorfold import plot_volume

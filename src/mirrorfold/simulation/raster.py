@@ -3,8 +3,9 @@
 By way of a chain of plane mirrors a scatterer is seen at its mirror image, straight ahead. A list of such images with
 amplitude and distance, walked back through the scene once each, makes the measurement of every beam: an echo at the
 distance rho from the beam's axis contributes ``a (2 / pi w^2) exp(-2 rho^2 / w^2) exp(-2 j k r)``, the Gaussian beam's
-intensity there and the way to the scatterer itself and back. Transmission and reception by two different chains is left
-out: a narrow beam holds both only next to a mirror. Beam width and losses are those of the middle of the band.
+intensity there and the way to the scatterer itself and back. Faces that a beam meets at a right angle, directly or by
+way of mirrors, send back a glint. Transmission and reception by two different chains is left out: a narrow beam holds
+both only next to a mirror. Beam width and losses are those of the middle of the band.
 """
 
 from __future__ import annotations
@@ -39,6 +40,15 @@ BEAM_EDGE = 2.2
 SMALLEST_COSINE = 0.02
 """Surfaces seen more obliquely than this, 89 degrees, return nothing."""
 
+SMALLEST_GLINT = 0.02
+"""Ways shorter than this [m] lead through faces that touch the scanner."""
+
+SAME_WAY = 1e-3
+"""A way comes back by the direction that it left in to within this angle [rad], a fraction of any beam."""
+
+PENCIL = 1e-3
+"""Radius of the pencil of rays that a glint needs [m]."""
+
 FAN = 81
 """Rays of the fan that finds the chains, along each angle: 0.4 degrees apart in a field of 30."""
 
@@ -58,12 +68,15 @@ class Echoes3D:
     amplitude : (n,) complex array [m^2]
         Without the beam's intensity [1/m^2].
     bounces : (n,) array of int
+    width : (n,) array [m]
+        Radius at which a beam's response to each falls to ``exp(-2)``: the beam's own for scatterers.
     """
 
     position: Array
     range: Array
     amplitude: NDArray[np.complex128]
     bounces: NDArray[np.int64]
+    width: Array
 
 
 def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0) -> tuple[Echoes3D, dict[str, int]]:
@@ -85,7 +98,7 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
         `scatterers` and `chains`: how many there are.
     """
     parts = solids(scene)
-    empty = Echoes3D(np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64))
+    empty = Echoes3D(np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
     world = build_world(parts)
@@ -96,6 +109,7 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     directions = beam_direction(fan[0][:, None], fan[1]).reshape(-1, 3)
     chains = find_chains(scene, world, origin, directions, bounces=bounces, frequency=frequency)
     found = [_through(scene, world, speckle, chain, frequency) for chain in chains]
+    found += [_glint(scene, world, chain, frequency) for chain in chains if chain]
     joined = Echoes3D(*(np.concatenate(column) for column in zip(*found, strict=True)))
     return joined, {"scatterers": len(speckle.depth), "chains": len(chains)}
 
@@ -108,8 +122,8 @@ def _margin(scene: Scene3D) -> float:
 
 def _through(
     scene: Scene3D, world: World, speckle: Speckle, chain: tuple[int, ...], frequency: float
-) -> tuple[Array, Array, NDArray[np.complex128], NDArray[np.int64]]:
-    """The fields of `Echoes3D` for one chain."""
+) -> tuple[Array, Array, NDArray[np.complex128], NDArray[np.int64], Array]:
+    """The fields of `Echoes3D` for the scatterers seen through one chain."""
     origin = np.array(scene.scanner.origin)
     to_image = image_frame(world.quads, chain)
     virtual = to_image.inverse(origin)
@@ -132,23 +146,58 @@ def _through(
     wavelength = speed_of_light / frequency
     amplitude = wavelength * speckle.strength[facing] * cosine * np.sqrt(share / np.pi) * mirrors**2
     position = to_image(place) - origin
-    return position, np.linalg.norm(position, axis=1), amplitude, np.full(len(facing), len(chain))
+    range_ = np.linalg.norm(position, axis=1)
+    return position, range_, amplitude, np.full(len(facing), len(chain)), scene.scanner.radius(range_, wavelength)
+
+
+def _glint(
+    scene: Scene3D, world: World, chain: tuple[int, ...], frequency: float
+) -> tuple[Array, Array, NDArray[np.complex128], NDArray[np.int64], Array]:
+    """The fields of `Echoes3D` for the scanner's own mirror image in a chain, if the way there leads straight back.
+
+    With D the length of the way, the beam meets its own image halfway, where both have the radius w and wavefronts of
+    radius D/2. Off by a, they couple as ``2/w^2 / (alpha + beta) exp(-a^2 alpha beta / (alpha + beta))`` with ``alpha =
+    2/w^2`` and ``beta = 2 j k / D``; in the limit of short waves that is ``lambda D / 4`` times the beam's intensity.
+    Faces count where the whole of a small pencil of rays finds the way: edges and corners return nothing.
+    """
+    nothing = (np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
+    origin = np.array(scene.scanner.origin)
+    to_image = image_frame(world.quads, chain)
+    way = to_image(origin) - origin
+    length = float(np.linalg.norm(way))
+    returns = to_image.linear.T @ way
+    if length < SMALLEST_GLINT or np.linalg.norm(returns + way) > SAME_WAY * length:
+        return nothing
+    if not _in_view(scene, 0.5 * way[None])[0]:
+        return nothing
+    aside = np.linalg.svd(way[None])[2][1:]
+    pencil = origin + PENCIL * np.concatenate([np.zeros((1, 3)), aside, -aside])
+    seen, mirrors = walk_back(scene, world, origin, chain, pencil, frequency=frequency)
+    if not seen.all():
+        return nothing
+    wavelength = speed_of_light / frequency
+    width = float(scene.scanner.radius(0.5 * length, wavelength))
+    alpha, beta = 2.0 / width**2, 4.0j * np.pi / (wavelength * length)
+    wide = float(np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real))
+    amplitude = mirrors[:1] * alpha / (alpha + beta) * 0.5 * np.pi * wide**2
+    return 0.5 * way[None], np.array([0.5 * length]), amplitude, np.array([len(chain)]), np.array([wide])
 
 
 def _in_view(scene: Scene3D, position: Array) -> Mask:
     """Whether any beam reaches points (n, 3) seen from the scanner."""
     azimuth, elevation = beam_angles(position)
-    reach = _reach(scene, np.linalg.norm(position, axis=1))
+    range_ = np.linalg.norm(position, axis=1)
+    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
+    reach = _reach(scene.scanner.radius(range_, wavelength), range_)
     inside = np.ones(len(position), dtype=bool)
     for angle, axis in zip((azimuth, elevation), scene.scanner.angles, strict=True):
         inside &= (angle >= axis[0] - reach) & (angle <= axis[-1] + reach)
     return inside
 
 
-def _reach(scene: Scene3D, range_: Array) -> Array:
-    """Angle [degree] from its axis up to which a beam reaches echoes at that range [m]."""
-    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
-    return np.degrees(np.arcsin(np.minimum(BEAM_EDGE * scene.scanner.radius(range_, wavelength) / range_, 1.0)))
+def _reach(width: Array, range_: Array) -> Array:
+    """Angle [degree] from its axis up to which a beam of that radius reaches echoes at that range, both [m]."""
+    return np.degrees(np.arcsin(np.minimum(BEAM_EDGE * width / range_, 1.0)))
 
 
 def simulate_raster(
@@ -189,7 +238,7 @@ def simulate_raster(
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed, density=density)
     if not echoes.range.size and snr_db is None:
         raise InputError(
-            f"scene {scene.name!r}: there is nothing to simulate, no diffuse surface returns anything to the scanner; "
+            f"scene {scene.name!r}: there is nothing to simulate, no surface returns anything to the scanner; "
             "add one that it sees, or give surfaces a roughness, diffuse_fraction or volume_depth"
         )
     if not force:
@@ -229,11 +278,10 @@ def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = Non
     """Samples (frequencies, azimuths, elevations) of all beams; frequency varies fastest in memory."""
     azimuth, elevation = scene.scanner.angles
     frequency = scene.band.frequency
-    wavelength = 2.0 * speed_of_light / (frequency[0] + frequency[-1])
     grid = DelayGrid(frequency.size)
-    width = scene.scanner.radius(echoes.range, wavelength)
+    width = echoes.width
     az, el = beam_angles(echoes.position)
-    reach = _reach(scene, echoes.range)
+    reach = _reach(width, echoes.range)
     # Meridians converge: a beam of the same width covers more azimuth further up.
     wider = reach / np.maximum(np.cos(np.radians(np.minimum(np.abs(el) + reach, 89.0))), 1e-2)
     columns = np.searchsorted(azimuth, [az - wider, az + wider])
@@ -317,7 +365,7 @@ def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> dict[str, Any]:
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
     azimuth, elevation = scene.scanner.angles
     beams = azimuth.size * elevation.size
-    reach = _reach(scene, echoes.range) if echoes.range.size else np.zeros(0)
+    reach = _reach(echoes.width, echoes.range)
     cell = float(np.diff(azimuth).mean() * np.diff(elevation).mean())
     lit = float(np.sum(4.0 * reach**2 / cell))
     size = DelayGrid(scene.band.points).size
