@@ -23,6 +23,7 @@ import xarray as xr
 from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
 
 import mirrorfold as mf
 from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
@@ -30,6 +31,7 @@ from mirrorfold.geometry import reflect
 from mirrorfold.peaks import find_peaks, to_radar_volume
 from mirrorfold.planes import find_planes
 from mirrorfold.scene import parse_scene
+from mirrorfold.simulation.meshes import solids
 from mirrorfold.simulation.raster import find_echoes, measure
 from mirrorfold.volume_folding import find_worlds, folded_voxels
 from mirrorfold.volume_score import patch_contrast
@@ -291,6 +293,32 @@ def simulator_error() -> float:
     return float(worst / np.abs(fast).max())
 
 
+def plan_comparison() -> Table:
+    """The shipped drywall folded in three dimensions, and its plan view folded in two."""
+    scene = parse_scene(shipped("drywall-mannequin"))
+    volume = mf.focus(mf.simulate(scene, snr_db=SNR_DB))
+    body = next(solid for solid in solids(scene) if scene.surface[solid.surface].name == "mannequin")
+    footprint = cKDTree(body.vertices[:, :2])
+    wall = next(surface for surface in scene.surface if surface.name == "drywall")
+    table = Table(title="volume folded as it is, and its plan view folded in the floor plan", title_justify="left")
+    for heading in ("", "mirror [deg]", "points", "to the body's plan, mean [cm]", "further than 15 cm [%]"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, image in (("volume", volume), ("plan view", plan_view(volume, pixel=0.01))):
+        result = mf.fold(image)
+        objects, mirrors = (result.children[group].to_dataset(inherit=False) for group in ("objects", "mirrors"))
+        behind = (objects["bounces"].values > 0) & (objects["surface"].values == "object")
+        points = np.stack([objects["x"].values, objects["y"].values], axis=-1)[behind]
+        outside = footprint.query(points)[0] if len(points) else np.full(1, np.inf)
+        angle = np.inf
+        for i in range(mirrors.sizes["mirror"]):
+            x, y = (float(mirrors[f"folded_{a}1"][i] - mirrors[f"folded_{a}0"][i]) for a in "xy")
+            flat = np.array(wall.normal[:2]) / np.linalg.norm(wall.normal[:2])
+            angle = min(angle, float(np.degrees(np.arcsin(abs(np.array([x, y]) @ flat) / np.hypot(x, y)))))
+        table.add_row(name, f"{angle:.3f}", str(len(points)), f"{100 * outside.mean():.2f}",
+                      f"{100 * np.mean(outside > 0.15):.1f}")  # fmt: skip
+    return table
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=10, help="scenes of each family")
@@ -300,6 +328,7 @@ def main() -> None:
     console = Console()
     console.print(speed())
     console.print(f"simulator against the plain sum: {simulator_error():.1e} of the largest sample (target 1e-4)")
+    console.print(plan_comparison())
     everything = {}
     for name in arguments.family:
         everything[name] = run_family(name, arguments.seeds)

@@ -258,3 +258,13 @@ def test_a_steel_wall_is_a_mirror_too():
                   half=6.0, beams=31)  # fmt: skip
     score = mf.score(folded(world), world)
     assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
+
+
+def test_a_scan_without_noise_folds_as_one_with_noise():
+    """Far below the echoes, numerical dust is no echo either."""
+    world = wall_world()
+    result = mf.fold(mf.focus(mf.simulate(world)))
+    score = mf.score(result, world)
+    assert [row["surface"] for row in score["mirrors"]] == ["wall"]
+    assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
+    assert score["hidden"]["invented_fraction"] < 0.02

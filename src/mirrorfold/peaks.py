@@ -35,6 +35,9 @@ RIDGE_DB = -9.0
 """An echo this far below the one that a neighbouring beam sees at the same range is the edge of that beam's: at 0.7
 beam radii the two-way pattern has fallen by as much."""
 
+DYNAMIC_RANGE_DB = -80.0
+"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is cleaner."""
+
 MOST_ECHOES = 24
 """In one beam; the strongest count."""
 
@@ -86,7 +89,13 @@ class RadarVolume:
     @property
     def floor(self) -> float:
         """Amplitude, not normalised, that noise stays below in the whole volume; see `mirrorfold.detection`."""
-        return float(np.sqrt(2.0 * np.log(self.amplitude.size / FALSE_ALARMS)) * self.noise)
+        noise = float(np.sqrt(2.0 * np.log(self.amplitude.size / FALSE_ALARMS)) * self.noise)
+        return max(noise, self.brightest * 10.0 ** (DYNAMIC_RANGE_DB / 20.0))
+
+    @cached_property
+    def brightest(self) -> float:
+        """Largest amplitude, not normalised."""
+        return float(self.amplitude.max())
 
     @cached_property
     def side_lobes(self) -> NDArray[np.float32]:

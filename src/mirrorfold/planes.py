@@ -46,6 +46,9 @@ PARTNER_STEPS = (5, 18)
 JUDGES = 3000
 """Echoes, evenly drawn, that judge a proposal."""
 
+FEWEST_ECHOES = 30
+"""A sheet of fewer echoes says too little about its direction."""
+
 MAXIMUM_PLANES = 24
 FAILURES = 2
 """A room has a dozen visible walls; after so many proposals in a row that are no mirrors there are no more."""
@@ -187,7 +190,7 @@ def find_planes(
     failures = 0
     for _ in range(MAXIMUM_PLANES):
         open_ = np.flatnonzero(free)
-        if open_.size < 50 or failures > FAILURES:
+        if open_.size < FEWEST_ECHOES or failures > FAILURES:
             break
         proposal = _propose(cloud.take(open_), volume, generator)
         if proposal is None:
@@ -277,19 +280,19 @@ def _settle(
     """The mirror that a proposal grows to, None if it is none; and the echoes that it was judged by."""
     for _ in range(4):
         member = free & _near(cloud, volume, normal, center)
-        if member.sum() < 30:
+        if member.sum() < FEWEST_ECHOES:
             return None, member
         normal, center = _least_squares(cloud, volume, member, normal)
-    beams = _largest_region(cloud, volume, member)
+    beams = _largest_region(cloud, volume, member, normal, center)
     member &= beams[cloud.beam]
     for _ in range(3):
-        if member.sum() < 30:
+        if member.sum() < FEWEST_ECHOES:
             return None, member
         normal, center = _least_squares(cloud, volume, member, normal)
         near = _near(cloud, volume, normal, center)
-        beams = _largest_region(cloud, volume, free & near)
+        beams = _largest_region(cloud, volume, free & near, normal, center)
         member = free & near & beams[cloud.beam]
-    if member.sum() < 30:
+    if member.sum() < FEWEST_ECHOES or beams.sum() < FEWEST_ECHOES:
         return None, member
     normal = normal * -np.sign((center - volume.origin) @ normal)
     fill = np.unique(cloud.beam[member]).size / max(int(beams.sum()), 1)
@@ -330,8 +333,9 @@ def _weighted_plane(points: Array, weight: Array) -> tuple[Array, Array]:
     return np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0], center
 
 
-def _largest_region(cloud: Cloud, volume: RadarVolume, member: Mask) -> Mask:
+def _largest_region(cloud: Cloud, volume: RadarVolume, member: Mask, normal: Array, center: Array) -> Mask:
     """The largest connected set of beams that show a plane, its small gaps closed, (beams,)."""
+    meets = plane_ranges(volume, normal, center) <= volume.range[-1]
     lit = np.zeros(volume.shape, dtype=bool)
     lit.ravel()[cloud.beam[member]] = True
     pad = GAP_BEAMS + 1
@@ -342,7 +346,7 @@ def _largest_region(cloud: Cloud, volume: RadarVolume, member: Mask) -> Mask:
     if not count:
         return np.zeros(lit.size, dtype=bool)
     largest = 1 + int(np.argmax(np.bincount(regions.ravel())[1:]))
-    return np.asarray(binary_fill_holes(regions == largest)).ravel()
+    return np.asarray(binary_fill_holes(regions == largest)).ravel() & meets
 
 
 def _face(volume: RadarVolume, normal: Array, center: Array, beams: Mask) -> Array:
