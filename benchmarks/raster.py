@@ -325,7 +325,7 @@ def main() -> None:
     parser.add_argument("--family", nargs="*", choices=list(FAMILIES), default=list(FAMILIES))
     parser.add_argument("--json", type=Path, help="write all figures to this file")
     arguments = parser.parse_args()
-    console = Console()
+    console = Console(markup=False, width=110)
     console.print(speed())
     console.print(f"simulator against the plain sum: {simulator_error():.1e} of the largest sample (target 1e-4)")
     console.print(plan_comparison())

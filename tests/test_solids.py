@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -150,6 +152,15 @@ def test_every_mistake_is_named():
         parse_scene(content({"name": "m", "kind": "mannequin", "position": [0, 2, -1], "height": 1700.0}))
     with pytest.raises(mf.InputError, match="stop"):
         parse_scene(content(ball(), half=-3.0))
+
+
+def test_without_the_extra_packages_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(mf.InputError, match=r"install 'mirrorfold\[mesh\]'"):
+        mf.simulate(parse_scene(content(panel(), half=2.0, beams=9)))
+    with pytest.raises(mf.InputError, match=r"install 'mirrorfold\[mesh\]'"):
+        solids(parse_scene(content(ball())))
 
 
 def test_directions_from_a_file(tmp_path):

@@ -36,7 +36,8 @@ RIDGE_DB = -9.0
 beam radii the two-way pattern has fallen by as much."""
 
 DYNAMIC_RANGE_DB = -80.0
-"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is cleaner."""
+"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is
+cleaner."""
 
 MOST_ECHOES = 24
 """In one beam; the strongest count."""

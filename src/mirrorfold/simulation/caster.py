@@ -13,6 +13,8 @@ Index = NDArray[np.int64]
 BATCH = 1 << 17
 """Rays that are cast at once: their single-precision copies then stay in the cache."""
 
+NOT_INSTALLED = "three-dimensional scenes need the packages trimesh and embreex; install 'mirrorfold[mesh]'"
+
 
 class Caster:
     """Casts rays at triangles.
@@ -33,9 +35,7 @@ class Caster:
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
         except ImportError:
-            raise InputError(
-                "three-dimensional scenes need the packages trimesh and embreex; install 'mirrorfold[mesh]'"
-            ) from None
+            raise InputError(NOT_INSTALLED) from None
         self._scene = EmbreeScene(robust=True)
         # Single precision is good to 0.3 um per metre; the triangles are kept near the origin for it.
         self._mesh = TriangleMesh(self._scene, vertices[faces].astype(np.float32))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
 from mirrorfold.geometry import Isometry, unit
+from mirrorfold.simulation.caster import NOT_INSTALLED, Caster
 from mirrorfold.simulation.mannequin import mannequin_mesh
 from mirrorfold.solids import Box, Cylinder, Mannequin, Mesh, Panel, Patch, Scene3D, Sphere, Surface3D
 
@@ -124,8 +125,7 @@ def _mesh(surface: Surface3D) -> tuple[Array, Index]:
     if isinstance(surface, Box):
         return _rounded_box(surface.size, surface.rounding)
 
-    from trimesh import creation
-
+    creation = _trimesh().creation
     if isinstance(surface, Sphere):
         level = int(np.clip(np.ceil(np.log2(surface.radius / CURVE_CELL)), 3, 6))
         ball = creation.icosphere(subdivisions=level, radius=surface.radius)
@@ -136,14 +136,26 @@ def _mesh(surface: Surface3D) -> tuple[Array, Index]:
     return np.asarray(tube.vertices, dtype=float), np.asarray(tube.faces, dtype=np.int64)
 
 
+def _trimesh() -> Any:
+    """The library of meshes.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise InputError(NOT_INSTALLED) from None
+    return trimesh
+
+
 @lru_cache(maxsize=16)
 def _rounded_box(size: tuple[float, float, float], rounding: float) -> tuple[Array, Index]:
     """A box with round edges: the hull of balls at its corners, bulged from a finely divided box."""
-    from trimesh import creation
-
     core = 0.5 * np.array(size) - rounding
-    box = creation.box(extents=size).subdivide_to_size(max(CURVE_CELL, rounding))
-    inner = np.clip(box.vertices, -core, core)
+    box = _trimesh().creation.box(extents=size).subdivide_to_size(max(CURVE_CELL, rounding))
     # A second division near the edges follows the rounding.
     box = box.subdivide_to_size(max(0.35 * rounding, 0.004))
     inner = np.clip(box.vertices, -core, core)
@@ -160,12 +172,10 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
     InputError
         If it cannot be read, is open, crosses itself or is enormous.
     """
-    import trimesh
-
     if not path.is_file():
         raise InputError(f"{path}: does not exist; give the path of an STL, OBJ or PLY file")
     try:
-        mesh: Any = trimesh.load(path, force="mesh")
+        mesh: Any = _trimesh().load(path, force="mesh")
     except Exception as error:  # trimesh raises whatever its many readers raise
         raise InputError(f"{path}: cannot be read as a mesh ({error}); give an STL, OBJ or PLY file") from None
     if not len(getattr(mesh, "faces", ())):
@@ -191,8 +201,6 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
 
 def crosses_itself(vertices: Array, faces: Index) -> bool:
     """Whether an edge of a closed mesh runs through a triangle that it does not share a corner with."""
-    from mirrorfold.simulation.caster import Caster
-
     caster = Caster(vertices, faces)
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
