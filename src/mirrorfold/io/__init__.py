@@ -67,4 +67,11 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, Path(path))
 
 
-__all__ = ["load", "save"]
+def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
+    """Write the folded points of a reconstruction for other programs: see `mirrorfold.io.clouds.export`."""
+    from mirrorfold.io import clouds
+
+    return clouds.export(reconstruction, path)
+
+
+__all__ = ["export", "load", "save"]
