@@ -17,18 +17,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mirrorfold import plot
+    from mirrorfold import plot, plot_volume
     from mirrorfold.errors import InputError
-    from mirrorfold.focusing import FocusPlan, focus
+    from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
     from mirrorfold.folding import fold
     from mirrorfold.inspection import info
-    from mirrorfold.io import load, save
+    from mirrorfold.io import export, load, save
     from mirrorfold.metrics import score
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
-    from mirrorfold.sweep import add_noise, check_sweep, make_sweep
+    from mirrorfold.solids import Scene3D
+    from mirrorfold.sweep import add_noise, check_sweep, make_raster_sweep, make_sweep
 
 __version__ = "0.1.0"
 
@@ -36,19 +37,24 @@ _HOME = {
     "FocusPlan": "focusing",
     "InputError": "errors",
     "Scene": "scene",
+    "Scene3D": "solids",
     "add_noise": "sweep",
     "check_sweep": "sweep",
+    "export": "io",
     "focus": "focusing",
     "fold": "folding",
     "info": "inspection",
     "load": "io",
     "load_scene": "scene",
+    "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "save": "io",
     "score": "metrics",
     "simulate": "simulation",
+    "to_voxels": "focusing",
 }
 """The module that each name of the flat face comes from."""
 
@@ -57,26 +63,32 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "save",
     "load_scene",
     "Scene",
+    "Scene3D",
     "simulate",
     "near_field",
     "make_sweep",
+    "make_raster_sweep",
     "check_sweep",
     "add_noise",
     "info",
     "focus",
     "FocusPlan",
+    "plan_view",
+    "to_voxels",
     "fold",
     "reconstruct",
     "score",
+    "export",
     "plot",
+    "plot_volume",
     "InputError",
 ]
 
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, once."""
-    if name == "plot":
-        return importlib.import_module("mirrorfold.plot")
+    if name in ("plot", "plot_volume"):
+        return importlib.import_module(f"mirrorfold.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'mirrorfold' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"mirrorfold.{_HOME[name]}"), name)

@@ -84,18 +84,19 @@ def fold(
 
     Parameters
     ----------
-    image : (y, x) DataArray
-        Complex or amplitude, not normalised with range.
+    image : (y, x) or (range, azimuth, elevation) DataArray
+        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     normalization : {"r", "none", "r2"}, optional
+        For a volume "beam", "r2" or "none".
     threshold_db : float [dB], optional
         Relative to the robust reference echo; with the published preset to the brightest pixel.
     minimum_length : float [m], optional
-        Of a mirror.
+        Of a mirror; in a volume, of its width and height.
     wall_margin : float [m], optional
         How far behind a mirror echoes still belong to the wall.
     progress : callable (done, total), optional
@@ -110,6 +111,19 @@ def fold(
     InputError
         If the image or a setting cannot be used.
     """
+    if getattr(image, "dims", None) == ("range", "azimuth", "elevation"):
+        from mirrorfold.volume_folding import fold_volume
+
+        if preset != "default":
+            raise InputError(f"preset is {preset!r}, but a volume is folded with the default one; fold its plan_view")
+        return fold_volume(
+            image,
+            normalization=normalization,
+            threshold_db=threshold_db,
+            minimum_size=minimum_length,
+            wall_margin=wall_margin,
+            progress=progress,
+        )
     if preset not in PRESETS:
         raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
     given: dict[str, Any] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -16,7 +16,10 @@ from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction
 from mirrorfold.scene import Scene
-from mirrorfold.sweep import check_sweep
+from mirrorfold.sweep import check_sweep, is_raster
+
+if TYPE_CHECKING:
+    from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
 
@@ -42,12 +45,12 @@ RECIPROCITY_DB = -40.0
 """Difference between a sweep and its transpose, against its mean power [dB], that calibration should not leave."""
 
 
-def info(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | str | Path) -> dict[str, Any]:
+def info(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | Path) -> dict[str, Any]:
     """What a sweep, image, reconstruction or scene holds, what it can resolve, and what looks wrong.
 
     Parameters
     ----------
-    obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene or path
+    obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene, Scene3D or path
         The thing itself, or the path of its file.
 
     Returns
@@ -72,6 +75,8 @@ def info(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | str | Path) -> d
         return _sweep_info(check_sweep(obj))
     if isinstance(obj, Scene):
         return _scene_info(obj)
+    if getattr(obj, "dimensions", None) == 3:
+        return _scene3d_info(obj)
     raise InputError(f"info: got a {type(obj).__name__}, expected a sweep, an image, a reconstruction or a scene")
 
 
@@ -123,7 +128,88 @@ def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tupl
     return facts, remarks
 
 
+def scan_resolution(
+    frequency: Array, azimuth: Array, elevation: Array, beam: tuple[float, float] | None
+) -> tuple[dict[str, Any], list[str]]:
+    """What a band and a raster scan can resolve, and remarks on what they cannot.
+
+    Parameters
+    ----------
+    frequency : (frequencies,) array [Hz]
+    azimuth, elevation : 1D arrays [degree]
+    beam : (radius of the focus, its distance) [m], optional
+        Where it is known.
+    """
+    step = float(frequency[-1] - frequency[0]) / (frequency.size - 1) if frequency.size > 1 else None
+    steps = [float(np.diff(angle).max()) if angle.size > 1 else None for angle in (azimuth, elevation)]
+    facts = {
+        "band_hz": [float(frequency[0]), float(frequency[-1])],
+        "frequencies": int(frequency.size),
+        "frequency_step_hz": step,
+        "azimuth_deg": [float(azimuth[0]), float(azimuth[-1])],
+        "elevation_deg": [float(elevation[0]), float(elevation[-1])],
+        "beams": [int(azimuth.size), int(elevation.size)],
+        "scan_step_deg": steps,
+        "spot_radius_m": beam[0] if beam else None,
+        "focus_distance_m": beam[1] if beam else None,
+        "range_resolution_m": speed_of_light / (2.0 * step * frequency.size) if step else None,
+        "ambiguous_range_m": speed_of_light / (2.0 * step) if step else None,
+    }
+    remarks = [] if step else ["There is a single frequency, so ranges cannot be told apart; sweep a band."]
+    if beam is not None:
+        widest = 2.0 * float(np.degrees(beam[0] / beam[1]))
+        if any(angle is not None and angle > widest for angle in steps):
+            remarks.append(
+                f"The scan steps are wider than the beam, {widest:.2g} degrees: things between two beams are seen by "
+                "neither."
+            )
+    return facts, remarks
+
+
+def _raster_info(sweep: xr.Dataset) -> dict[str, Any]:
+    known = "spot_radius" in sweep.attrs and "focus_distance" in sweep.attrs
+    beam = (float(sweep.attrs["spot_radius"]), float(sweep.attrs["focus_distance"])) if known else None
+    axes = [sweep[name].values.astype(float) for name in ("frequency", "azimuth", "elevation")]
+    facts, remarks = scan_resolution(axes[0], axes[1], axes[2], beam)
+    s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
+    # What leaks inside the instrument is the same in all beams.
+    s = s - s.mean(axis=(2, 3), keepdims=True)
+    power = float(np.mean(np.abs(s) ** 2, dtype=float))
+    profile = _range_profile(s)
+    noise = _noise_power(profile, pairs=s.size // profile.size)
+    facts["power_db"] = _decibel(power)
+    facts["snr_db"] = _decibel((power - noise) / noise) if 0.0 < noise < power else None
+    return {
+        "kind": "sweep",
+        "title": str(sweep.attrs.get("title", "")),
+        "dimensions": {str(name): int(size) for name, size in zip(sweep["s"].dims, sweep["s"].shape, strict=True)},
+        **facts,
+        "remarks": remarks,
+    }
+
+
+def _scene3d_info(scene: Scene3D) -> dict[str, Any]:
+    azimuth, elevation = scene.scanner.angles
+    beam = (scene.scanner.spot_radius, scene.scanner.focus_distance)
+    facts, remarks = scan_resolution(scene.band.frequency, azimuth, elevation, beam)
+    if not scene.surface:
+        remarks.append("The scene has no surfaces.")
+    surfaces = [
+        {
+            "name": surface.name,
+            "kind": surface.kind,
+            "material": surface.material
+            if isinstance(surface.material, str)
+            else f"permittivity {surface.material.permittivity:g}, {surface.material.conductivity:g} S/m",
+        }
+        for surface in scene.surface
+    ]
+    return {"kind": "scene", "title": scene.name, **facts, "surfaces": surfaces, "remarks": remarks}
+
+
 def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
+    if is_raster(sweep):
+        return _raster_info(sweep)
     tx_position, rx_position = (sweep[name].values.astype(float) for name in ("tx_position", "rx_position"))
     facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position)
     s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))

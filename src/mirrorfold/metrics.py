@@ -8,7 +8,7 @@ a dense blob counts once.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -19,6 +19,9 @@ from scipy.spatial import cKDTree
 from mirrorfold.errors import InputError
 from mirrorfold.geometry import cross2, crossing, reflect, segment_normal
 from mirrorfold.scene import Scene, Surface, load_scene
+
+if TYPE_CHECKING:
+    from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,13 +48,15 @@ BOUNCES = 3
 """Reflections that a line of sight may take to a piece of truth that counts as reachable."""
 
 
-def score(reconstruction: xr.DataTree, scene: Scene | str | Path, *, bounces: int = BOUNCES) -> dict[str, Any]:
+def score(
+    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+) -> dict[str, Any]:
     """Distances between a reconstruction and the true scene.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    scene : Scene or path of a scene file
+    scene : Scene, Scene3D or path of a scene file
     bounces : int
         Largest number of reflections by which a piece of truth counts as reachable.
 
@@ -74,7 +79,15 @@ def score(reconstruction: xr.DataTree, scene: Scene | str | Path, *, bounces: in
     """
     if not isinstance(reconstruction, xr.DataTree) or "objects" not in reconstruction.children:
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    flat = "z" not in reconstruction.children["objects"].variables
+    if flat != isinstance(scene, Scene):
+        held, given = (2, 3) if flat else (3, 2)
+        raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
+    if not isinstance(scene, Scene):
+        from mirrorfold.volume_score import score_volume
+
+        return score_volume(reconstruction, scene, bounces=bounces)
     objects = reconstruction.children["objects"].dataset
     points = np.stack([objects["x"].values, objects["y"].values], axis=-1)
     by_mirror = objects["bounces"].values > 0

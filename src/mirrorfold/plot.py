@@ -299,10 +299,10 @@ def before_after(reconstruction: xr.DataTree, scene: Scene | None = None, *, flo
     shadows(reconstruction, left)
     mirrors(reconstruction, left)
     _draw_radar(left, radar)
-    left.set(xlim=before[:2], ylim=before[2:], title="initial image: mirrors and their shadows")
+    left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
 
     corrected(reconstruction, right, floor_db=floor_db, extent=after, colorbar=False)
-    right.set(xlim=after[:2], ylim=after[2:], title="corrected: every echo folded back")
+    right.set(xlim=after[:2], ylim=after[2:], title="corrected:\nevery echo folded back")
 
     if scene is not None:
         _draw_scene(scene, left, alpha=0.45)

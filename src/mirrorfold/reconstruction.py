@@ -9,6 +9,7 @@ import xarray as xr
 
 from mirrorfold.focusing import focus
 from mirrorfold.folding import fold
+from mirrorfold.sweep import is_raster
 
 Progress = Callable[[int, int], None]
 
@@ -25,7 +26,7 @@ def reconstruct(
     Parameters
     ----------
     sweep : xarray.Dataset
-        MIMO or synthetic-aperture Sweep.
+        MIMO or synthetic-aperture Sweep, or that of a raster scan.
     tolerance : float
         Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
     progress : callable (done, total), optional
@@ -43,4 +44,6 @@ def reconstruct(
         If the sweep or a setting cannot be used.
     """
     image = focus(sweep, tolerance=tolerance, progress=progress)
+    if is_raster(sweep):
+        return fold(image, **settings)
     return fold(image, sweep=sweep, **settings)

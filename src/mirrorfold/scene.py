@@ -10,7 +10,7 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from pydantic.dataclasses import dataclass
 from mirrorfold import materials
 from mirrorfold.arrays import STRICT, LinearArray
 from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -265,7 +268,7 @@ class Scene:
             raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path) -> Scene | Scene3D:
     """Read a scene file.
 
     Raises
@@ -332,41 +335,47 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
     return [[float(x), float(y)] for x, y in points]
 
 
-def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene:
-    """A scene from the content of a scene file, as `tomllib` returns it.
+def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene3D:
+    """A scene, of two dimensions or of three, from the content of a scene file, as `tomllib` returns it.
 
     Raises
     ------
     InputError
         With every mistake and its place; `source` names the file in the message.
     """
+    kinds: tuple[str, ...] = _KINDS
+    fields, scene = _FIELDS, Scene  # type: tuple[list[str], Any]
+    if content.get("dimensions") == 3:
+        from mirrorfold import solids
+
+        kinds, fields, scene = solids.KINDS, solids.FIELDS, solids.Scene3D
     try:
-        return TypeAdapter(Scene).validate_python(content)
+        return TypeAdapter(scene).validate_python(content)
     except ValidationError as error:
-        mistakes = [_explain(item) for item in error.errors(include_url=False)]
+        mistakes = [_explain(item, kinds, fields) for item in error.errors(include_url=False)]
         raise InputError(f"{source}: {'; '.join(mistakes)}") from None
 
 
-def _explain(item: Any) -> str:
+def _explain(item: Any, kinds: tuple[str, ...], fields: list[str]) -> str:
     """One mistake in plain words, with its place such as ``surface[1].start``."""
     place = ""
     for part in item["loc"]:
         if isinstance(part, int):
             place += f"[{part}]"
-        elif part not in _KINDS:
+        elif part not in kinds:
             place += f".{part}" if place else str(part)
     place = place or "file"
     found = item["input"]
     if item["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = get_close_matches(str(item["loc"][-1]), _FIELDS, n=1)
+        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
         hint = f"did you mean {close[0]!r}?" if close else "remove it"
         return f"{place} is not a known entry, {hint}"
     if item["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
         return f"{place} is missing, add it"
     if item["type"] == "union_tag_invalid":
-        return f"{place}.kind is {found.get('kind')!r}, expected one of {', '.join(_KINDS)}"
+        return f"{place}.kind is {found.get('kind')!r}, expected one of {', '.join(kinds)}"
     if item["type"] == "union_tag_not_found":
-        return f"{place}.kind is missing, expected one of {', '.join(_KINDS)}"
+        return f"{place}.kind is missing, expected one of {', '.join(kinds)}"
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}"
     message = item["msg"].removeprefix("Input should be ")

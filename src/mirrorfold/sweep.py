@@ -1,11 +1,14 @@
 """The Sweep: one raw radar measurement as an `xarray.Dataset`, its checks, what it can resolve, noise.
 
 Variable ``s(frequency, tx, rx)``, complex64, with coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
-``rx_position(rx, axis)`` [m]; time convention ``exp(+jwt)``, so that a path of length d contributes ``exp(-j k d)``.
+``rx_position(rx, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and ``elevation``
+[degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d contributes
+``exp(-j k d)``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,8 @@ Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 TIME_CONVENTION = "exp(+jwt)"
+
+RASTER_DIMENSIONS = ("frequency", "azimuth", "elevation")
 
 STEP_TOLERANCE = 1e-3
 """Largest deviation of a frequency step from the mean one, as a share of it: at 1000 steps a phase error of a few
@@ -73,6 +78,67 @@ def make_sweep(
     return check_sweep(sweep)
 
 
+def make_raster_sweep(
+    s: ArrayLike,
+    *,
+    frequency: ArrayLike,
+    azimuth: ArrayLike,
+    elevation: ArrayLike,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    **attrs: Any,
+) -> xr.Dataset:
+    """The Sweep of a raster scan.
+
+    Parameters
+    ----------
+    s : (frequencies, azimuths, elevations) complex array
+        S11 of every beam, time convention ``exp(+jwt)``.
+    frequency : (frequencies,) array [Hz]
+        In uniform steps.
+    azimuth, elevation : (azimuths,) and (elevations,) arrays [degree]
+        A beam points to ``(sin az cos el, cos az cos el, sin el)``.
+    origin : (3,) array [m]
+        Where the beams start.
+    **attrs
+        What else is known: `title`, `spot_radius` and `focus_distance` [m] of the beam ...
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the result is not a valid sweep.
+    """
+    try:
+        sweep = xr.Dataset(
+            {"s": (RASTER_DIMENSIONS, np.asarray(s, dtype=np.complex64))},
+            coords={
+                "frequency": ("frequency", np.asarray(frequency, dtype=float), {"units": "Hz"}),
+                "azimuth": ("azimuth", np.asarray(azimuth, dtype=float), {"units": "degree"}),
+                "elevation": ("elevation", np.asarray(elevation, dtype=float), {"units": "degree"}),
+            },
+            attrs={
+                "mirrorfold_kind": "sweep",
+                "time_convention": TIME_CONVENTION,
+                "origin": np.asarray(origin, dtype=float),
+                **attrs,
+            },
+        )
+    except ValueError as error:
+        raise InputError(
+            f"sweep: the shapes do not fit together ({error}); expected s(frequency, azimuth, elevation), "
+            "frequency(frequency), azimuth(azimuth) and elevation(elevation)"
+        ) from None
+    return check_sweep(sweep)
+
+
+def is_raster(sweep: xr.Dataset) -> bool:
+    """Whether a sweep is that of a raster scan."""
+    return "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
+
+
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     """The sweep in the project's own convention, or a plain word on what is wrong with it.
 
@@ -90,23 +156,25 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if not isinstance(sweep, xr.Dataset) or "s" not in sweep:
         raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     s = sweep["s"]
-    for name in ("frequency", "tx_position", "rx_position"):
+    raster = is_raster(sweep)
+    for name in RASTER_DIMENSIONS if raster else ("frequency", "tx_position", "rx_position"):
         if name not in sweep.variables:
-            where = "the antenna positions [m]" if name.endswith("position") else "the frequencies [Hz]"
+            where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
+            where = "the antenna positions [m]" if name.endswith("position") else where
             raise refuse(f"has no coordinate {name!r}; add {where} before imaging")
-    if s.dims[-3:] != ("frequency", "tx", "rx"):
-        raise refuse(f"s has dimensions {s.dims}, expected (frequency, tx, rx); transpose or rename them")
+    if not raster and s.dims[-3:] != ("frequency", "tx", "rx"):
+        raise refuse(
+            f"s has dimensions {s.dims}, expected (frequency, tx, rx) or (frequency, azimuth, elevation); "
+            "transpose or rename them"
+        )
     if s.size == 0:
         raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
     if s.dtype.kind != "c":
         raise refuse(f"s has type {s.dtype}, expected complex numbers; store real and imaginary part as one")
-    for name, dim in (("tx_position", "tx"), ("rx_position", "rx")):
-        if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
-            raise refuse(
-                f"{name} has dimensions {dict(sweep[name].sizes)}, expected ({dim}, axis) with the three axes x, y, z"
-            )
-        if sweep[name].dtype.kind not in "fiu" or not np.isfinite(sweep[name].values).all():
-            raise refuse(f"{name} holds values that are not finite numbers; give every antenna its place in metres")
+    if raster:
+        _check_directions(sweep, refuse)
+    else:
+        _check_positions(sweep, refuse)
     frequency = sweep["frequency"].values
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
@@ -133,8 +201,34 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     return sweep
 
 
+def _check_positions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+    """Refuse antenna positions that are none."""
+    for name, dim in (("tx_position", "tx"), ("rx_position", "rx")):
+        if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
+            raise refuse(
+                f"{name} has dimensions {dict(sweep[name].sizes)}, expected ({dim}, axis) with the three axes x, y, z"
+            )
+        if sweep[name].dtype.kind not in "fiu" or not np.isfinite(sweep[name].values).all():
+            raise refuse(f"{name} holds values that are not finite numbers; give every antenna its place in metres")
+
+
+def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+    """Refuse beam directions that are none."""
+    for name in ("azimuth", "elevation"):
+        angle = sweep[name].values
+        if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():
+            raise refuse(f"{name} holds values that are not finite numbers; give every beam its direction in degrees")
+        if np.any(np.diff(angle) <= 0) or np.abs(angle).max(initial=0.0) >= 90.0:
+            raise refuse(f"{name} must rise from more than -90 to less than 90 degrees; sort the beams")
+    origin = np.asarray(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise refuse("attr origin is not a place; give three finite numbers in metres, where the beams start")
+
+
 def radar_position(sweep: xr.Dataset) -> Array:
-    """The mean of the tx and rx positions, shape (3,) [m]."""
+    """The mean of the tx and rx positions, or where the beams start, shape (3,) [m]."""
+    if is_raster(sweep):
+        return np.array(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
     return 0.5 * (sweep["tx_position"].values.mean(axis=0) + sweep["rx_position"].values.mean(axis=0))
 
 

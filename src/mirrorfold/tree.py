@@ -78,12 +78,12 @@ class MirrorTree:
         """Number of mirrors on the way here: 0 for the root."""
         return len(self.chain)
 
-    def folds(self) -> dict[tuple[int, ...], Isometry]:
+    def folds(self, dimensions: int = 2) -> dict[tuple[int, ...], Isometry]:
         """For the chain of every node of this root, the map from the image to the true place of what it holds.
 
         Each reflects across its own line, which is a ghost itself, first, then across its parents' up to the root.
         """
-        result: dict[tuple[int, ...], Isometry] = {(): Isometry.identity()}
+        result: dict[tuple[int, ...], Isometry] = {(): Isometry.identity(dimensions)}
         for node in self.walk():
             if node.line is not None:
                 mirror = Isometry.reflection(node.line.start, node.line.normal)

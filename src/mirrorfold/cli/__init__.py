@@ -28,7 +28,7 @@ class Verb(NamedTuple):
 VERBS = {
     "demo": Verb(
         "Simulate a hidden corner, reconstruct it and score the result: pictures, files, numbers.",
-        "mirrorfold demo --out demo",
+        "mirrorfold demo --scene corridor --out demo",
     ),
     "simulate": Verb(
         "Simulate the sweep that a radar measures in a scene.",

@@ -111,6 +111,8 @@ def show_score(score: dict[str, Any]) -> None:
         values = (score.get(name), (score.get("hidden") or {}).get(name))
         points.add_row(label, *(_number(value, ".1f" if scale > 1 else ".3f", scale) for value in values))
     _console().print(mirrors, points)
+    for name, patch in (score.get("patches") or {}).items():
+        print(f"{name} over its surroundings: {_number(patch['contrast_db'], '.1f')} dB")
 
 
 def describe(name: str, value: Any) -> tuple[str, str]:

@@ -28,13 +28,21 @@ from mirrorfold.cli.terminal import (
 from mirrorfold.errors import InputError
 
 Output = Annotated[Path, Parameter(alias="-o")]
-Json = Annotated[bool, Parameter(negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
 Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
+BODY, SPACE = "body.png", "space.png"
 
-DEMO_SCENE = "hidden_corner.toml"
+DEMO_SCENES = {
+    "hidden-corner": "hidden_corner.toml",
+    "drywall-mannequin": "drywall-mannequin.toml",
+    "drywall-control": "drywall-control.toml",
+    "corridor": "corridor.toml",
+}
+
+DEMO_SNR_DB = 20.0
+"""Of the scans in three dimensions, per sample: modest for a vector network analyser."""
 
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
@@ -61,13 +69,20 @@ def run(arguments: Sequence[str]) -> None:
         command.reset(token)
 
 
-def demo(*, out: Path = Path("demo"), json: Json = False) -> None:
+def demo(
+    *,
+    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor"] = "hidden-corner",
+    out: Path = Path("demo"),
+    json: Flag = False,
+) -> None:
     """Run the demonstration.
 
     Parameters
     ----------
+    scene
+        Which of the scenes that come along.
     out
-        Directory for the scene, the sweep, the reconstruction, the picture and the score.
+        Directory for the scene, the sweep, the reconstruction, the pictures and the score.
     json
         Print the score as one JSON object.
     """
@@ -75,21 +90,22 @@ def demo(*, out: Path = Path("demo"), json: Json = False) -> None:
 
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    names = (DEMO_SCENE, "sweep.nc", RECONSTRUCTION, PICTURE, "score.json")
-    check_output_directory(out, names=names)
-    text = package_files("mirrorfold").joinpath("scenes", DEMO_SCENE).read_text(encoding="utf-8")
+    file = DEMO_SCENES[scene]
+    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, "score.json"))
+    text = package_files("mirrorfold").joinpath("scenes", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
-        (directory / DEMO_SCENE).write_text(text, encoding="utf-8")
-        scene = mf.load_scene(directory / DEMO_SCENE)
+        (directory / file).write_text(text, encoding="utf-8")
+        truth = mf.load_scene(directory / file)
+        snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None
         with progress("simulating the sweep") as report:
-            sweep = mf.simulate(scene, progress=report)
+            sweep = mf.simulate(truth, snr_db=snr_db, progress=report)
         mf.save(sweep, directory / "sweep.nc")
         with progress("reconstructing") as report:
             reconstruction = mf.reconstruct(sweep, progress=report)
-        write_results(reconstruction, directory, scene=scene)
-        score = mf.score(reconstruction, scene)
+        results = write_results(reconstruction, directory, scene=truth)
+        score = mf.score(reconstruction, truth)
         write_json(score, directory / "score.json")
-    paths = [out / name for name in names]
+    paths = [out / name for name in (file, "sweep.nc", *results, "score.json")]
     if json:
         show_json({**score, "files": list(map(str, paths))})
         return
@@ -113,8 +129,9 @@ def simulate(
     workers: int | None = None,
     scheduler: str | None = None,
     resume: Flag = False,
+    force: Flag = False,
     dry_run: Flag = False,
-    json: Json = False,
+    json: Flag = False,
 ) -> None:
     """Simulate a sweep.
 
@@ -125,8 +142,8 @@ def simulate(
     output
         Sweep to write (netCDF); needed but for a dry run.
     solver
-        How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db is
-        for fullwave alone.
+        How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db, up
+        to resume, is for fullwave alone.
     bounces
         Largest number of mirrors on each way, for rays alone.
     seed
@@ -145,40 +162,46 @@ def simulate(
         Address of a Dask scheduler, whose workers share the frequencies instead.
     resume
         Go on with a sweep that was interrupted.
+    force
+        Of a raster scan: go on where returns wrap around or the scan step is wider than the beam.
     dry_run
-        Say how long it will take and how much memory and disk it needs, and stop.
+        Of full waves or a raster scan: say what the simulation would take, and write nothing.
     json
         Print what was simulated as one JSON object.
     """
     from mirrorfold.io.files import check_output
 
     truth = mf.load_scene(scene)
-    options: dict[str, Any] = {"bounces": bounces, "tolerance": tolerance, "direct": direct}
-    options |= {"check_residual": check_residual, "scheduler": scheduler}
-    if solver == "fullwave":
-        workers = available_cores() if workers is None else workers
+    if solver == "fullwave" and workers is None:
+        workers = available_cores()
     if dry_run:
-        if solver != "fullwave":
-            raise InputError("--dry-run is for --solver fullwave; rays take seconds")
-        show_estimate(estimate_simulation(truth, tolerance=tolerance, seed=seed, workers=workers or 1), json=json)
+        from mirrorfold.simulation import estimate
+
+        options: dict[str, Any] = {"bounces": bounces, "seed": seed, "tolerance": tolerance, "workers": workers or 1}
+        found = {"kind": "estimate", **estimate(truth, solver=solver, **options), "remarks": []}
+        show_json(found) if json else show_info(found)
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
     check_output(output, inputs=[scene])
     results = output.with_name(f"{output.name}.frequencies")
-    if solver == "fullwave":
-        options["checkpoint"] = results
     try:
         with progress("simulating the sweep") as report:
             sweep = mf.simulate(
                 truth,
                 solver=solver,
+                bounces=bounces,
                 seed=seed,
                 snr_db=snr_db,
-                workers=1 if workers is None else workers,
+                tolerance=tolerance,
+                direct=direct,
+                check_residual=check_residual,
+                workers=workers or 1,
+                scheduler=scheduler,
+                checkpoint=results if solver == "fullwave" else None,
                 resume=resume,
+                force=force,
                 progress=report,
-                **options,
             )
     except KeyboardInterrupt:
         if results.exists():
@@ -204,7 +227,7 @@ def focus(
     z: Grid = None,
     tolerance: float = 1e-4,
     taper: str = "hann",
-    json: Json = False,
+    json: Flag = False,
 ) -> None:
     """Focus a sweep.
 
@@ -252,7 +275,8 @@ def fold(
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
-    json: Json = False,
+    export: Path | None = None,
+    json: Flag = False,
 ) -> None:
     """Fold an image.
 
@@ -269,13 +293,16 @@ def fold(
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
-        Of a mirror [m].
+        Of a mirror [m]; in a volume, of its width and height.
+    export
+        Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors and counts as one JSON object.
     """
     from mirrorfold.io.files import check_output
 
     check_output(output, inputs=[image] if sweep is None else [image, sweep])
+    check_export(export)
     focused = read(image, "image")
     measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:
@@ -289,7 +316,7 @@ def fold(
         )
     reconstruction.attrs["command"] = command.get()
     mf.save(reconstruction, output)
-    report_reconstruction(reconstruction, [output], json=json)
+    report_reconstruction(reconstruction, [output, *write_cloud(reconstruction, export)], json=json)
 
 
 def reconstruct(
@@ -299,7 +326,8 @@ def reconstruct(
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
-    json: Json = False,
+    export: Path | None = None,
+    json: Flag = False,
 ) -> None:
     """Reconstruct a scene.
 
@@ -308,19 +336,22 @@ def reconstruct(
     sweep
         Sweep to read (netCDF).
     output
-        Directory for reconstruction.nc and before_after.png.
+        Directory for reconstruction.nc and before_after.png; of a raster scan, body.png and space.png too.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
-        Of a mirror [m].
+        Of a mirror [m]; in a volume, of its width and height.
+    export
+        Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors, counts and files as one JSON object.
     """
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE), inputs=[sweep])
+    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE), inputs=[sweep])
+    check_export(export)
     measured = read(sweep, "sweep")
     remark(mf.info(measured)["remarks"])
     with progress("reconstructing") as report:
@@ -329,11 +360,12 @@ def reconstruct(
         )
     reconstruction.attrs["command"] = command.get()
     with directory_written_whole(output) as directory:
-        write_results(reconstruction, directory)
-    report_reconstruction(reconstruction, [output / RECONSTRUCTION, output / PICTURE], json=json)
+        results = write_results(reconstruction, directory)
+    files = [*(output / name for name in results), *write_cloud(reconstruction, export)]
+    report_reconstruction(reconstruction, files, json=json)
 
 
-def score(reconstruction: Path, scene: Path, *, json: Json = False) -> None:
+def score(reconstruction: Path, scene: Path, *, json: Flag = False) -> None:
     """Score a reconstruction.
 
     Parameters
@@ -353,7 +385,7 @@ def score(reconstruction: Path, scene: Path, *, json: Json = False) -> None:
         show_score(result)
 
 
-def info(file: Path, *, json: Json = False) -> None:
+def info(file: Path, *, json: Flag = False) -> None:
     """Describe a file.
 
     Parameters
@@ -390,36 +422,6 @@ def remove_directory(path: Path) -> None:
     import shutil
 
     shutil.rmtree(path, ignore_errors=True)
-
-
-def estimate_simulation(scene: mf.Scene, *, tolerance: float, seed: int, workers: int) -> dict[str, Any]:
-    """What a full-wave simulation will cost, in plain numbers."""
-    from mirrorfold.simulation.fullwave.sweep import estimate_sweep
-
-    cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
-    return {
-        "unknowns": cost.unknowns,
-        "skeletons": cost.skeletons,
-        "frequencies": scene.band.points,
-        "workers": workers,
-        "cpu_seconds_per_frequency": cost.seconds_per_frequency,
-        "minutes": cost.seconds_per_frequency * scene.band.points / workers / 60.0,
-        "memory_per_worker_gb": cost.memory / 1e9,
-        "memory_gb": workers * cost.memory / 1e9,
-        "disk_gb": cost.disk / 1e9,
-    }
-
-
-def show_estimate(found: dict[str, Any], *, json: bool) -> None:
-    """Print what a simulation will cost."""
-    if json:
-        show_json(found)
-        return
-    print(
-        f"{found['unknowns']} unknowns, {found['skeletons']} after compression, {found['frequencies']} frequencies: "
-        f"about {found['cpu_seconds_per_frequency']:.2g} s each, {found['minutes']:.2g} minutes with "
-        f"{found['workers']} workers, {found['memory_gb']:.2g} GB of memory, {found['disk_gb']:.2g} GB of disk"
-    )
 
 
 def read(path: Path, kind: str) -> Any:
@@ -459,10 +461,38 @@ def parse_axis(text: str, name: str) -> Any:
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
 
-def write_results(reconstruction: Any, directory: Path, scene: mf.Scene | None = None) -> None:
-    """Write a reconstruction and its picture to a directory."""
+def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
+    """Write a reconstruction and its pictures to a directory; returns the files' names."""
     mf.save(reconstruction, directory / RECONSTRUCTION)
-    mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
+    if "z" not in reconstruction.children["objects"].variables:
+        mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
+        return [RECONSTRUCTION, PICTURE]
+    from mirrorfold import plot_volume
+
+    mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
+    plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
+    names = [RECONSTRUCTION, PICTURE, SPACE]
+    if plot_volume.has_body(reconstruction):
+        plot_volume.body(reconstruction).savefig(directory / BODY)
+        names.append(BODY)
+    return names
+
+
+def check_export(path: Path | None) -> None:
+    """Refuse a point cloud that could not be written, before the work begins."""
+    if path is not None:
+        from mirrorfold.io.clouds import check_cloud_path
+
+        check_cloud_path(path)
+
+
+def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:
+    """Write the point cloud, if one is asked for; returns its path."""
+    if path is None:
+        return []
+    from mirrorfold.io.clouds import export
+
+    return [export(reconstruction, path)]
 
 
 def write_json(result: dict[str, Any], path: Path) -> None:

@@ -5,5 +5,6 @@ from __future__ import annotations
 from mirrorfold.focusing.api import focus
 from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
 from mirrorfold.focusing.plan import FocusPlan
+from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
 
-__all__ = ["FocusPlan", "default_grid", "focus", "polar_grid", "sweep_grid"]
+__all__ = ["FocusPlan", "default_grid", "focus", "focus_raster", "plan_view", "polar_grid", "sweep_grid", "to_voxels"]

@@ -15,8 +15,10 @@ from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.plan import Apodization, check_measurement, make_problem, prove
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.raster import focus_raster, to_voxels
 from mirrorfold.focusing.tfm import focus_exact
 from mirrorfold.focusing.threads import Progress
+from mirrorfold.sweep import is_raster
 
 NORMALISATIONS = {"none": 0, "r": 1, "r2": 2}
 """Powers of the range from the radar position that the image may be multiplied with."""
@@ -62,14 +64,16 @@ def focus(
     wave_speed : float [m/s]
         Default: of light in vacuum.
     normalization : {"none", "r", "r2"}
-        Multiply by this power of the range from the radar position.
+        Multiply by this power of the range from the radar position. For a raster scan "none", "r2" or "beam".
     progress : callable, optional
         Called as ``progress(done, total)`` now and then.
 
     Returns
     -------
     xarray.DataArray
-        ``image``, complex64, (..., y, x) or (..., z, y, x). Among its attrs: `algorithm`, `error` (measured),
+        ``image``, complex64, (..., y, x) or (..., z, y, x). Of a raster scan, whose beams are focused by its lens, it
+        is the volume (range, azimuth, elevation), exact, or with x, y and z its amplitude (z, y, x). Among its attrs:
+        `algorithm`, `error` (measured),
         `radar_position`, `ambiguous_range` [m], `frequency_start`, `frequency_stop`, `frequency_step` [Hz].
 
     Raises
@@ -79,6 +83,8 @@ def focus(
         range; if the image does not fit into memory; for a taper, apodization, tolerance or wave speed that makes no
         sense.
     """
+    if is_raster(sweep):
+        return _focus_raster(sweep, x, y, z, taper, normalization, progress)
     if normalization not in NORMALISATIONS:
         raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(NORMALISATIONS)}")
     sweep = check_measurement(sweep)
@@ -115,6 +121,24 @@ def focus(
         coords["z"] = xr.Variable((), problem.z[0], {"units": "m", "long_name": "height"})
     dims = (*leading, "z", "y", "x") if volume else (*leading, "y", "x")
     return xr.DataArray(images, dims=dims, coords=coords, attrs=attrs, name="image")
+
+
+def _focus_raster(
+    sweep: xr.Dataset,
+    x: ArrayLike | None,
+    y: ArrayLike | None,
+    z: ArrayLike | None,
+    taper: str | ArrayLike,
+    normalization: str,
+    progress: Progress | None,
+) -> xr.DataArray:
+    """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given."""
+    volume = focus_raster(sweep, taper=taper, normalization=normalization, progress=progress)
+    if x is None and y is None and z is None:
+        return volume
+    if x is None or y is None or z is None:
+        raise InputError("x, y and z: a raster scan is gridded on all three or on none; give the missing ones")
+    return to_voxels(volume, x=x, y=y, z=z)
 
 
 def _focus_frames(

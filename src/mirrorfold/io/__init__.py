@@ -9,9 +9,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from mirrorfold.scene import Scene
+    from mirrorfold.solids import Scene3D
 
 
-def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene:
+def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D:
     """Read a sweep, an image, a reconstruction or a scene, checked and completely in memory.
 
     Parameters
@@ -21,7 +22,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene:
 
     Returns
     -------
-    xarray.Dataset, xarray.DataArray, xarray.DataTree or Scene
+    xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene or Scene3D
         A sweep, an image, a reconstruction or a scene.
 
     Raises
@@ -66,4 +67,11 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, Path(path))
 
 
-__all__ = ["load", "save"]
+def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
+    """Write the folded points of a reconstruction for other programs: see `mirrorfold.io.clouds.export`."""
+    from mirrorfold.io import clouds
+
+    return clouds.export(reconstruction, path)
+
+
+__all__ = ["export", "load", "save"]

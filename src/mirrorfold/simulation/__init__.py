@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -12,6 +12,9 @@ import xarray as xr
 from mirrorfold.errors import InputError
 from mirrorfold.scene import Scene, load_scene
 from mirrorfold.sweep import add_noise, make_sweep
+
+if TYPE_CHECKING:
+    from mirrorfold.solids import Scene3D
 
 SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
@@ -21,12 +24,13 @@ Progress = Callable[[int, int], None]
 
 
 def simulate(
-    scene: Scene | str | Path,
+    scene: Scene | Scene3D | str | Path,
     *,
     solver: str = "rays",
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
+    force: bool = False,
     tolerance: float = 1e-3,
     direct: bool = False,
     check_residual: bool = False,
@@ -36,9 +40,10 @@ def simulate(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Simulate the sweep of a two-dimensional scene.
+    """Simulate the sweep of a scene.
 
-    Every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
+    A three-dimensional scene is seen by a raster scanner; its sweep is S11 of every beam. In a two-dimensional one
+    every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
     factor, and a sample of the sweep is the field scattered to the receiver; the direct wave from transmitter to
     receiver is left out. The full-wave solver takes the line source itself, ``sqrt(pi k / 2) exp(-j pi / 4)
     H0^(2)(k d)``, which has that far field, so that the sweeps of both solvers have one scale. An endless smooth
@@ -47,7 +52,7 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene or path
+    scene : Scene, Scene3D or path
         A scene, or the path of a scene file.
     solver : {"rays", "fullwave"}, default "rays"
         Hybrid of frozen diffuse scatterers and specular image paths; or the integral equation of perfect conductors,
@@ -60,6 +65,8 @@ def simulate(
     snr_db : float [dB], optional
         Mean power of the samples over the power of the added noise, per sample; no noise by default. Where the
         scene returns nothing, the noise has the mean power one.
+    force : bool, default False
+        Rays in three dimensions alone. Go on where returns wrap around or the scan is too coarse for the beam.
     tolerance : float, default 1e-3
         Full-wave alone, like all that follow. Relative error of the samples, in the mean square.
     direct : bool, default False
@@ -76,12 +83,12 @@ def simulate(
     resume : bool, default False
         Go on with the results in that folder, to the same bytes that an uninterrupted sweep would hold.
     progress : callable, optional
-        Called as ``progress(done, total)`` while frequencies are done.
+        Called as ``progress(done, total)`` while frequencies or beams are done.
 
     Returns
     -------
     xarray.Dataset
-        The sweep, variable ``s(frequency, tx, rx)``.
+        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``.
 
     Raises
     ------
@@ -100,7 +107,7 @@ def simulate(
     >>> round(float(abs(simulate(scene)["s"][0, 0, 0])), 2)
     0.71
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
     if solver not in SOLVERS:
         raise InputError(f"solver is {solver!r}, expected one of: {', '.join(SOLVERS)}")
     for name, value in (("bounces", bounces), ("seed", seed)):
@@ -108,20 +115,25 @@ def simulate(
             raise InputError(f"{name} is {value!r}, expected a whole number of at least 0")
     if snr_db is not None and not np.isfinite(snr_db):
         raise InputError(f"snr_db is {snr_db!r}, expected a finite number of decibels, or None for no noise")
+    of_fullwave = {
+        "tolerance": tolerance != 1e-3,
+        "direct": direct,
+        "check_residual": check_residual,
+        "workers": workers != 1,
+        "scheduler": scheduler is not None,
+        "checkpoint": checkpoint is not None,
+        "resume": resume,
+    }
+    _check_solver_options(solver, {"bounces": bounces != 3, "force": force}, of_fullwave)
+    if not isinstance(scene, Scene):
+        if solver == "fullwave":
+            raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
+        from mirrorfold.simulation.raster import simulate_raster
 
-    _check_solver_options(
-        solver,
-        {"bounces": bounces != 3},
-        {
-            "tolerance": tolerance != 1e-3,
-            "direct": direct,
-            "check_residual": check_residual,
-            "workers": workers != 1,
-            "scheduler": scheduler is not None,
-            "checkpoint": checkpoint is not None,
-            "resume": resume,
-        },
-    )
+        return simulate_raster(
+            scene, bounces=int(bounces), seed=int(seed), snr_db=snr_db, force=force, progress=progress
+        )
+
     settings: dict[str, Any]
     if solver == "rays":
         from mirrorfold.simulation.rays import scattered_field
@@ -188,6 +200,54 @@ def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: di
         if chosen:
             other = "fullwave" if solver == "rays" else "rays"
             raise InputError(f"{name} is an option of the solver {other!r}, not of {solver!r}; leave it out")
+
+
+def estimate(
+    scene: Scene | Scene3D | str | Path,
+    *,
+    solver: str = "rays",
+    bounces: int = 3,
+    seed: int = 0,
+    tolerance: float = 1e-3,
+    workers: int = 1,
+) -> dict[str, Any]:
+    """What a simulation that takes minutes would take, without doing it: of a raster scan, or of full waves.
+
+    Returns
+    -------
+    dict
+        Plain numbers: `frequencies`, and `beams`, `echoes`, `longest_return_m`, `needed_frequencies`, `seconds` of a
+        raster scan, or `unknowns`, `minutes`, `memory_gb`, `disk_gb` of full waves.
+
+    Raises
+    ------
+    InputError
+        For two-dimensional scenes by rays, which take seconds.
+    """
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    if not isinstance(scene, Scene):
+        from mirrorfold.simulation import raster
+
+        return raster.estimate(scene, bounces=bounces, seed=seed)
+    if solver != "fullwave":
+        raise InputError(
+            f"scene {scene.name!r}: rays in two dimensions take seconds; "
+            "only a raster scan or the solver 'fullwave' is estimated beforehand"
+        )
+    from mirrorfold.simulation.fullwave.sweep import estimate_sweep
+
+    cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
+    return {
+        "unknowns": cost.unknowns,
+        "skeletons": cost.skeletons,
+        "frequencies": scene.band.points,
+        "workers": workers,
+        "cpu_seconds_per_frequency": cost.seconds_per_frequency,
+        "minutes": cost.seconds_per_frequency * scene.band.points / workers / 60.0,
+        "memory_per_worker_gb": cost.memory / 1e9,
+        "memory_gb": workers * cost.memory / 1e9,
+        "disk_gb": cost.disk / 1e9,
+    }
 
 
 def _unit_noise(shape: tuple[int, ...], seed: int) -> np.ndarray:

@@ -75,11 +75,13 @@ def near_field(
     >>> bool(abs(field[0, 0]) > 10 * abs(field[1, 0]))  # before the strip, and in its shadow
     True
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    if not isinstance(truth, Scene):
+        raise InputError(f"scene {truth.name!r}: has three dimensions; the near field is computed in two")
     if not 0.0 < frequency < math.inf:
         raise InputError(f"frequency is {frequency!r}, expected one positive number of hertz")
     x, y = (_coordinates(axis, name) for axis, name in zip(grid, "xy", strict=True))
-    count = scene.array.elements
+    count = truth.array.elements
     source = count // 2 if source is None else source
     if not 0 <= source < count:
         raise InputError(f"source is {source!r}, expected the number of a transmitter, from 0 to {count - 1}")
@@ -88,7 +90,7 @@ def near_field(
     k = 2.0 * math.pi * frequency / speed_of_light
     field = np.empty((y.size, x.size), dtype=np.complex64)
     with one_thread():
-        system = prepare(replace(scene, band=band), tolerance=tolerance, seed=seed)
+        system = prepare(replace(truth, band=band), tolerance=tolerance, seed=seed)
         excitation = np.zeros((count, 1), dtype=np.complex64)
         excitation[source] = 1.0
         sources = np.concatenate([system.nodes.position, system.tx[source : source + 1]])
@@ -107,7 +109,7 @@ def near_field(
         dims=("y", "x"),
         coords={"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})},
         name="field",
-        attrs={"frequency": float(frequency), "source": int(source), "title": scene.name},
+        attrs={"frequency": float(frequency), "source": int(source), "title": truth.name},
     )
 
 

@@ -1,0 +1,341 @@
+"""The third dimension: time, memory and accuracy of the raster chain, on the shipped scenes and on random families.
+
+    python benchmarks/raster.py [--seeds 10] [--family NAME ...] [--json FILE]
+
+Times are of the process, over all its threads: on two cores the wall clock shows between a half and the whole of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import json
+import resource
+import time
+import tomllib
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.table import Table
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+import mirrorfold as mf
+from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
+from mirrorfold.geometry import reflect
+from mirrorfold.peaks import find_peaks, to_radar_volume
+from mirrorfold.planes import find_planes
+from mirrorfold.scene import parse_scene
+from mirrorfold.simulation.meshes import solids
+from mirrorfold.simulation.raster import find_echoes, measure
+from mirrorfold.volume_folding import find_worlds, folded_voxels
+from mirrorfold.volume_score import patch_contrast
+
+Content = dict[str, Any]
+
+
+class NotHiddenError(Exception):
+    """A draw in which the radar sees the body directly is no scene of the family."""
+
+
+SNR_DB = 20.0
+"""Per sample: the body then stands some 30 dB above the noise of the volume."""
+
+
+def shipped(name: str) -> Content:
+    """The content of a shipped scene."""
+    return tomllib.loads(files("mirrorfold").joinpath("scenes", f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def part(content: Content, name: str) -> Content:
+    """One surface of a scene."""
+    return next(surface for surface in content["surface"] if surface["name"] == name)
+
+
+def drywall(random: np.random.Generator, lean_deg: float = 0.0) -> Content:
+    """A wall turned by 30 to 60 degrees, near or far, and a body anywhere behind its corner, in any pose."""
+    content = shipped("drywall-mannequin")
+    angle, distance = np.radians(random.uniform(30.0, 60.0)), random.uniform(1.9, 2.4)
+    side = random.choice([-1.0, 1.0])
+    flat = np.array([side * np.sin(angle), -np.cos(angle), 0.0])
+    lean = np.radians(lean_deg)
+    normal = np.cos(lean) * flat + np.array([0.0, 0.0, np.sin(lean)])
+    wall, body = part(content, "drywall"), part(content, "mannequin")
+    wall |= {"center": [0.0, distance, 0.0], "normal": normal.tolist(), "width": 3.0}
+    wall["volume_depth"] = float(random.choice([0.0, random.uniform(0.005, 0.03)], p=[0.2, 0.8]))
+    # The ghost stands in the middle of the field of view, the body is its mirror image in the wall, upright.
+    seen = distance + random.uniform(1.25, 1.6)
+    azimuth = np.radians(random.uniform(-3.0, 3.0))
+    ghost = np.array([seen * np.sin(azimuth), seen * np.cos(azimuth), 0.0])
+    place = reflect(ghost, wall["center"], flat)
+    chest = reflect(ghost, wall["center"], normal)
+    place[2] = chest[2] + random.uniform(-0.93, -0.87)
+    towards = reflect(np.zeros(3), wall["center"], flat) - place
+    heading = np.degrees(np.arctan2(towards[0], towards[1])) + random.uniform(-20.0, 20.0)
+    body |= {
+        "position": place.tolist(),
+        "heading": float(heading),
+        "height": float(random.uniform(1.6, 1.8)),
+        "arms": random.uniform(8.0, 30.0, 2).tolist(),
+        "elbows": random.uniform(5.0, 60.0, 2).tolist(),
+        "stride": float(random.uniform(-12.0, 12.0)),
+    }
+    part(content, "foil")["center"] = [0.0, 0.0, 0.7 * body["height"]]
+    return content
+
+
+def leaning(random: np.random.Generator) -> Content:
+    """The same with a wall that leans by 5 degrees."""
+    return drywall(random, lean_deg=5.0 * random.choice([-1.0, 1.0]))
+
+
+def corridor(random: np.random.Generator) -> Content:
+    """The corridor turned about the radar's line of sight, moved, its body elsewhere and in another pose."""
+    content = shipped("corridor")
+    turn = np.radians(random.uniform(-5.0, 5.0))
+    # Turned about a point in the view, so that the walls stay in it.
+    pivot = np.array([-0.1, 2.2])
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    shift = random.uniform([-0.05, -0.05], [0.05, 0.05])
+
+    def moved(place: list[float]) -> list[float]:
+        return [*(pivot + rotation @ (np.array(place[:2]) - pivot) + shift).tolist(), place[2]]
+
+    for surface in content["surface"]:
+        for name in ("center", "position"):
+            if name in surface:
+                surface[name] = moved(surface[name])
+        if "normal" in surface:
+            surface["normal"] = [*(rotation @ surface["normal"][:2]).tolist(), 0.0]
+        if "heading" in surface:
+            surface["heading"] += float(np.degrees(turn))
+    body = part(content, "mannequin")
+    body["position"] = (np.array(body["position"]) + random.uniform([-0.05, -0.05, -0.03], [0.05, 0.05, 0.03])).tolist()
+    body |= {
+        "heading": body["heading"] + float(random.uniform(-25.0, 25.0)),
+        "height": float(random.uniform(1.6, 1.8)),
+        "arms": random.uniform(6.0, 16.0, 2).tolist(),
+        "elbows": random.uniform(5.0, 40.0, 2).tolist(),
+        "stride": float(random.uniform(-12.0, 12.0)),
+    }
+    return content
+
+
+def without_foil(content: Content) -> Content:
+    """The same scene without the patch."""
+    content = copy.deepcopy(content)
+    content["surface"] = [surface for surface in content["surface"] if surface["kind"] != "patch"]
+    return content
+
+
+def mirror_error(score: Content, surface: str) -> tuple[float, float]:
+    """Angle [degree] and offset [mm] error of the best image of a true wall; infinite where it was not found."""
+    rows = [row for row in score["mirrors"] if row["surface"] == surface]
+    best = min(rows, key=lambda row: row["generation"], default=None)
+    return (best["angle_error_deg"], best["offset_error_mm"]) if best else (np.inf, np.inf)
+
+
+def judge_drywall(content: Content, seed: int) -> dict[str, float]:
+    """Figures of one drywall scene, with its control."""
+    scene = parse_scene(content)
+    sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
+    score = mf.score(mf.reconstruct(sweep), scene)
+    if "mannequin" not in score["surfaces"]:
+        raise NotHiddenError
+    bare = parse_scene(without_foil(content))
+    objects = mf.reconstruct(mf.simulate(bare, seed=seed, snr_db=SNR_DB)).children["objects"].dataset
+    behind = objects["bounces"].values > 0
+    points = np.stack([objects[axis].values for axis in "xyz"], axis=-1)[behind]
+    foil = next(surface for surface in scene.surface if surface.name == "foil")
+    angle, offset = mirror_error(score, "drywall")
+    body = score["surfaces"]["mannequin"]
+    return {
+        "plane error [deg] <= 0.15": angle,
+        "plane offset [mm] <= 5": offset,
+        "points to body, mean [cm] <= 0.6": 100.0 * _or_inf(score["hidden"]["accuracy_m"]),
+        "false points [%] <= 1": 100.0 * score["hidden"]["false_fraction"],
+        "body covered [%] >= 95": 100.0 * (body.get("completeness_3cm") or 0.0),
+        "L over surroundings [dB] >= 6": _or_inf(score["patches"]["foil"]["contrast_db"], -np.inf),
+        "control [dB] <= 3": _or_inf(patch_contrast(scene, foil, points, objects["amplitude"].values[behind])),
+        "mirrors": float(len(score["mirrors"])),
+    }
+
+
+def judge_corridor(content: Content, seed: int) -> dict[str, float]:
+    """Figures of one corridor."""
+    scene = parse_scene(content)
+    sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
+    score = mf.score(mf.reconstruct(sweep), scene)
+    if "mannequin" not in score["surfaces"]:
+        raise NotHiddenError
+    body, box = score["surfaces"]["mannequin"], score["surfaces"].get("extinguisher box", {})
+    return {
+        "mirror wall [deg] <= 0.2": mirror_error(score, "outer wall")[0],
+        "hidden wall [deg] <= 0.3": mirror_error(score, "inner wall")[0],
+        "folded body, mean [cm] <= 1.2": 100.0 * _or_inf(body.get("accuracy_m")),
+        "unexplained points [%] <= 8": 100.0 * score["hidden"]["invented_fraction"],
+        "body covered [%]": 100.0 * (body.get("completeness_3cm") or 0.0),
+        "box, mean [cm]": 100.0 * _or_inf(box.get("accuracy_m")),
+        "mirrors": float(len(score["mirrors"])),
+    }
+
+
+def _or_inf(value: float | None, otherwise: float = np.inf) -> float:
+    return otherwise if value is None else value
+
+
+FAMILIES: dict[str, tuple[Callable[[np.random.Generator], Content], Callable[[Content, int], dict[str, float]]]] = {
+    "drywall": (drywall, judge_drywall),
+    "leaning": (leaning, judge_drywall),
+    "corridor": (corridor, judge_corridor),
+}
+
+
+def run_family(name: str, seeds: int) -> list[dict[str, float]]:
+    """Figures of every scene of a family."""
+    make, judge = FAMILIES[name]
+    rows: list[dict[str, float]] = []
+    draw = 0
+    while len(rows) < seeds:
+        random = np.random.default_rng([draw, len(name)])
+        draw += 1
+        try:
+            rows.append(judge(make(random), draw))
+        except NotHiddenError:
+            continue
+        except mf.InputError as error:
+            # A draw whose farthest echo lies beyond the unambiguous range is no scene for this instrument.
+            if "wrap around" not in str(error):
+                raise
+    return rows
+
+
+def family_table(name: str, rows: list[dict[str, float]]) -> Table:
+    """Median and worst of every figure."""
+    table = Table(title=f"{name}: {len(rows)} random scenes", title_justify="left")
+    for heading in ("figure and target", "median", "worst"):
+        table.add_column(heading, justify="left" if heading.startswith("figure") else "right")
+    for figure in rows[0]:
+        values = np.array([row[figure] for row in rows])
+        worst = values.min() if ">=" in figure or figure == "body covered [%]" else values.max()
+        table.add_row(figure, f"{np.median(values):.3g}", f"{worst:.3g}")
+    return table
+
+
+def timed(work: Callable[[], Any], repeats: int = 3) -> tuple[float, float, Any]:
+    """Least process time and wall time [s] of several calls after a first one, and what the work returns."""
+    result = work()
+    cpu, wall = [], []
+    for _ in range(repeats):
+        before = time.process_time(), time.perf_counter()
+        result = work()
+        cpu.append(time.process_time() - before[0])
+        wall.append(time.perf_counter() - before[1])
+    return min(cpu), min(wall), result
+
+
+def speed() -> Table:
+    """Time of every step on the shipped scenes."""
+    table = Table(title="time, warm", title_justify="left")
+    for heading in ("job", "target, two cores [s]", "process [s]", "wall [s]"):
+        table.add_column(heading, justify="left" if heading == "job" else "right")
+
+    def add(job: str, target: float, measured: tuple[float, float, Any]) -> Any:
+        table.add_row(job, f"{target:g}", f"{measured[0]:.2f}", f"{measured[1]:.2f}")
+        return measured[2]
+
+    scene = parse_scene(shipped("drywall-mannequin"))
+    hall = parse_scene(shipped("corridor"))
+    sweep = add("simulate drywall 121x121x1001", 10, timed(lambda: mf.simulate(scene), 1))
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    add("simulate corridor 81x81x901, 3 bounces", 30, timed(lambda: mf.simulate(hall, bounces=3), 1))
+    volume: xr.DataArray = add("S11 -> volume 121x121x1001", 0.8, timed(lambda: focus_raster(sweep)))
+    add("plan view", 0.5, timed(lambda: plan_view(volume)))
+    radar = to_radar_volume(volume)
+    cloud = find_peaks(radar)
+    add("mirrors", 0.2, timed(lambda: find_planes(cloud, radar)))
+    found = find_worlds(volume)
+    axes = {"x": np.linspace(-1.7, 0.7, 250), "y": np.linspace(1.5, 3.9, 250), "z": np.linspace(-1.0, 1.0, 160)}
+    add("fold 10 million voxels", 0.3, timed(lambda: folded_voxels(found, **axes)))
+    cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
+    add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))
+    table.caption = f"largest memory of the process up to the first simulation: {memory:.2f} GB (target 1 GB)"
+    return table
+
+
+def simulator_error() -> float:
+    """Largest error of the fast sum against the plain one, relative to the largest sample."""
+    content = shipped("drywall-mannequin")
+    content["scanner"] |= {
+        "azimuth": {"start": -2, "stop": 2, "points": 7},
+        "elevation": {"start": -2, "stop": 2, "points": 5},
+    }
+    scene = parse_scene(content)
+    echoes, _ = find_echoes(scene, bounces=1, seed=0, density=0.1)
+    fast = measure(scene, echoes)
+    from mirrorfold.beam import beam_direction
+
+    azimuth, elevation = scene.scanner.angles
+    frequency = scene.band.frequency
+    width = echoes.width
+    wave = np.exp(-4j * np.pi / speed_of_light * np.outer(frequency[::50], echoes.range))
+    worst = 0.0
+    for i, a in enumerate(azimuth):
+        for j, e in enumerate(elevation):
+            rho = np.linalg.norm(np.cross(echoes.position, beam_direction(a, e)), axis=1)
+            weight = 2.0 / (np.pi * width**2) * np.exp(-2.0 * (rho / width) ** 2)
+            worst = max(worst, np.abs(fast[::50, i, j] - wave @ (weight * echoes.amplitude)).max())
+    return float(worst / np.abs(fast).max())
+
+
+def plan_comparison() -> Table:
+    """The shipped drywall folded in three dimensions, and its plan view folded in two."""
+    scene = parse_scene(shipped("drywall-mannequin"))
+    volume = mf.focus(mf.simulate(scene, snr_db=SNR_DB))
+    body = next(solid for solid in solids(scene) if scene.surface[solid.surface].name == "mannequin")
+    footprint = cKDTree(body.vertices[:, :2])
+    wall = next(surface for surface in scene.surface if surface.name == "drywall")
+    table = Table(title="volume folded as it is, and its plan view folded in the floor plan", title_justify="left")
+    for heading in ("", "mirror [deg]", "points", "to the body's plan, mean [cm]", "further than 15 cm [%]"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, image in (("volume", volume), ("plan view", plan_view(volume, pixel=0.01))):
+        result = mf.fold(image)
+        objects, mirrors = (result.children[group].to_dataset(inherit=False) for group in ("objects", "mirrors"))
+        behind = (objects["bounces"].values > 0) & (objects["surface"].values == "object")
+        points = np.stack([objects["x"].values, objects["y"].values], axis=-1)[behind]
+        outside = footprint.query(points)[0] if len(points) else np.full(1, np.inf)
+        angle = np.inf
+        for i in range(mirrors.sizes["mirror"]):
+            x, y = (float(mirrors[f"folded_{a}1"][i] - mirrors[f"folded_{a}0"][i]) for a in "xy")
+            flat = np.array(wall.normal[:2]) / np.linalg.norm(wall.normal[:2])
+            angle = min(angle, float(np.degrees(np.arcsin(abs(np.array([x, y]) @ flat) / np.hypot(x, y)))))
+        table.add_row(name, f"{angle:.3f}", str(len(points)), f"{100 * outside.mean():.2f}",
+                      f"{100 * np.mean(outside > 0.15):.1f}")  # fmt: skip
+    return table
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=10, help="scenes of each family")
+    parser.add_argument("--family", nargs="*", choices=list(FAMILIES), default=list(FAMILIES))
+    parser.add_argument("--json", type=Path, help="write all figures to this file")
+    arguments = parser.parse_args()
+    console = Console(markup=False, width=110)
+    console.print(speed())
+    console.print(f"simulator against the plain sum: {simulator_error():.1e} of the largest sample (target 1e-4)")
+    console.print(plan_comparison())
+    everything = {}
+    for name in arguments.family:
+        everything[name] = run_family(name, arguments.seeds)
+        console.print(family_table(name, everything[name]))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(everything, indent=2), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""The beam of a raster scanner: where it points and how wide it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def beam_direction(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
+    """Unit vectors ``(sin az cos el, cos az cos el, sin el)``, shape (..., 3).
+
+    Parameters
+    ----------
+    azimuth, elevation : (...) arrays [degree]
+        Broadcast against each other.
+
+    Examples
+    --------
+    >>> beam_direction(90.0, 0.0).round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    az, el = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
+    return np.stack([np.sin(az) * np.cos(el), np.cos(az) * np.cos(el), np.sin(el)], axis=-1)
+
+
+def beam_angles(direction: ArrayLike) -> tuple[Array, Array]:
+    """Azimuth and elevation [degree] of vectors (..., 3) of any length: the inverse of `beam_direction`."""
+    direction = np.asarray(direction, dtype=float)
+    azimuth = np.degrees(np.arctan2(direction[..., 0], direction[..., 1]))
+    elevation = np.degrees(np.arctan2(direction[..., 2], np.hypot(direction[..., 0], direction[..., 1])))
+    return azimuth, elevation
+
+
+def beam_radius(range_: ArrayLike, *, spot_radius: float, focus_distance: float, wavelength: float) -> Array:
+    """Radius [m] at which the amplitude of a focused Gaussian beam has fallen to 1/e.
+
+    ``w(r) = w0 sqrt(1 + ((r - f) / zR)^2)`` with the Rayleigh length ``zR = pi w0^2 / lambda`` (Kogelnik and Li, Appl.
+    Opt. 5, 1966, eq. 20).
+
+    Parameters
+    ----------
+    range_ : (...) array [m]
+        Distance from the radar.
+    spot_radius : float [m]
+        w0, in the focus.
+    focus_distance : float [m]
+        f, from the radar.
+    wavelength : float [m]
+    """
+    rayleigh = np.pi * spot_radius**2 / wavelength
+    return np.asarray(spot_radius * np.hypot(1.0, (np.asarray(range_, dtype=float) - focus_distance) / rayleigh))

@@ -1,0 +1,85 @@
+"""Rays against triangles, by Intel's Embree library."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+BATCH = 1 << 17
+"""Rays that are cast at once: their single-precision copies then stay in the cache."""
+
+NOT_INSTALLED = "three-dimensional scenes need the packages trimesh and embreex; install 'mirrorfold[mesh]'"
+
+
+class Caster:
+    """Casts rays at triangles.
+
+    Parameters
+    ----------
+    vertices : (v, 3) array [m]
+    faces : (f, 3) array of int
+
+    Raises
+    ------
+    InputError
+        If the ray caster is not installed.
+    """
+
+    def __init__(self, vertices: Array, faces: Index) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        except ImportError:
+            raise InputError(NOT_INSTALLED) from None
+        self._scene = EmbreeScene(robust=True)
+        # Single precision is good to 0.3 um per metre; the triangles are kept near the origin for it.
+        self._mesh = TriangleMesh(self._scene, vertices[faces].astype(np.float32))
+
+    def first_hit(
+        self, origin: Array, direction: Array, *, start_at: float = 0.0, end_at: float = np.inf
+    ) -> tuple[Index, Array]:
+        """What rays meet first.
+
+        Parameters
+        ----------
+        origin, direction : (n, 3) arrays [m]
+        start_at, end_at : float
+            Part of each ray that is followed, in units of its direction's length.
+
+        Returns
+        -------
+        face : (n,) array of int
+            -1 where nothing is met.
+        along : (n,) array
+            Where, in units of the direction's length; infinite where nothing is met.
+        """
+        face, along = np.full(len(origin), -1, dtype=np.int64), np.full(len(origin), np.inf)
+        for first in range(0, len(origin), BATCH):
+            part = slice(first, first + BATCH)
+            begin = (origin[part] + start_at * direction[part]).astype(np.float32)
+            vector = direction[part].astype(np.float32)
+            reach = np.full(len(begin), min(end_at - start_at, 1e6), dtype=np.float32)
+            found = self._scene.run(begin, vector, reach, query="INTERSECT", output=True)
+            met = found["primID"] >= 0
+            face[part] = np.where(met, found["primID"], -1)
+            along[part] = np.where(met, found["tfar"] + start_at, np.inf)
+        return face, along
+
+    def blocked(self, origin: Array, target: Array, *, slack: float) -> NDArray[np.bool_]:
+        """Whether anything stands between origins and targets (n, 3), but for `slack` [m] at either end."""
+        result = np.zeros(len(origin), dtype=bool)
+        for first in range(0, len(origin), BATCH):
+            part = slice(first, first + BATCH)
+            span = target[part] - origin[part]
+            length = np.linalg.norm(span, axis=1)
+            vector = span / np.maximum(length, 1e-12)[:, None]
+            reach = length - 2.0 * slack
+            begin = (origin[part] + slack * vector).astype(np.float32)
+            found = self._scene.run(begin, vector.astype(np.float32), reach.astype(np.float32), query="OCCLUDED")
+            result[part] = (found >= 0) & (reach > 0.0) if found.dtype.kind == "i" else found & (reach > 0.0)
+        return result

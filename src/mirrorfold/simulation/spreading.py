@@ -1,0 +1,82 @@
+"""Sums of echoes at any delay over a band of equally spaced frequencies, by spreading to a grid and one FFT.
+
+``S[b, m] = sum_e W(b, e) a_e exp(-2 pi j m x_e)``, with the delay ``x_e`` in units of the unambiguous one and the
+weight W of echo e in beam b. Each echo is spread over the six nearest points of a delay grid twice as fine as the band
+needs by the exponential-of-semicircle kernel (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41, 2019),
+whose transform is divided out behind the FFT. Its error is below 1e-5 of the sum of amplitudes.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, next_fast_len
+
+Array = NDArray[np.float64]
+Complex64 = NDArray[np.complex64]
+
+TAPS = 6
+SHAPE = 2.30 * TAPS
+"""Width and shape parameter of the kernel, for a grid twice as fine (ibid., section 3)."""
+
+
+class DelayGrid:
+    """A delay grid for `points` frequencies.
+
+    Attributes
+    ----------
+    size : int
+        Points of the grid over the unambiguous delay.
+    center : int
+        The frequency whose phase the echoes carry along: the kernel's transform is flattest around it.
+    """
+
+    def __init__(self, points: int) -> None:
+        self.points = points
+        self.size = int(next_fast_len(max(2 * points, 2 * TAPS)))
+        self.center = points // 2
+        order = np.arange(points) - self.center
+        node, weight = np.polynomial.legendre.leggauss(64)
+        kernel = np.exp(SHAPE * (np.sqrt(1.0 - node**2) - 1.0)) * weight
+        transform = 0.5 * TAPS * np.cos(np.outer(np.pi * TAPS * order / self.size, node)) @ kernel
+        self._scale = (1.0 / transform).astype(np.float32)
+        self._order = order % self.size
+
+    def to_band(self, grid: Complex64, out: Complex64) -> None:
+        """Samples (n, points) over the band, written to `out`, of a grid (n, size), which is overwritten."""
+        spectrum = fft(grid, axis=1, overwrite_x=True)
+        below = self.center
+        np.multiply(spectrum[:, self.size - below :], self._scale[:below], out=out[:, :below])
+        np.multiply(spectrum[:, : self.points - below], self._scale[below:], out=out[:, below:])
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def spread(
+    direction: Array, range_: Array, width: Array, delay: Array, amplitude: Complex64, first: NDArray[np.int64],
+    last: NDArray[np.int64], beam: Array, grid: Complex64,
+) -> None:  # fmt: skip
+    """``grid[b, l] += a_e exp(-2 rho^2 / w_e^2) phi(l - x_e)`` with ``rho = r_e |d_e x beam_b|``.
+
+    Echo e is added to the beams first[e]..last[e]; `delay` is in grid steps.
+    """
+    size = grid.shape[1]
+    tap = np.empty(TAPS, dtype=np.float32)
+    for e in range(range_.size):
+        start = int(np.ceil(delay[e] - 0.5 * TAPS))
+        for t in range(TAPS):
+            z = (start + t - delay[e]) / (0.5 * TAPS)
+            tap[t] = np.exp(SHAPE * (np.sqrt(max(1.0 - z * z, 0.0)) - 1.0))
+        scale = 2.0 * (range_[e] / width[e]) ** 2
+        for b in range(first[e], last[e] + 1):
+            x = direction[e, 1] * beam[b, 2] - direction[e, 2] * beam[b, 1]
+            y = direction[e, 2] * beam[b, 0] - direction[e, 0] * beam[b, 2]
+            z = direction[e, 0] * beam[b, 1] - direction[e, 1] * beam[b, 0]
+            value = amplitude[e] * np.float32(np.exp(-scale * (x * x + y * y + z * z)))
+            for t in range(TAPS):
+                at = start + t
+                while at >= size:
+                    at -= size
+                while at < 0:
+                    at += size
+                grid[b, at] += value * tap[t]
