@@ -46,5 +46,5 @@ clean: ## remove what make has made
 
 $(READY): pyproject.toml constraints.txt | $(UV_FILE)
 	test -x $(PYTHON) || $(UV) venv --quiet --python '>=3.11' $(VENV)
-	$(UV) pip install --quiet --python $(PYTHON) --constraint constraints.txt --editable '.[test]'
+	$(UV) pip install --quiet --compile-bytecode --python $(PYTHON) --constraint constraints.txt --editable '.[test]'
 	@touch $@

@@ -85,20 +85,6 @@ def combine(profile, value, row_first, out):  # type: ignore[no-untyped-def]
             out[line, j] = complex(re, im)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def weighted_sum(weight, rows, out):  # type: ignore[no-untyped-def]
-    """out[n] = sum_b weight[b] rows[b, n], in pieces that stay in the cache."""
-    piece = 4096
-    for start in range(0, out.size, piece):
-        stop = min(start + piece, out.size)
-        for n in range(start, stop):
-            out[n] = np.float32(0.0)
-        for b in range(weight.size):
-            w = weight[b]
-            for n in range(start, stop):
-                out[n] += w * rows[b, n]
-
-
 def _tap_sum(taps_r: int):  # type: ignore[no-untyped-def]
     """The sum over taps with their number in range a constant to the compiler, which doubles its speed."""
 

@@ -83,8 +83,9 @@ class PolarPlan:
                 progress(n + 1, parts)
         if self.near_box is not None and self.near is not None:
             z, y, x = self.near_box
-            exact = focus_exact(problem.on(problem.x[x], problem.y[y], problem.z[z]), s, max(self.tolerance, ROUNDING))
-            image[self.near_box] = np.where(self.near[self.near_box], exact, image[self.near_box])
+            box, wanted = problem.on(problem.x[x], problem.y[y], problem.z[z]), self.near[self.near_box]
+            exact = focus_exact(box, s, max(self.tolerance, ROUNDING), where=wanted)
+            image[self.near_box] = np.where(wanted, exact, image[self.near_box])
         if progress is not None:
             progress(parts, parts)
         return image

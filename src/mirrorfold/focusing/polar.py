@@ -136,15 +136,13 @@ class PolarSector:
         inner = np.einsum("ja,abq->bjq", to_r, nodes.value)
         inner = np.ascontiguousarray(inner, dtype=np.complex64).reshape(n_u, -1).view(np.float32)
         self.value = np.empty((lines, rows, self.nodes), dtype=np.complex64)
-        flat = self.value.reshape(lines, -1).view(np.float32)
-        weights = to_u.astype(np.float32)
+        np.matmul(to_u.astype(np.float32), inner, out=self.value.reshape(lines, -1).view(np.float32))
         turns = float(k[middle]) * self.curvature / (2.0 * pi)
 
-        def fill(line: int) -> None:
-            kernels.weighted_sum(weights[line], inner, flat[line])
+        def bend(line: int) -> None:
             self.value[line] *= np.exp(-2j * pi * turns * (1.0 - at_u[line] ** 2) / at_r)[:, None].astype(np.complex64)
 
-        for_each(fill, range(lines))
+        for_each(bend, range(lines))
         second = len(problem.rx)
         if problem.monostatic:
             self.pair, self.partner = lattice.tx, lattice.tx

@@ -241,7 +241,11 @@ def _pair_data(problem: Problem, s: NDArray[np.complex64], i: int, folded: bool)
 
 
 def focus_exact(
-    problem: Problem, s: NDArray[np.complex64], tolerance: float = 1e-5, progress: Progress | None = None
+    problem: Problem,
+    s: NDArray[np.complex64],
+    tolerance: float = 1e-5,
+    progress: Progress | None = None,
+    where: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.complex64]:
     """Image (z, y, x) of one frame by the sum over all pairs and pixels.
 
@@ -252,6 +256,8 @@ def focus_exact(
     tolerance : float
         Largest relative root-mean-square error on white data; single precision ends at about 2e-6.
     progress : callable, optional
+    where : (z, y, x) bool array, optional
+        Pixels that are wanted, all by default; among the others some stay zero.
 
     Raises
     ------
@@ -271,6 +277,8 @@ def focus_exact(
     middle = float(problem.k[problem.k.size // 2])
     # A pixel's path differs from that of its tile's centre by at most the tile's diagonal.
     tiles = _tiles(problem, 0.25 * period)
+    if where is not None:
+        tiles = [tile for tile in tiles if where[tile].any()]
     widest = max(_diagonal(problem, tile) for tile in tiles)
     margin = int(np.ceil(widest * per_metre)) + 4
     folded = problem.coincident and not problem.monostatic
@@ -398,21 +406,41 @@ def _sum_frequency(data, tx_re, tx_im, rx_re, rx_im, out):  # type: ignore[no-un
             out[p] += complex(re * tx_re[p, i] - im * tx_im[p, i], re * tx_im[p, i] + im * tx_re[p, i])
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sum_positions(data, weight, taper, k, path):  # type: ignore[no-untyped-def]
+    """sum_m taper[m] sum_i data[m, i] weight[i] exp(j k[m] path[i]) in float64."""
+    total = 0.0 + 0.0j
+    for m in range(k.size):
+        at_one = 0.0 + 0.0j
+        for i in range(path.size):
+            at_one += data[m, i] * weight[i] * np.exp(1j * k[m] * path[i])
+        total += taper[m] * at_one
+    return total
+
+
 def direct_sum(problem: Problem, s: NDArray[np.complexfloating], points: NDArray[np.float64]) -> NDArray[np.complex128]:
     """The focusing sum in float64, term by term, at points (n, 3) [m]: the reference of every other path."""
     tx_range = np.linalg.norm(points[:, None, :] - problem.tx[None, :, :], axis=-1)
     rx_range = np.linalg.norm(points[:, None, :] - problem.rx[None, :, :], axis=-1)
+    if problem.monostatic:
+        total = np.empty(len(points), dtype=np.complex128)
+        weight = (problem.tx_weight * problem.rx_weight).astype(np.complex128)
+        taper, path = problem.taper.astype(np.complex128), tx_range + rx_range
+
+        def one_point(p: int) -> None:
+            total[p] = _sum_positions(s, weight, taper, problem.k, path[p])
+
+        for_each(one_point, range(len(points)))
+        return total
     terms = np.zeros((problem.k.size, len(points)), dtype=np.complex128)
 
     def one_frequency(m: int) -> None:
-        tx = np.exp(1j * problem.k[m] * tx_range) * problem.tx_weight
-        rx = np.exp(1j * problem.k[m] * rx_range) * problem.rx_weight
-        if problem.monostatic:
-            terms[m] = (tx * rx) @ s[m].astype(np.complex128)
-        else:
-            tx_re, tx_im = np.ascontiguousarray(tx.real), np.ascontiguousarray(tx.imag)
-            rx_re, rx_im = np.ascontiguousarray(rx.real), np.ascontiguousarray(rx.imag)
-            _sum_frequency(s[m], tx_re, tx_im, rx_re, rx_im, terms[m])
+        tx = np.exp(1j * problem.k[m] * tx_range)
+        rx = (tx if problem.coincident else np.exp(1j * problem.k[m] * rx_range)) * problem.rx_weight
+        tx = tx * problem.tx_weight
+        tx_re, tx_im = np.ascontiguousarray(tx.real), np.ascontiguousarray(tx.imag)
+        rx_re, rx_im = np.ascontiguousarray(rx.real), np.ascontiguousarray(rx.imag)
+        _sum_frequency(s[m], tx_re, tx_im, rx_re, rx_im, terms[m])
 
     for_each(one_frequency, range(problem.k.size))
     return problem.taper @ terms
