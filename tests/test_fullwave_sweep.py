@@ -220,6 +220,27 @@ def test_closed_and_sharp_surfaces_do_not_cross_themselves(surface):
     prepare(scene_of(surface))
 
 
+def test_profile_steeper_than_nodes_can_follow():
+    steep = {"rms_height": 1e-5, "correlation_length": 2e-6}
+    assert "rms slope of 7.07; expected at most 2" in refused({**STRIP, "roughness": steep})
+
+
+def test_a_scene_of_kilometres_is_refused_before_the_work():
+    message = refused({"kind": "segment", "start": [-5e3, 10.0], "end": [5e3, 10.0]})
+    assert "GB of memory, but" in message
+
+
+def test_what_fails_before_its_first_result_leaves_no_folder(scene_file, tmp_path, monkeypatch):
+    def fail(*_: object, **__: object):
+        raise InputError("no cluster")
+        yield
+
+    monkeypatch.setattr(fullwave, "solve_frequencies", fail)
+    with pytest.raises(InputError, match="no cluster"):
+        mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done")
+    assert not list(tmp_path.iterdir())
+
+
 def test_antenna_on_a_surface():
     message = refused({"kind": "segment", "start": [-0.01, 0.0001], "end": [0.01, 0.0001]})
     assert "array: the antenna at" in message

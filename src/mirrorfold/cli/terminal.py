@@ -126,7 +126,7 @@ def describe(name: str, value: Any) -> tuple[str, str]:
     ('cross range resolution', '12.7 mm at 1 m, 25.4 mm at 2 m')
     """
     stem, _, unit = name.rpartition("_")
-    if unit not in ("m", "hz", "deg", "db"):
+    if unit not in ("m", "hz", "deg", "db", "gb"):
         stem, unit = name, ""
     if name == "cross_range_resolution_m":
         text = ", ".join(f"{_quantity(size, unit)} at {distance} m" for distance, size in value.items())
@@ -153,7 +153,7 @@ def _quantity(value: Any, unit: str) -> str:
         return f"{value * 1e3:.3g} mm" if abs(value) < 0.1 else f"{value:.3g} m"
     if unit == "hz":
         return f"{value / 1e9:.6g} GHz" if value >= 1e9 else f"{value / 1e6:.6g} MHz"
-    return f"{value:.3g} { ({'deg': 'degrees', 'db': 'dB'}.get(unit, '')) }".rstrip()
+    return f"{value:.3g} { ({'deg': 'degrees', 'db': 'dB', 'gb': 'GB'}.get(unit, '')) }".rstrip()
 
 
 def _number(value: float | None, form: str, scale: float = 1.0) -> str:

@@ -67,6 +67,11 @@ class Checkpoint:
         """Remove all results, once the sweep is written."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
+    def remove_if_empty(self) -> None:
+        """Remove the folder if no frequency is done."""
+        if not any(self.folder.glob("*.npy")):
+            self.remove()
+
     def _path(self, index: int) -> Path:
         return self.folder / f"{index:05d}.npy"
 

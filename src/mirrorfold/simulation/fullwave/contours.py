@@ -59,6 +59,11 @@ class Arm:
     ends: tuple[End, End]
 
 
+def outline_length(surface: Surface) -> float:
+    """Length of a surface without its roughness [m]."""
+    return sum(length for _, length, _, _ in _outline(surface))
+
+
 def contours(scene: Scene, *, seed: int) -> list[Arm]:
     """The arms of all surfaces of a scene, rough ones with the profile that `seed` draws.
 

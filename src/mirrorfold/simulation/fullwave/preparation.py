@@ -11,9 +11,10 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.errors import InputError
+from mirrorfold.memory import available_memory
 from mirrorfold.scene import Scene, Surface
 from mirrorfold.simulation.fullwave.compression import compress
-from mirrorfold.simulation.fullwave.contours import contours
+from mirrorfold.simulation.fullwave.contours import contours, outline_length
 from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise
 from mirrorfold.simulation.fullwave.solver import System
 from mirrorfold.simulation.plane import in_plane
@@ -50,6 +51,15 @@ CLEARANCE = 2.0
 TOUCH = 0.75
 """Surfaces that come closer than this many spacings cross or touch."""
 
+BYTES_PER_NODE = 2.5e3
+"""Memory that the skeletons of large scenes take while they are being found."""
+
+SKELETONS_PER_WAVELENGTH = 1.0
+"""Fewest that remain of a surface: a wall seen from a few directions keeps 1.4."""
+
+STEEPEST_SLOPE = 2.0
+"""Largest rms slope of a rough surface, 63 degrees: steeper clefts want nodes without end."""
+
 NEIGHBOURHOOD = 10.0
 """Distance along a surface, in spacings, within which it is allowed to be close to itself."""
 
@@ -84,6 +94,7 @@ def prepare(
         density(surface, wavelength, tolerance, nodes_per_wavelength, f"surface[{index}] {surface.name!r}")
         for index, surface in enumerate(scene.surface)
     ]
+    _check_size(scene, densities, wavelength)
     arms = contours(scene, seed=seed)
     nodes = discretise(arms, wavelength=wavelength, per_wavelength=[densities[arm.surface] for arm in arms])
     label: Callable[[int], str] = lambda index: f"surface[{index}] {scene.surface[index].name!r}"  # noqa: E731
@@ -110,7 +121,14 @@ def density(surface: Surface, wavelength: float, tolerance: float, chosen: float
     steepness = 0.0
     if roughness is not None:
         relative = wavelength / roughness.correlation_length
-        steepness = relative * math.sqrt(2.0) * roughness.rms_height / roughness.correlation_length
+        slope = math.sqrt(2.0) * roughness.rms_height / roughness.correlation_length
+        if slope > STEEPEST_SLOPE:
+            raise InputError(
+                f"{label}: roughness of rms_height {roughness.rms_height:g} m and correlation_length "
+                f"{roughness.correlation_length:g} m has an rms slope of {slope:.3g}; expected at most "
+                f"{STEEPEST_SLOPE:g}, lower the height or lengthen the correlation"
+            )
+        steepness = relative * slope
         if least < NODES_PER_CORRELATION * relative:
             least, reason = NODES_PER_CORRELATION * relative, "for spacings of half a correlation length"
     if chosen is None:
@@ -121,6 +139,20 @@ def density(surface: Surface, wavelength: float, tolerance: float, chosen: float
             "or leave it out to have it chosen"
         )
     return chosen
+
+
+def _check_size(scene: Scene, densities: list[float], wavelength: float) -> None:
+    """Refuse scenes whose nodes alone, or whose last dense system, do not fit into memory."""
+    lengths = [outline_length(surface) / wavelength for surface in scene.surface]
+    nodes = sum(length * density for length, density in zip(lengths, densities, strict=True))
+    needed = BYTES_PER_NODE * nodes + 8.0 * (SKELETONS_PER_WAVELENGTH * sum(lengths)) ** 2
+    free = available_memory()
+    if needed > free:
+        raise InputError(
+            f"scene {scene.name!r}: {nodes:.3g} unknowns on surfaces of {sum(lengths):.3g} wavelengths need more than "
+            f"{needed / 1e9:.3g} GB of memory, but {free / 1e9:.3g} GB are free; simulate a smaller or smoother scene, "
+            "or a lower band"
+        )
 
 
 def _check_antennas(nodes: Nodes, antennas: Array, label: Callable[[int], str]) -> None:

@@ -103,15 +103,19 @@ def fullwave_field(
     if progress is not None:
         progress(frequency.size - len(todo), frequency.size)
     finished = frequency.size - len(todo)
-    for index, result in solve_frequencies(
-        system, frequency, todo, direct=direct, workers=workers, scheduler=scheduler
-    ):
-        s[index] = result
+    results = solve_frequencies(system, frequency, todo, direct=direct, workers=workers, scheduler=scheduler)
+    try:
+        for index, result in results:
+            s[index] = result
+            if kept:
+                kept.write(index, result)
+            finished += 1
+            if progress is not None:
+                progress(finished, frequency.size)
+    except BaseException:
         if kept:
-            kept.write(index, result)
-        finished += 1
-        if progress is not None:
-            progress(finished, frequency.size)
+            kept.remove_if_empty()
+        raise
     facts: dict[str, float] = {"unknowns": cost.unknowns, "skeletons": cost.skeletons}
     if check_residual:
         with one_thread():
