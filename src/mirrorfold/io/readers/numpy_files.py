@@ -42,7 +42,7 @@ def read(path: Path) -> Contents:
                     with archive.open(member) as file:
                         variables |= _variables(name, _array(path, name, file, member.file_size))
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"{path}: is damaged or no .npz file ({error}); save it again") from None
+        raise InputError(f"{path}: is damaged or no .npz file ({str(error)[:100]!r}); save it again") from None
     if not variables:
         raise InputError(f"{path}: holds no NumPy arrays; write it with numpy.savez")
     return Contents(path, READER.name, variables)
