@@ -26,8 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
-SECONDS_A_CASE = 10
+SECONDS_A_CASE = 60
 """A case that takes longer has hung."""
+
+SECONDS_FOR_HDF5 = 3.0
+"""How long the library may take for the small files here."""
 
 PEAK_BYTES = 1 << 30
 """What the whole process may take at its peak."""
@@ -221,6 +224,9 @@ def feed(path: Path, choice: int) -> str:
 
 def run_cases(seed: int, first: int, cases: int, folder: Path, formats: list[str] | None = None) -> Counter[str]:
     """Feed so many cases, numbered from `first`; each depends on the seed and its number alone."""
+    from mirrorfold.io.readers import hdf5
+
+    hdf5.PATIENCE = SECONDS_FOR_HDF5
     files = seeds(folder)
     for name in ("one.s1p", "many.npz"):
         (folder / name).write_bytes(files[name])

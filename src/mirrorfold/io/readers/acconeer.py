@@ -10,19 +10,19 @@ import json
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.readers import Reader
-from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, nbytes
-from mirrorfold.io.readers.hdf5 import SIGNATURE, complex_fields, datasets, to_complex
+from mirrorfold.io.readers import Reader, hdf5
+from mirrorfold.io.readers.contents import Contents, Variable
 
 CARRIER = 60.5e9
 """Centre of the transmitted pulses [Hz]."""
 
-RESULT = "sessions/session_0/group_0/entry_0"
+FRAMES = "sessions.session_0.group_0.entry_0.result.frame"
+METADATA = "sessions.session_0.group_0.entry_0.metadata"
+CONFIG = "sessions.session_0.session_config"
 """Where the first sensor of the first session is."""
 
 
@@ -31,20 +31,14 @@ def read(path: Path) -> Contents:
 
     Where stretches overlap, the one with the shorter pulse counts.
     """
-    with h5py.File(path, "r") as file:
-        names = dict(datasets(path, file))
-        for name in (f"{RESULT}/result/frame", f"{RESULT}/metadata", "sessions/session_0/session_config"):
-            if name not in names:
-                raise InputError(f"{path}: holds no {name!r}, expected a recorded session of an A121 sensor")
-        frames = names[f"{RESULT}/result/frame"]
-        fields = complex_fields(frames.dtype)
-        if fields is None or frames.ndim != 3:
-            raise InputError(f"{path}: its frames have shape {frames.shape} and type {frames.dtype}, not complex ones")
-        stored = max(frames.id.get_storage_size(), 1)
-        check_expansion(path, stored, nbytes(frames.shape, frames.dtype.itemsize), "its frames")
-        raw = to_complex(frames[()], fields)
-        metadata = _json(path, names[f"{RESULT}/metadata"])
-        config = _json(path, names["sessions/session_0/session_config"])
+    held = hdf5.read(path)
+    for name in (FRAMES, METADATA, CONFIG):
+        if name not in held.variables:
+            raise InputError(f"{path}: holds no {name!r}, expected a recorded session of an A121 sensor")
+    raw = held.array(FRAMES)
+    if raw.ndim != 3 or raw.dtype.kind != "c" or 0 in raw.shape:
+        raise InputError(f"{path}: its frames have shape {raw.shape} and type {raw.dtype}, expected complex ones")
+    metadata, config = (_json(path, name, str(held.array(name))) for name in (METADATA, CONFIG))
     stretches = _stretches(path, metadata, config, raw.shape[-1])
     distance, iq = _joined(raw.mean(axis=1), stretches)
     variables = {
@@ -65,14 +59,14 @@ def read(path: Path) -> Contents:
     return Contents(path, READER.name, variables, mapping=mapping)
 
 
-def _json(path: Path, dataset: h5py.Dataset) -> dict[str, Any]:
+def _json(path: Path, name: str, text: str) -> dict[str, Any]:
     """An object that is stored as text."""
     try:
-        value = json.loads(dataset[()])
-    except (ValueError, TypeError, RecursionError):
-        raise InputError(f"{path}: its {dataset.name!r} is no JSON text; record the session again") from None
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: its {name!r} is no JSON text; record the session again") from None
     if not isinstance(value, dict):
-        raise InputError(f"{path}: its {dataset.name!r} is no JSON object; record the session again")
+        raise InputError(f"{path}: its {name!r} is no JSON object; record the session again")
     return value
 
 
@@ -130,10 +124,9 @@ def _joined(raw: NDArray[np.complex64], stretches: list[tuple[slice, float, floa
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file is a recorded session."""
-    if not head.startswith(SIGNATURE) or path.suffix.lower() not in (".h5", ".hdf5"):
+    if not head.startswith(hdf5.SIGNATURE) or path.suffix.lower() not in (".h5", ".hdf5"):
         return False
-    with h5py.File(path, "r") as file:
-        return file.get("sessions", getclass=True) is h5py.Group and "generation" in file
+    return {"generation", FRAMES} <= set(hdf5.read(path).variables)
 
 
 READER = Reader("acconeer", "sessions of Acconeer A121 sensors", recognises, read)

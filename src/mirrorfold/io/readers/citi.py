@@ -34,8 +34,8 @@ class _Package:
 
 def read(path: Path) -> Contents:
     """All packages of a CITI file; the data of the first are named as there, later ones with their number."""
-    lines = enumerate(read_bytes(path, growth=GROWTH).decode("latin-1").splitlines(), 1)
-    packages = [package for package in _packages(path, lines) if package.data]
+    text = read_bytes(path, growth=GROWTH).decode("latin-1")
+    packages = [package for package in _packages(path, enumerate(text.splitlines(), 1), len(text)) if package.data]
     if not packages:
         raise InputError(f"{path}: holds no data, only keywords; export it again")
     variables: dict[str, Variable] = {}
@@ -63,8 +63,8 @@ def _parameter(name: str) -> str:
     return f"S{match[1]}{match[2]}" if match else name
 
 
-def _packages(path: Path, lines: Iterator[tuple[int, str]]) -> Iterator[_Package]:
-    """Packages one by one."""
+def _packages(path: Path, lines: Iterator[tuple[int, str]], most: int) -> Iterator[_Package]:
+    """Packages one by one; none has more samples than the file has letters."""
     package = _Package()
     for number, line in lines:
         words = line.split()
@@ -75,7 +75,9 @@ def _packages(path: Path, lines: Iterator[tuple[int, str]]) -> Iterator[_Package
         elif keyword == "VAR":
             if len(words) < 3 or not words[-1].isdigit() or int(words[-1]) < 1:
                 raise _wrong(path, number, line, "VAR NAME FORMAT COUNT")
-            package.sizes[words[1]] = int(words[-1])
+            package.sizes[words[1]] = int(words[-1][:20])
+            if prod(package.sizes.values()) > most:
+                raise InputError(f"{path}: line {number}, {line.strip()[:60]!r}, announces more than the file holds")
         elif keyword == "DATA":
             if len(words) < 3 or words[2].upper() not in FORMATS:
                 raise _wrong(path, number, line, f"DATA NAME FORMAT with a format of {', '.join(FORMATS)}")

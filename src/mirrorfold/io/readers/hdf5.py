@@ -1,15 +1,23 @@
 """HDF5 files of any origin: MATLAB 7.3, netCDF-4, and whatever instruments write.
 
-Links to other files, and data that lie in other files, are refused: a file may only show what is in it.
+Links to other files, and data that lie in other files, are refused: a file may only show what is in it. The library
+itself runs in a process of its own (`hdf5_process`), because damaged files can crash it and make it run forever.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import atexit
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,14 +27,95 @@ from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-MOST_OBJECTS = 100_000
-"""Groups and arrays in one file; a file with more is damaged or made to keep the reader busy."""
-
 COMPLEX_FIELDS = (("real", "imag"), ("r", "i"), ("re", "im"))
 """Names that complex numbers have as compounds: of MATLAB 7.3, of h5py and h5netcdf, and others."""
 
-TEXT_BYTES = 1 << 20
-"""Longer texts are not read."""
+PATIENCE = 20.0
+"""How long the library may take to say what is in a file [s], on a slow network too."""
+
+SLOWEST = 10e6
+"""Slowest reading of values that is waited for [bytes/s]."""
+
+
+class _Library:
+    """The process with the library: started when it is needed, again when it has died, ended with this one."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        atexit.register(self._stop)
+
+    def ask(self, question: dict[str, str], expected: int = 0) -> tuple[dict[str, Any], bytearray]:
+        """The answer to a question, and the bytes that follow it.
+
+        Raises
+        ------
+        InputError
+            If the library dies of the file twice, or takes too long.
+        """
+        with self._lock:
+            for attempt in range(2):  # a process that an earlier file has harmed is no reason to refuse this one
+                try:
+                    return self._ask(question, time.monotonic() + PATIENCE + expected / SLOWEST)
+                except TimeoutError:
+                    self._stop()
+                    raise InputError(
+                        f"{question['path']}: is damaged: reading it does not end; copy it again"
+                    ) from None
+                except (OSError, EOFError, ValueError):
+                    self._stop()
+                    if attempt:
+                        break
+        raise InputError(f"{question['path']}: is damaged so that it stops the HDF5 library; copy or export it again")
+
+    def _ask(self, question: dict[str, str], deadline: float) -> tuple[dict[str, Any], bytearray]:
+        if self._process is None:
+            # What this process may import, that one may too.
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "mirrorfold.io.readers.hdf5_process"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+            )  # fmt: skip
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(question).encode() + b"\n")
+        self._process.stdin.flush()
+        received = bytearray()
+        while b"\n" not in received:
+            received += self._some(deadline)
+        head, _, body = received.partition(b"\n")
+        answer = json.loads(head)
+        if not isinstance(answer, dict):
+            raise ValueError("the answer is no object")
+        size = int(answer.get("bytes", 0))
+        while len(body) < size:
+            body += self._some(deadline)
+        return answer, body
+
+    def _some(self, deadline: float) -> bytes:
+        """Some bytes of the answer."""
+        assert self._process is not None
+        assert self._process.stdout is not None
+        pipe = self._process.stdout.fileno()
+        left = deadline - time.monotonic()
+        if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
+            raise TimeoutError
+        part = os.read(pipe, 1 << 20)
+        if not part:
+            raise EOFError
+        return part
+
+    def _stop(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+
+
+_library = _Library()
 
 
 def read(path: Path) -> Contents:
@@ -34,96 +123,54 @@ def read(path: Path) -> Contents:
 
     Arrays of MATLAB 7.3 files, which lie in the other order on disk, have their axes as MATLAB shows them.
     """
-    matlab = path.open("rb").read(19) == b"MATLAB 7.3 MAT-file"
+    path = Path(path)
+    answer, _ = _library.ask({"path": str(path.absolute())})
+    if "refused" in answer:
+        raise InputError(f"{path}: {answer['refused']}")
+    if "damaged" in answer:
+        raise InputError(f"{path}: is damaged or no HDF5 file ({answer['damaged']}); copy or export it again")
     variables: dict[str, Variable] = {}
-    with h5py.File(path, "r") as file:
-        for name, dataset in datasets(path, file):
-            variable = _variable(path, name, dataset, matlab=matlab or "MATLAB_class" in dataset.attrs)
-            if variable is not None:
-                variables[name.replace("/", ".")] = variable
-        attrs = {str(name): _attr(file.attrs, name) for name in file.attrs}
+    for entry in answer["arrays"]:
+        variable = _variable(path, entry, matlab=bool(answer["matlab"] or entry["matlab"]))
+        if variable is not None:
+            variables[entry["name"].replace("/", ".")] = variable
     if not variables:
         raise InputError(f"{path}: holds no array of numbers; save the measured variables into it")
-    return Contents(path, READER.name, variables, {name: value for name, value in attrs.items() if value is not None})
+    return Contents(path, READER.name, variables, answer["attrs"])
 
 
-def datasets(path: Path, file: h5py.File) -> list[tuple[str, h5py.Dataset]]:
-    """All arrays of a file with their names, each once.
-
-    Raises
-    ------
-    InputError
-        If the file refers to other files, or holds too many objects.
-    """
-    links: list[str] = []
-
-    def note(name: bytes, info: Any) -> int | None:
-        if info.type not in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT):
-            raise InputError(
-                f"{path}: its entry {_text(name)!r} is a link to another file; copy the data into one file"
-            )
-        links.append(_text(name))
-        return 1 if len(links) > MOST_OBJECTS else None
-
-    file.id.links.visit(note, info=True)
-    if len(links) > MOST_OBJECTS:
-        raise InputError(f"{path}: holds more than {MOST_OBJECTS} objects; split it, or export what was measured")
-    found = []
-    for name in links:
-        if file.get(name, getlink=True).__class__ is not h5py.HardLink:
-            continue
-        item = file[name]
-        if isinstance(item, h5py.Dataset):
-            if item.external or item.is_virtual:
-                raise InputError(f"{path}: the values of {name!r} lie in another file; copy the data into one file")
-            found.append((name, item))
-    return found
-
-
-def _text(name: bytes | str) -> str:
-    return name.decode("utf-8", "replace") if isinstance(name, bytes) else name
-
-
-def _variable(path: Path, name: str, dataset: h5py.Dataset, *, matlab: bool) -> Variable | None:
-    """A variable that opens the file again when it is read; None for what holds no numbers or text."""
-    shape = dataset.shape
-    if shape is None or name.startswith("#"):  # an empty array, or what MATLAB keeps for itself
-        return None
-    dtype = dataset.dtype
-    attrs = {str(key): _attr(dataset.attrs, key) for key in dataset.attrs if str(key) in ("units", "unit", "long_name")}
-    text = h5py.check_string_dtype(dtype)
-    if text is not None:
-        if shape != ():
-            return None
-        return Variable((), np.dtype("U"), _loader(path, name, lambda found: np.array(_text(found[()]))), (), attrs)
+def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | None:
+    """An array that the other process reads when it is asked for; None for what holds no numbers."""
+    if "text" in entry:
+        return Variable.of(np.array(entry["text"]))
+    name, shape, stored = entry["name"], tuple(entry["shape"]), max(entry["stored"], 1)
+    descr: Any = entry["descr"]
+    dtype = np.lib.format.descr_to_dtype(descr if isinstance(descr, str) else [_field(field) for field in descr])
     fields = complex_fields(dtype)
     if fields is None and dtype.kind not in "fciub":
         return None
-    if matlab and dataset.attrs.get("MATLAB_empty", 0):
-        return None
-    stored = max(dataset.id.get_storage_size(), 1)
 
-    def load(found: h5py.Dataset) -> NDArray:
-        check_expansion(path, stored, nbytes(shape, dtype.itemsize), f"its variable {name!r}")
-        values = np.asarray(found[()])
+    def load() -> NDArray:
+        size = nbytes(shape, dtype.itemsize)
+        check_expansion(path, stored, size, f"its variable {name!r}")
+        answer, body = _library.ask({"path": str(path.absolute()), "name": name}, size)
+        if "damaged" in answer or len(body) != size:
+            raise InputError(f"{path}: {name!r} is damaged ({answer.get('damaged', 'cut off')}); copy it again")
+        values = np.frombuffer(body, dtype).reshape(shape)
         if fields is not None:
             values = to_complex(values, fields)
         return values.T if matlab else values
 
+    kind = dtype
     if fields is not None:
-        dtype = np.dtype(np.complex64 if dtype[fields[0]].itemsize <= 4 else np.complex128)
-    dims = _dims(dataset)
-    return Variable(
-        shape[::-1] if matlab else shape, dtype, _loader(path, name, load), dims[::-1] if matlab else dims, attrs
-    )
+        kind = np.dtype(np.complex64 if dtype[fields[0]].itemsize <= 4 else np.complex128)
+    dims = tuple(entry["dims"])
+    return Variable(shape[::-1] if matlab else shape, kind, load, dims[::-1] if matlab else dims, entry["attrs"])
 
 
-def _loader(path: Path, name: str, load: Callable[[h5py.Dataset], NDArray]) -> Callable[[], NDArray]:
-    def opened() -> NDArray:
-        with h5py.File(path, "r") as file:
-            return load(file[name])
-
-    return opened
+def _field(field: list[Any]) -> tuple[Any, ...]:
+    """A field of a compound type, whose tuples JSON has made lists."""
+    return tuple(tuple(part) if isinstance(part, list) and n != 1 else part for n, part in enumerate(field))
 
 
 def complex_fields(dtype: np.dtype) -> tuple[str, str] | None:
@@ -144,27 +191,6 @@ def to_complex(values: NDArray, fields: tuple[str, str]) -> NDArray:
     result = np.empty(values.shape, np.complex64 if single else np.complex128)
     result.real, result.imag = values[fields[0]], values[fields[1]]
     return result
-
-
-def _dims(dataset: h5py.Dataset) -> tuple[str, ...]:
-    """Names of the axes where netCDF-4 has left them."""
-    names = []
-    for axis in dataset.dims:
-        scales = axis.values()
-        names.append(str(scales[0].name).rpartition("/")[2] if scales else axis.label)
-    return tuple(names) if all(names) else ()
-
-
-def _attr(attrs: Any, name: str) -> str | float | None:
-    """An attribute that is a short text or a number."""
-    try:
-        value = attrs[name]
-    except Exception:  # an attribute of a type that h5py does not know says nothing
-        return None
-    value = value.item() if isinstance(value, np.ndarray | np.generic) and np.size(value) == 1 else value
-    if isinstance(value, bytes | str):
-        return _text(value)[:TEXT_BYTES]
-    return float(value) if isinstance(value, int | float) else None
 
 
 def recognises(path: Path, head: bytes) -> bool:

@@ -26,7 +26,7 @@ COMMENTS = ("#", "!", "%", "//")
 FRAMES = ("BEGIN", "END")
 """Lines that begin with these words frame the data of Keysight's analysers."""
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)"
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf(?:inity)?)"
 REAL = re.compile(NUMBER, re.IGNORECASE)
 UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
 
@@ -36,13 +36,14 @@ FREQUENCY = re.compile(r"^\W*f(req(uency)?)?\.?\s*([\[(]\s*([kmgt]?hz)\s*[\])])?
 
 KINDS = (
     ("db", r"db|log\s*mag|dbmag"),
-    ("degree", r"deg(rees?)?|ang(le)?|phase|uphase"),
     ("radian", r"rad(ians?)?"),
+    ("degree", r"deg(rees?)?|ang(le)?|phase|uphase"),
     ("real", r"re(al)?"),
     ("imaginary", r"im(ag(inary)?)?"),
     ("magnitude", r"mag(nitude)?|lin(ear)?(\s*mag)?|abs|amplitude"),
 )
-"""What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels."""
+"""What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
+and a phase in degrees unless radians are named."""
 
 PARAMETER = re.compile(r"S\s*[\[(]?(\d)[,_]?(\d)[\])]?", re.IGNORECASE)
 
@@ -119,7 +120,8 @@ def _is_frame(line: str) -> bool:
 
 
 def _begins_with_number(line: str) -> bool:
-    return all(parse_number(cell) is not None for cell in split(line, _delimiter(line))[:2])
+    delimiter = _delimiter(line)
+    return all(parse_number(cell, decimal_comma=delimiter != ",") is not None for cell in split(line, delimiter)[:2])
 
 
 def _delimiter(line: str) -> str:
@@ -150,7 +152,7 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
     in_front = UNIT_IN_FRONT.fullmatch(text)
     if in_front:
         text = f"{in_front[1]}{in_front[2]}{in_front[3]}j"
-    if text[-1:] in ("i", "j", "I", "J") and "_" not in text:
+    if text.isascii() and text[-1:] in ("i", "j", "I", "J") and "_" not in text:
         try:
             return complex(text[:-1].rstrip("*") + "j")
         except ValueError:
