@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
     from mirrorfold.folding import fold
     from mirrorfold.inspection import info
-    from mirrorfold.io import export, load, save
+    from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.metrics import score
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
     from mirrorfold.solids import Scene3D
-    from mirrorfold.sweep import add_noise, check_sweep, make_raster_sweep, make_sweep
+    from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
 
 __version__ = "0.1.0"
 
@@ -43,15 +43,19 @@ _HOME = {
     "export": "io",
     "focus": "focusing",
     "fold": "folding",
+    "import_data": "io",
+    "import_image": "io",
     "info": "inspection",
     "load": "io",
     "load_scene": "scene",
+    "make_monostatic_sweep": "sweep",
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "save": "io",
+    "save_touchstone": "io",
     "score": "metrics",
     "simulate": "simulation",
     "to_voxels": "focusing",
@@ -61,12 +65,16 @@ _HOME = {
 __all__ = [  # noqa: RUF022  in the order of the work
     "load",
     "save",
+    "import_data",
+    "import_image",
+    "save_touchstone",
     "load_scene",
     "Scene",
     "Scene3D",
     "simulate",
     "near_field",
     "make_sweep",
+    "make_monostatic_sweep",
     "make_raster_sweep",
     "check_sweep",
     "add_noise",

@@ -21,7 +21,7 @@ from mirrorfold.geometry import Isometry
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror
 from mirrorfold.mixed import is_mixed
 from mirrorfold.polar import PolarImage, to_polar_image
-from mirrorfold.sweep import check_sweep
+from mirrorfold.sweep import check_sweep, is_monostatic
 from mirrorfold.tree import ROOT, WALL_MARGIN, MirrorTree, Views, build_tree
 
 Array = NDArray[np.float64]
@@ -140,6 +140,8 @@ def fold(
                              "above zero; leave it out for the default")  # fmt: skip
     if sweep is not None:
         sweep = check_sweep(sweep)
+        if is_monostatic(sweep):  # one antenna hears an echo from where it sent it to
+            sweep = None
     report = progress or (lambda done, total: None)
 
     polar = to_polar_image(image, normalization=settings.normalization)

@@ -16,7 +16,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction
 from mirrorfold.scene import Scene
-from mirrorfold.sweep import check_sweep, is_raster
+from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
 
 if TYPE_CHECKING:
     from mirrorfold.solids import Scene3D
@@ -210,9 +210,10 @@ def _scene3d_info(scene: Scene3D) -> dict[str, Any]:
 def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
     if is_raster(sweep):
         return _raster_info(sweep)
-    tx_position, rx_position = (sweep[name].values.astype(float) for name in ("tx_position", "rx_position"))
+    tx_position, rx_position = antenna_positions(sweep)
     facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position)
-    s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
+    s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
+    s = s.reshape((-1, *s.shape[-3:]))
     power = float(np.mean(np.abs(s) ** 2, dtype=float))
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
@@ -231,7 +232,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
             f"{abs(facts['range_end_db']):.0f} dB below the strongest: later ones have probably wrapped around and "
             "stand at wrong places; measure with smaller frequency steps."
         )
-    if np.array_equal(tx_position, rx_position):
+    if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
         difference = float(np.mean(np.abs(s - s.swapaxes(-1, -2)) ** 2, dtype=float)) / 2.0
         facts["reciprocity_db"] = _decibel(difference / power)
         if difference > 4.0 * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from mirrorfold.focusing import focus
 from mirrorfold.folding import fold
-from mirrorfold.sweep import is_raster
+from mirrorfold.sweep import is_monostatic, is_raster
 
 Progress = Callable[[int, int], None]
 
@@ -44,6 +44,6 @@ def reconstruct(
         If the sweep or a setting cannot be used.
     """
     image = focus(sweep, tolerance=tolerance, progress=progress)
-    if is_raster(sweep):
+    if is_raster(sweep) or is_monostatic(sweep):
         return fold(image, **settings)
     return fold(image, sweep=sweep, **settings)

@@ -1,9 +1,14 @@
 """The Sweep: one raw radar measurement as an `xarray.Dataset`, its checks, what it can resolve, noise.
 
 Variable ``s(frequency, tx, rx)``, complex64, with coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
-``rx_position(rx, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and ``elevation``
-[degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d contributes
-``exp(-j k d)``.
+``rx_position(rx, axis)`` [m]; of one moving antenna that hears only itself ``s(frequency, position)`` with
+``antenna_position(position, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and
+``elevation`` [degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d
+contributes ``exp(-j k d)``.
+
+Optional: the attr ``wave_speed`` [m/s] where it is not that of light; the attr ``scene_center`` [m], around which the
+unambiguous range then lies instead of beginning at the antennas; the coordinate ``measured(tx, rx)``, false for pairs
+that were not measured, whose samples are zero and therefore missing from every sum.
 """
 
 from __future__ import annotations
@@ -22,6 +27,10 @@ Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 TIME_CONVENTION = "exp(+jwt)"
+
+PAIR_DIMENSIONS = ("frequency", "tx", "rx")
+
+MONOSTATIC_DIMENSIONS = ("frequency", "position")
 
 RASTER_DIMENSIONS = ("frequency", "azimuth", "elevation")
 
@@ -74,6 +83,53 @@ def make_sweep(
         raise InputError(
             f"sweep: the shapes do not fit together ({error}); expected s(frequency, tx, rx), frequency(frequency), "
             "tx_position(tx, 3) and rx_position(rx, 3)"
+        ) from None
+    return check_sweep(sweep)
+
+
+def make_monostatic_sweep(
+    s: ArrayLike,
+    *,
+    frequency: ArrayLike,
+    antenna_position: ArrayLike,
+    **attrs: Any,
+) -> xr.Dataset:
+    """The Sweep of one moving antenna that transmits and receives, or of antennas that hear only themselves.
+
+    Parameters
+    ----------
+    s : (..., frequencies, positions) complex array
+        S11 at every position, time convention ``exp(+jwt)``; one dimension before these two is named `frame`.
+    frequency : (frequencies,) array [Hz]
+        In uniform steps.
+    antenna_position : (positions, 3) array [m]
+    **attrs
+        What else is known: `title`, `wave_speed` [m/s], `scene_center` [m] ...
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the result is not a valid sweep.
+    """
+    try:
+        values = np.asarray(s, dtype=np.complex64)
+        sweep = xr.Dataset(
+            {"s": (("frame", *MONOSTATIC_DIMENSIONS)[-values.ndim :], values)},
+            coords={
+                "frequency": ("frequency", np.asarray(frequency, dtype=float), {"units": "Hz"}),
+                "antenna_position": (("position", "axis"), np.asarray(antenna_position, dtype=float), {"units": "m"}),
+                "axis": list(AXES),
+            },
+            attrs={"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION, **attrs},
+        )
+    except ValueError as error:
+        raise InputError(
+            f"sweep: the shapes do not fit together ({error}); expected s(frequency, position), frequency(frequency) "
+            "and antenna_position(position, 3)"
         ) from None
     return check_sweep(sweep)
 
@@ -139,6 +195,23 @@ def is_raster(sweep: xr.Dataset) -> bool:
     return "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
 
 
+def is_monostatic(sweep: xr.Dataset) -> bool:
+    """Whether a sweep is that of antennas that hear only themselves."""
+    return "s" in sweep and sweep["s"].dims[-2:] == MONOSTATIC_DIMENSIONS
+
+
+def antenna_positions(sweep: xr.Dataset) -> tuple[Array, Array]:
+    """Positions of the transmitters and of the receivers [m], (tx, 3) and (rx, 3); of one moving antenna twice."""
+    names = ("antenna_position",) * 2 if "antenna_position" in sweep.variables else ("tx_position", "rx_position")
+    tx, rx = (np.asarray(sweep[name].values, dtype=np.float64) for name in names)
+    return tx, rx
+
+
+def wave_speed(sweep: xr.Dataset) -> float:
+    """Speed of the waves [m/s]: the attr `wave_speed`, that of light in vacuum without it."""
+    return float(sweep.attrs.get("wave_speed", speed_of_light))
+
+
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     """The sweep in the project's own convention, or a plain word on what is wrong with it.
 
@@ -156,16 +229,17 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if not isinstance(sweep, xr.Dataset) or "s" not in sweep:
         raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     s = sweep["s"]
-    raster = is_raster(sweep)
-    for name in RASTER_DIMENSIONS if raster else ("frequency", "tx_position", "rx_position"):
+    raster, monostatic = is_raster(sweep), is_monostatic(sweep)
+    places = ("antenna_position",) if monostatic else ("tx_position", "rx_position")
+    for name in RASTER_DIMENSIONS if raster else ("frequency", *places):
         if name not in sweep.variables:
             where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
             where = "the antenna positions [m]" if name.endswith("position") else where
             raise refuse(f"has no coordinate {name!r}; add {where} before imaging")
-    if not raster and s.dims[-3:] != ("frequency", "tx", "rx"):
+    if not raster and not monostatic and s.dims[-3:] != PAIR_DIMENSIONS:
         raise refuse(
-            f"s has dimensions {s.dims}, expected (frequency, tx, rx) or (frequency, azimuth, elevation); "
-            "transpose or rename them"
+            f"s has dimensions {s.dims}, expected (frequency, tx, rx), (frequency, position) or "
+            "(frequency, azimuth, elevation); transpose or rename them"
         )
     if s.size == 0:
         raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
@@ -174,7 +248,8 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if raster:
         _check_directions(sweep, refuse)
     else:
-        _check_positions(sweep, refuse)
+        _check_positions(sweep, places, refuse)
+    _check_attrs(sweep, refuse)
     frequency = sweep["frequency"].values
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
@@ -201,9 +276,26 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     return sweep
 
 
-def _check_positions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+    """Refuse a wave speed or a centre of the scene that is none."""
+    speed = sweep.attrs.get("wave_speed", speed_of_light)
+    if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
+        raise refuse(f"attr wave_speed is {speed!r}, expected a positive number of metres per second")
+    centre = sweep.attrs.get("scene_center")
+    if centre is None:
+        return
+    try:
+        place = np.asarray(centre, dtype=float)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise refuse(f"attr scene_center is {centre!r}, expected three finite numbers in metres")
+
+
+def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
     """Refuse antenna positions that are none."""
-    for name, dim in (("tx_position", "tx"), ("rx_position", "rx")):
+    for name in names:
+        dim = name.removesuffix("_position").replace("antenna", "position")
         if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
             raise refuse(
                 f"{name} has dimensions {dict(sweep[name].sizes)}, expected ({dim}, axis) with the three axes x, y, z"
@@ -229,7 +321,8 @@ def radar_position(sweep: xr.Dataset) -> Array:
     """The mean of the tx and rx positions, or where the beams start, shape (3,) [m]."""
     if is_raster(sweep):
         return np.array(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
-    return 0.5 * (sweep["tx_position"].values.mean(axis=0) + sweep["rx_position"].values.mean(axis=0))
+    tx, rx = antenna_positions(sweep)
+    return np.asarray(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)))
 
 
 def frequency_step(sweep: xr.Dataset) -> float:
@@ -240,12 +333,12 @@ def frequency_step(sweep: xr.Dataset) -> float:
 
 def ambiguous_range(sweep: xr.Dataset) -> float:
     """The range [m] at which echoes wrap around to zero, ``c / (2 df)``."""
-    return speed_of_light / (2.0 * frequency_step(sweep))
+    return wave_speed(sweep) / (2.0 * frequency_step(sweep))
 
 
 def range_resolution(sweep: xr.Dataset) -> float:
     """Range resolution [m], ``c / (2 B)`` with the bandwidth B of all samples."""
-    return speed_of_light / (2.0 * frequency_step(sweep) * sweep.sizes["frequency"])
+    return wave_speed(sweep) / (2.0 * frequency_step(sweep) * sweep.sizes["frequency"])
 
 
 def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:

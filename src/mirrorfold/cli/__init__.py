@@ -34,6 +34,14 @@ VERBS = {
         "Simulate the sweep that a radar measures in a scene.",
         "mirrorfold simulate scene.toml -o sweep.nc",
     ),
+    "import": Verb(
+        "Turn measured data of any lab into a sweep, or an image of another tool into an image.",
+        "mirrorfold import scan/ --positions positions.csv -o sweep.nc",
+    ),
+    "export": Verb(
+        "Write a sweep as a folder of Touchstone files with a table of positions.",
+        "mirrorfold export sweep.nc -o scan",
+    ),
     "focus": Verb(
         "Focus a sweep to an image, step 1 of the algorithm.",
         "mirrorfold focus sweep.nc -o image.nc",

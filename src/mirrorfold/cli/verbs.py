@@ -16,6 +16,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
+from mirrorfold.cli.importing import export_scan, import_
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -402,12 +403,13 @@ def info(file: Path, *, json: Flag = False) -> None:
         show_info(found)
 
 
-for verb in (demo, simulate, focus, fold, reconstruct, score, info):
+for verb in (demo, simulate, import_, export_scan, focus, fold, reconstruct, score, info):
+    verb_name = {import_: "import", export_scan: "export"}.get(verb, verb.__name__)
     app.command(
         verb,
-        name=verb.__name__,
-        help=VERBS[verb.__name__].purpose,
-        help_epilogue=f"Example: {VERBS[verb.__name__].example}\n",
+        name=verb_name,
+        help=VERBS[verb_name].purpose,
+        help_epilogue=f"Example: {VERBS[verb_name].example}\n",
         version_flags=[],
     )
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
@@ -19,6 +18,7 @@ from mirrorfold.focusing.raster import focus_raster, to_voxels
 from mirrorfold.focusing.tfm import focus_exact
 from mirrorfold.focusing.threads import Progress
 from mirrorfold.sweep import is_raster
+from mirrorfold.sweep import wave_speed as own_wave_speed
 
 NORMALISATIONS = {"none": 0, "r": 1, "r2": 2}
 """Powers of the range from the radar position that the image may be multiplied with."""
@@ -36,7 +36,7 @@ def focus(
     tolerance: float = 1e-4,
     taper: str | ArrayLike = "hann",
     apodization: Apodization = None,
-    wave_speed: float = speed_of_light,
+    wave_speed: float | None = None,
     normalization: str = "none",
     progress: Progress | None = None,
 ) -> xr.DataArray:
@@ -53,7 +53,8 @@ def focus(
         ``s(frequency, tx, rx)`` with ``tx_position``, ``rx_position`` [m]; or of one moving antenna,
         ``s(frequency, position)`` with ``antenna_position`` [m]. Leading dimensions, such as `frame`, are kept.
     x, y, z : 1D arrays [m], optional
-        Pixel coordinates; x and y default to everything the array can see (`default_grid`). With a 1D `z` the image is
+        Pixel coordinates; x and y default to everything the array can see (`default_grid`). A single element sees
+        ranges only: give one x, and y. With a 1D `z` the image is
         a volume; a single number (default 0) is the height of a plane.
     tolerance : float
         Largest relative L2 error of the image.
@@ -62,7 +63,7 @@ def focus(
     apodization : str, (elements,) array, or a pair of them for transmitters and receivers, optional
         Weights over the elements, complex if need be; default uniform.
     wave_speed : float [m/s]
-        Default: of light in vacuum.
+        Default: the attr `wave_speed` of the sweep; without it, of light in vacuum.
     normalization : {"none", "r", "r2"}
         Multiply by this power of the range from the radar position. For a raster scan "none", "r2" or "beam".
     progress : callable, optional
@@ -90,6 +91,7 @@ def focus(
     sweep = check_measurement(sweep)
     if "s" not in sweep:
         raise InputError("sweep: holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
+    wave_speed = own_wave_speed(sweep) if wave_speed is None else wave_speed
     problem = make_problem(sweep, x, y, z, tolerance, taper, apodization, wave_speed)
     values = sweep["s"].values
     leading = sweep["s"].dims[: -2 if problem.monostatic else -3]

@@ -9,6 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.sweep import antenna_positions
+
 Array = NDArray[np.float64]
 
 FIELD_OF_VIEW = 0.9
@@ -72,7 +74,12 @@ def extent(frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_
 
 
 def default_grid(
-    frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light, maximum_pixels: int = MAXIMUM_PIXELS
+    frequency: Array,
+    tx: Array,
+    rx: Array,
+    wave_speed: float = speed_of_light,
+    maximum_pixels: int = MAXIMUM_PIXELS,
+    centre: Array | None = None,
 ) -> tuple[Array, Array]:
     """Pixel coordinates x and y [m] that show everything the array can see.
 
@@ -81,18 +88,25 @@ def default_grid(
     ``r lambda / (2 D)`` wide at the nearest range of interest r = R/6, but never wider than deep: an echo from the
     side lies across the pixel grid. Both grow together where there would be more than `maximum_pixels`.
 
+    With a centre of the scene, the square of pixels about it that the unambiguous range allows, half a cell each.
+
     Parameters
     ----------
     frequency : (frequencies,) array [Hz]
     tx, rx : (n, 3) arrays [m]
     wave_speed : float [m/s]
     maximum_pixels : int
+    centre : (3,) array [m], optional
 
     Returns
     -------
     x, y : 1D arrays [m]
     """
     see = extent(frequency, tx, rx, wave_speed)
+    if centre is not None:
+        return _square(
+            see, centre, float(np.linalg.norm(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)) - centre)), maximum_pixels
+        )
     far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
     centre = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
     side = FIELD_OF_VIEW * far
@@ -106,6 +120,17 @@ def default_grid(
     x = centre + pitch_x * np.arange(-half, half + 1)
     y = see.near + pitch_y * np.arange(int((last - see.near) / pitch_y) + 1)
     return np.asarray(x), np.asarray(y)
+
+
+def _square(see: Extent, centre: Array, distance: float, maximum_pixels: int) -> tuple[Array, Array]:
+    """Pixels about the centre of a scene at a distance [m], as far as ranges are unambiguous."""
+    half = (
+        0.5 * see.ambiguous_range / np.sqrt(2.0) if np.isfinite(see.ambiguous_range) else 100.0 * see.range_resolution
+    )
+    cell = min(see.range_resolution, max(distance, half) * see.angle_resolution) / CELLS_PER_RESOLUTION
+    pitch = max(cell, 2.0 * half / np.sqrt(maximum_pixels))
+    steps = pitch * np.arange(-int(half / pitch), int(half / pitch) + 1)
+    return np.asarray(centre[0] + steps), np.asarray(centre[1] + steps)
 
 
 def polar_grid(
@@ -122,4 +147,10 @@ def polar_grid(
 
 def sweep_grid(sweep: xr.Dataset, wave_speed: float = speed_of_light) -> tuple[Array, Array]:
     """The default grid x, y [m] of a sweep: see `default_grid`."""
-    return default_grid(sweep["frequency"].values, sweep["tx_position"].values, sweep["rx_position"].values, wave_speed)
+    centre = sweep.attrs.get("scene_center")
+    return default_grid(
+        sweep["frequency"].values,
+        *antenna_positions(sweep),
+        wave_speed,
+        centre=None if centre is None else np.asarray(centre, dtype=float),
+    )

@@ -8,7 +8,6 @@ import warnings
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
@@ -21,7 +20,8 @@ from mirrorfold.focusing.taper import window
 from mirrorfold.focusing.tfm import ROUNDING, TABLE_BYTES, focus_exact
 from mirrorfold.focusing.threads import Progress
 from mirrorfold.memory import available_memory
-from mirrorfold.sweep import check_sweep
+from mirrorfold.sweep import MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, antenna_positions, check_sweep
+from mirrorfold.sweep import wave_speed as own_wave_speed
 
 REFINEMENTS = 3
 """Tries at a third of the tolerance each before the exact kernel takes over."""
@@ -42,37 +42,18 @@ Apodization = str | ArrayLike | tuple[str | ArrayLike | None, str | ArrayLike | 
 
 
 def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
-    """A valid sweep, from pairs ``s(frequency, tx, rx)`` or from one moving antenna ``s(frequency, position)``.
-
-    The second kind has the coordinate ``antenna_position(position, axis)`` [m]. A geometry without data passes too.
-    """
-    if isinstance(sweep, xr.Dataset) and "antenna_position" in sweep.variables:
-        place = sweep["antenna_position"]
-        if place.dims != ("position", "axis"):
-            raise InputError(f"antenna_position has dimensions {place.dims}, expected (position, axis) in metres")
-        pairs = xr.Dataset(
-            coords={
-                "frequency": sweep["frequency"],
-                "tx_position": (("tx", "axis"), place.values),
-                "rx_position": (("rx", "axis"), place.values[:1]),
-            },
-            attrs=sweep.attrs,
-        )
-        if "s" not in sweep:
-            pairs["s"] = (("frequency", "tx", "rx"), np.ones((pairs.sizes["frequency"], len(place), 1), np.complex64))
-            check_sweep(pairs)
+    """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
+    if not isinstance(sweep, xr.Dataset) or "s" in sweep:
+        return check_sweep(sweep)
+    if "frequency" in sweep.variables:
+        dims: tuple[str, ...] = PAIR_DIMENSIONS
+        names: tuple[str, ...] = ("frequency", "tx_position", "rx_position")
+        if "antenna_position" in sweep.variables:
+            dims, names = MONOSTATIC_DIMENSIONS, ("frequency", "antenna_position")
+        if set(names) <= set(sweep.variables) and all(sweep[name].ndim for name in names):
+            shape = tuple(len(sweep[name]) for name in names)
+            check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
             return sweep
-        if sweep["s"].dims[-2:] != ("frequency", "position"):
-            raise InputError(f"s has dimensions {sweep['s'].dims}, expected (frequency, position); transpose it")
-        leading = sweep["s"].dims[:-2]
-        pairs["s"] = ((*leading, "frequency", "tx", "rx"), sweep["s"].values[..., None])
-        checked = check_sweep(pairs)
-        return sweep.assign(s=sweep["s"].copy(data=checked["s"].values[..., 0])).assign_attrs(checked.attrs)
-    if isinstance(sweep, xr.Dataset) and "s" not in sweep and {"tx_position", "rx_position"} <= set(sweep.variables):
-        shape = (sweep["frequency"].size, sweep["tx_position"].shape[0], sweep["rx_position"].shape[0])
-        dummy = np.broadcast_to(np.complex64(1.0), shape)
-        check_sweep(sweep.assign(s=(("frequency", "tx", "rx"), dummy)))
-        return sweep
     return check_sweep(sweep)
 
 
@@ -84,7 +65,7 @@ def make_problem(
     tolerance: float,
     taper: str | ArrayLike,
     apodization: Apodization,
-    wave_speed: float,
+    wave_speed: float | None,
 ) -> Problem:
     """The focusing problem of a checked sweep on checked pixels.
 
@@ -93,6 +74,8 @@ def make_problem(
     InputError
         With what is wrong with the request; see `focus`.
     """
+    if wave_speed is None:
+        wave_speed = own_wave_speed(sweep)
     if not isinstance(wave_speed, (int, float)) or not np.isfinite(wave_speed) or wave_speed <= 0.0:
         raise InputError(f"wave_speed is {wave_speed!r}, expected a positive number of metres per second")
     if not isinstance(tolerance, (int, float)) or not 0.0 < tolerance < 1.0:
@@ -103,13 +86,16 @@ def make_problem(
             "ask for a larger one"
         )
     monostatic = "antenna_position" in sweep.variables
-    tx = np.asarray(sweep["antenna_position" if monostatic else "tx_position"].values, dtype=np.float64)
-    rx = tx if monostatic else np.asarray(sweep["rx_position"].values, dtype=np.float64)
+    tx, rx = antenna_positions(sweep)
+    centre = None if sweep.attrs.get("scene_center") is None else np.asarray(sweep.attrs["scene_center"], dtype=float)
     frequency = np.asarray(sweep["frequency"].values, dtype=np.float64)
-    if len(tx) * (1 if monostatic else len(rx)) < 2:
-        raise InputError("the sweep has one element, which sees no direction; measure at two positions at least")
+    if len(tx) * (1 if monostatic else len(rx)) < 2 and (x is None or y is None or np.size(x) > 1 or np.size(y) < 2):
+        raise InputError(
+            "the sweep has one element, which sees no direction; measure at two positions at least, or ask for a range "
+            "profile: a single x and many y"
+        )
     if x is None or y is None:
-        own_x, own_y = default_grid(frequency, tx, rx, wave_speed)
+        own_x, own_y = default_grid(frequency, tx, rx, wave_speed, centre=centre)
         x, y = own_x if x is None else x, own_y if y is None else y
     tx_window, rx_window = apodization if isinstance(apodization, tuple) else (apodization, apodization)
     problem = Problem(
@@ -121,29 +107,34 @@ def make_problem(
         rx_weight=window(None if monostatic else rx_window, len(rx), "apodization"),
         x=pixel_axis(x, "x"),
         y=pixel_axis(y, "y"),
-        z=pixel_axis(0.0 if z is None else z, "z"),
+        z=pixel_axis((0.0 if centre is None else centre[2]) if z is None else z, "z"),
         monostatic=monostatic,
     )
-    _check_pixels(problem, extent(frequency, tx, rx, wave_speed).ambiguous_range)
+    _check_pixels(problem, extent(frequency, tx, rx, wave_speed).ambiguous_range, centre)
     return problem
 
 
-def _check_pixels(problem: Problem, ambiguous_range: float) -> None:
-    """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory."""
+def _check_pixels(problem: Problem, ambiguous_range: float, centre: NDArray[np.float64] | None) -> None:
+    """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory.
+
+    Ranges count from the radar; where the scene has a centre, by half of them to either side of it.
+    """
     axes = (problem.x, problem.y, problem.z)
     antennas = np.unique(np.concatenate([problem.tx, problem.rx]), axis=0)
     gaps = [np.abs(antennas[:, n, None] - axis[None, :]) for n, axis in enumerate(axes)]
     nearest = np.sqrt(sum(gap.min(axis=1) ** 2 for gap in gaps))
     wavelength = 2.0 * np.pi / float(problem.k[-1])
     if nearest.min() < NEAREST_PIXEL * wavelength:
-        place = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
-        raise InputError(f"a pixel stands on the antenna at ({place}) m; move or shorten the grid")
-    radar = 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
-    spans = [np.abs(axis - radar[n]) for n, axis in enumerate(axes)]
+        spot = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
+        raise InputError(f"a pixel stands on the antenna at ({spot}) m; move or shorten the grid")
+    start, place = "the radar", 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
+    if centre is not None:
+        start, place, ambiguous_range = "the centre of the scene", centre, 0.5 * ambiguous_range
+    spans = [np.abs(axis - place[n]) for n, axis in enumerate(axes)]
     closest = float(np.sqrt(sum(span.min() ** 2 for span in spans)))
     if closest > ambiguous_range:
         raise InputError(
-            f"the grid begins {closest:.3g} m from the radar, beyond the ambiguous range of {ambiguous_range:.3g} m; "
+            f"the grid begins {closest:.3g} m from {start}, beyond the ambiguous range of {ambiguous_range:.3g} m; "
             "move it nearer, or measure with a smaller frequency step"
         )
     beyond = [name for name, span in zip("xyz", spans, strict=True) if span.max() > ambiguous_range]
@@ -251,12 +242,10 @@ class FocusPlan:
         tolerance: float = 1e-4,
         taper: str | ArrayLike = "hann",
         apodization: Apodization = None,
-        wave_speed: float = speed_of_light,
+        wave_speed: float | None = None,
     ) -> None:
         start = time.perf_counter()
-        self._problem = make_problem(
-            check_measurement(sweep), x, y, z, tolerance, taper, apodization, float(wave_speed)
-        )
+        self._problem = make_problem(check_measurement(sweep), x, y, z, tolerance, taper, apodization, wave_speed)
         self.tolerance = float(tolerance)
         self._fast, _, self.error = prove(self._problem, self.tolerance, white_noise(self._problem))
         self.x, self.y, self.z = self._problem.x, self._problem.y, self._problem.z

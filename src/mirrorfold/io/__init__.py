@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,7 +19,8 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     Parameters
     ----------
     path : path
-        A netCDF-4 file; a scene where the name ends in ``.toml``.
+        A netCDF-4 file; a scene where the name ends in ``.toml``; an image or point cloud of another tool where it ends
+        in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see `import_image`).
 
     Returns
     -------
@@ -35,6 +37,11 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scene import load_scene
 
         return load_scene(path)
+    if path.is_file():
+        from mirrorfold.io.images import import_image, is_foreign
+
+        if is_foreign(path):
+            return import_image(path)
     from mirrorfold.io.netcdf import read
 
     return read(path)
@@ -74,4 +81,25 @@ def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
     return clouds.export(reconstruction, path)
 
 
-__all__ = ["export", "load", "save"]
+def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:
+    """A sweep from measured data of any lab: see `mirrorfold.io.importing.import_data`."""
+    from mirrorfold.io import importing
+
+    return importing.import_data(files, **settings)
+
+
+def import_image(path: str | Path, **settings: Any) -> xr.DataArray:
+    """An image or point cloud of another tool: see `mirrorfold.io.images.import_image`."""
+    from mirrorfold.io import images
+
+    return images.import_image(path, **settings)
+
+
+def save_touchstone(sweep: xr.Dataset, folder: str | Path, **settings: Any) -> Path:
+    """Write a sweep as a folder of Touchstone files: see `mirrorfold.io.scan_folder.save_touchstone`."""
+    from mirrorfold.io import scan_folder
+
+    return scan_folder.save_touchstone(sweep, folder, **settings)
+
+
+__all__ = ["export", "import_data", "import_image", "load", "save", "save_touchstone"]

@@ -1,0 +1,161 @@
+"""The verbs ``import`` and ``export``: measured data of any lab, in and out."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+import mirrorfold as mf
+from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
+from mirrorfold.errors import InputError
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def import_(
+    *files: Path,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    mapping: str | None = None,
+    positions: Path | None = None,
+    parameter: str | None = None,
+    reader: str | None = None,
+    guess: Flag = False,
+    image: str | None = None,
+    x: str | None = None,
+    y: str | None = None,
+    z: str | None = None,
+    order: str | None = None,
+    unit: str = "m",
+    decibel: Flag = False,
+    cell: float | None = None,
+    json: Flag = False,
+) -> None:
+    """Import measured data.
+
+    Parameters
+    ----------
+    files
+        Files, or the folder of a scan: Touchstone, MATLAB, HDF5, netCDF, NumPy, CSV, CITI; images and point clouds.
+    output
+        Sweep or image to write (netCDF); with --guess the mapping file (TOML).
+    mapping
+        Mapping file (TOML) that says what the variables are, or one that comes along: acconeer needs none, arim, gotcha
+        and merit are there.
+    positions
+        Table (CSV) or description (TOML, JSON) of where the antennas stood for each file.
+    parameter
+        Scattering parameter to take from files with several, such as S21.
+    reader
+        Format of the files, where it is not recognised.
+    guess
+        Propose a mapping: print what was inferred, how sure, and the text.
+    image
+        Name of the variable with an image; imports an image instead of a sweep.
+    x
+        Name of the variable with the cross-range of the pixels, where it is not recognised.
+    y
+        Name of that with their range.
+    z
+        Name of that with their height.
+    order
+        Axes of an image in the file, such as xy.
+    unit
+        Of the coordinates of an image or point cloud.
+    decibel
+        The amplitudes of the image or points are in dB.
+    cell
+        Width of the cells that a point cloud is gridded with [m].
+    json
+        Print what was found as one JSON object.
+    """
+    from mirrorfold.io.files import check_output
+
+    if not files:
+        raise InputError("no files are given; name the files to import, or the folder of a scan")
+    if output is not None:
+        check_output(output, inputs=files)
+    if guess:
+        _guess(list(files), output, reader, json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
+    notes: list[str] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = lambda message, *_, **__: notes.append(str(message))
+        if image is not None or _is_image(list(files), mapping, positions):
+            if len(files) != 1:
+                raise InputError(f"{len(files)} files are given, expected one image or point cloud")
+            options: dict[str, Any] = {"image": image, "x": x, "y": y, "z": z, "order": order}
+            found: Any = mf.import_image(files[0], **options, unit=unit, decibel=decibel, cell=cell)
+        else:
+            with progress("importing") as report:
+                found = mf.import_data(
+                    list(files), mapping=mapping, positions=positions, parameter=parameter, reader=reader,
+                    progress=report,
+                )  # fmt: skip
+    from mirrorfold.cli.verbs import command
+
+    mf.save(found.assign_attrs(command=command.get()), output)
+    facts = mf.info(found)
+    remark([*notes, *facts["remarks"]])
+    if json:
+        show_json({**facts, "remarks": [*notes, *facts["remarks"]], "files": [str(output)]})
+        return
+    show_info({**facts, "remarks": []})
+    show_files([output])
+
+
+def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:
+    """Whether a file can be nothing but an image or a point cloud."""
+    return mapping is None and positions is None and all(file.suffix.lower() in (".ply", ".pcd") for file in files)
+
+
+def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
+    """Propose a mapping."""
+    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.guess import guess_mapping
+
+    found = guess_mapping(files[0], reader=reader)
+    text = found.to_toml()
+    if output is not None:
+        with written_whole(output) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    written = [] if output is None else [str(output)]
+    if json:
+        findings = [vars(finding) for finding in found.findings]
+        facts = {"kind": "mapping", "findings": findings, "missing": found.missing, "works": found.works}
+        show_json({**facts, "mapping": text, "files": written})
+        return
+    print(text, end="")
+    works = f"this makes {found.works}" if found.works else "this is not complete yet: see TO DO"
+    remark([works])
+    show_files(written)
+
+
+def export_scan(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
+    """Export a sweep.
+
+    Parameters
+    ----------
+    sweep
+        Sweep to read (netCDF).
+    output
+        Folder to write to: a Touchstone file for each position, and a table of the positions.
+    json
+        Print what was written as one JSON object.
+    """
+    from mirrorfold.cli.verbs import read
+    from mirrorfold.io.files import check_output_directory
+
+    check_output_directory(output, names=(), inputs=[sweep])
+    with progress("writing the scan") as report:
+        positions = mf.save_touchstone(read(sweep, "sweep"), output, progress=report)
+    if json:
+        show_json({"kind": "scan", "positions": str(positions), "files": [str(output)]})
+        return
+    show_files([output])
+    print(f"read it back with: mirrorfold import {output} --positions {positions} -o sweep.nc")

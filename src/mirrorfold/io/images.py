@@ -1,0 +1,295 @@
+"""Images and point clouds that other tools have made, as images to fold."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import h5py
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.mapping import UNITS
+from mirrorfold.io.netcdf import check_image
+from mirrorfold.io.readers import Contents, read_contents
+from mirrorfold.io.readers.contents import check_memory
+
+Array = NDArray[np.float64]
+
+AXIS_NAMES = {
+    "x": ("x", "xs", "x_axis", "xaxis", "xgrid", "xvec", "x_m", "cross_range", "crossrange", "azimuth_m"),
+    "y": ("y", "ys", "y_axis", "yaxis", "ygrid", "yvec", "y_m", "range", "r", "depth", "downrange"),
+    "z": ("z", "zs", "z_axis", "zaxis", "zgrid", "zvec", "z_m", "height", "elevation_m"),
+}
+"""Names of the coordinates of pixels, in lower case, by axis; fields of structures count by their last part."""
+
+IMAGE_NAMES = ("image", "img", "im", "intensity", "amplitude", "magnitude", "i", "p", "data", "array")
+
+AMPLITUDE_NAMES = ("amplitude", "intensity", "magnitude", "power_db", "reflectivity", "value", "i", "scalar_intensity")
+"""Names of the amplitude of a point, in the order of preference."""
+
+LARGEST_CLOUD_IMAGE = 4_000_000
+"""Pixels that a cloud may become without being asked for a finer grid."""
+
+MARGIN_CELLS = 8
+"""Empty cells around the points of a cloud: nothing is cut off by the border of the image."""
+
+SAMPLED_POINTS = 20_000
+"""Of a large cloud so many points tell the distance between neighbours."""
+
+
+def import_image(
+    path: str | Path,
+    *,
+    image: str | None = None,
+    x: str | None = None,
+    y: str | None = None,
+    z: str | None = None,
+    order: str | None = None,
+    unit: str = "m",
+    decibel: bool = False,
+    cell: float | None = None,
+    radar: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> xr.DataArray:
+    """An image, or a point cloud on a grid, from a file of another tool.
+
+    Parameters
+    ----------
+    path : path
+        NumPy, MATLAB, HDF5 or netCDF file with an image and the coordinates of its pixels; or a point cloud: PLY, PCD,
+        or CSV with headings x, y (, z) and amplitude.
+    image, x, y, z : str, optional
+        Names of the variables; by default they are recognised by name and size.
+    order : str, optional
+        Axes of the image in the file, such as ``"xy"`` or ``"zyx"``; by default what the sizes say, else ``"yx"``.
+    unit : str
+        Of the coordinates: m, cm, mm.
+    decibel : bool
+        The amplitudes are in dB.
+    cell : float [m], optional
+        Width of the cells that a cloud is gridded with; by default the distance between neighbouring points.
+    radar : (x, y, z) [m]
+        Where the radar stood.
+
+    Returns
+    -------
+    xarray.DataArray
+        (y, x) or (z, y, x). A cloud becomes the plan view (y, x): the largest amplitude in each cell.
+
+    Raises
+    ------
+    InputError
+        If there is no image, or none whose coordinates are known.
+    """
+    contents = read_contents(path)
+    if unit not in ("m", "cm", "mm", "um", "inch"):
+        raise InputError(f"unit is {unit!r}, expected one of m, cm, mm, um, inch")
+    if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and image is None):
+        found = _gridded(contents, x or "x", y or "y", image, UNITS[unit], cell, decibel)
+    else:
+        if cell is not None:
+            raise InputError(f"{path}: holds no point cloud, and cell is the grid of one; leave it out")
+        found = _image(contents, image, {"x": x, "y": y, "z": z}, order, UNITS[unit], decibel)
+    found.attrs["radar_position"] = np.array(radar, dtype=float)
+    found.attrs["source"] = Path(path).name
+    return check_image(found, source=str(path))
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file is of another tool, by its name or what it begins with; netCDF-4 files are ours unless they say
+    nothing of it and hold no samples.
+    """
+    if path.suffix.lower() in SUFFIXES:
+        return True
+    with path.open("rb") as file:
+        if file.read(3) == b"CDF":
+            return True
+    if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
+        return False
+    try:
+        with h5py.File(path, "r") as content:
+            return not ({"mirrorfold_kind"} & set(content.attrs)) and not ({"s", "image"} & set(content))
+    except Exception:  # whoever reads it says what is wrong
+        return False
+
+
+def _last(name: str) -> str:
+    """The last part of a name, in lower case."""
+    return name.rpartition(".")[2].lower()
+
+
+def _named(contents: Contents, axis: str, ndim: int) -> str | None:
+    """The variable that is called like the coordinates along an axis."""
+    for wanted in AXIS_NAMES[axis]:
+        for name, variable in contents.variables.items():
+            if _last(name) == wanted and len([n for n in variable.shape if n != 1]) <= ndim:
+                return name
+    return None
+
+
+def _image(
+    contents: Contents,
+    name: str | None,
+    axes: dict[str, str | None],
+    order: str | None,
+    scale: float,
+    decibel: bool,
+) -> xr.DataArray:
+    """An image with its coordinates."""
+    name = _largest(contents) if name is None else name
+    values = np.squeeze(np.asarray(contents.array(name)))
+    if values.ndim not in (2, 3) or values.dtype.kind not in "fciu":
+        raise InputError(
+            f"{contents.path}: {name!r} has type {values.dtype} and shape {values.shape}, expected an image of two or "
+            "three axes; name it with --image"
+        )
+    wanted = "yx" if values.ndim == 2 else "zyx"
+    coordinates: dict[str, Array] = {}
+    for axis in wanted:
+        chosen = axes[axis] or _named(contents, axis, 1) or _named(contents, axis, values.ndim)
+        if chosen is None:
+            raise InputError(
+                f"{contents.path}: does not say the {axis} of the pixels of {name!r} {values.shape}; save a variable "
+                f"{axis!r} too, or name it with --{axis}"
+            )
+        coordinates[axis] = _coordinate(contents, chosen, axis) * scale
+    dims = contents.variables[name].dims
+    order = order or ("".join(dims) if sorted(dims) == sorted(wanted) else None)
+    order = order or _order(values.shape, coordinates, wanted)
+    if sorted(order) != sorted(wanted):
+        raise InputError(f"order is {order!r}, expected the letters of {wanted!r}")
+    for axis, length in zip(order, values.shape, strict=True):
+        if coordinates[axis].size != length:
+            said = ", ".join(f"{axis} {coordinate.size}" for axis, coordinate in coordinates.items())
+            raise InputError(
+                f"{contents.path}: {name!r} has the shape {values.shape}, and the coordinates the lengths {said}; they "
+                f"do not fit as ({', '.join(order)})"
+            )
+    found = xr.DataArray(_amplitudes(contents, values, decibel), dims=list(order), coords=coordinates, name="image")
+    found = found.transpose(*wanted)
+    for axis in wanted:
+        if found[axis].size > 1 and found[axis].values[0] > found[axis].values[-1]:
+            found = found.isel({axis: slice(None, None, -1)})
+    return found.assign_coords({axis: _exact(found[axis].values) for axis in wanted})
+
+
+def _exact(values: Array) -> Array:
+    """Equal steps, where single precision has rounded them."""
+    even = np.linspace(values[0], values[-1], values.size)
+    step = float(even[1] - even[0]) if values.size > 1 else 0.0
+    return even if values.size > 1 and np.abs(even - values).max() < ROUNDING * abs(step) else values
+
+
+ROUNDING = 0.02
+"""Deviation of a coordinate from equal steps that counts as rounding, as a share of the step."""
+
+
+def _largest(contents: Contents) -> str:
+    """The image: what is called so, else the largest array of two or three axes."""
+    sizes = {
+        name: int(np.prod(variable.shape))
+        for name, variable in contents.variables.items()
+        if sum(length > 1 for length in variable.shape) in (2, 3) and variable.dtype.kind in "fciu"
+    }
+    candidates = [name for name in sizes if all(_last(name) not in known for known in AXIS_NAMES.values())]
+    if not candidates:
+        raise InputError(f"{contents.path}: holds no image: no array of two or three axes; name it with --image")
+    named = [name for wanted in IMAGE_NAMES for name in candidates if _last(name) == wanted]
+    return named[0] if named else max(candidates, key=lambda name: sizes[name])
+
+
+def _coordinate(contents: Contents, name: str, axis: str) -> Array:
+    """Coordinates of the pixels along an axis, also where the file repeats them on a mesh."""
+    raw = contents.array(name)
+    if raw.dtype.kind not in "fiu":
+        raise InputError(f"{contents.path}: {name!r} has type {raw.dtype}, expected coordinates")
+    values = np.squeeze(np.asarray(raw, dtype=float))
+    if values.ndim <= 1:
+        return np.atleast_1d(values)
+    for at in range(values.ndim):
+        others = tuple(n for n in range(values.ndim) if n != at)
+        if np.ptp(values, axis=others).max() == 0.0:
+            return np.asarray(np.moveaxis(values, at, 0).reshape(values.shape[at], -1)[:, 0])
+    raise InputError(f"{contents.path}: {name!r} varies along several axes, expected the {axis} of a regular grid")
+
+
+def _order(shape: tuple[int, ...], coordinates: dict[str, Array], wanted: str) -> str:
+    """The order of axes that the sizes allow; the usual one where they allow several."""
+    fitting = [
+        "".join(order)
+        for order in permutations(wanted)
+        if all(coordinates[axis].size == length for axis, length in zip(order, shape, strict=True))
+    ]
+    return wanted if wanted in fitting or not fitting else fitting[0]
+
+
+def _amplitudes(contents: Contents, values: NDArray, decibel: bool) -> NDArray:
+    """Complex or linear amplitudes of single precision."""
+    if np.iscomplexobj(values):
+        if decibel:
+            raise InputError(f"{contents.path}: its amplitudes are complex and cannot be in dB")
+        return values.astype(np.complex64)
+    real = values.astype(np.float32)
+    if decibel:
+        return np.asarray(10.0 ** (np.maximum(real, FLOOR_DB) / 20.0), dtype=np.float32)
+    if real.size and float(np.nanmin(real)) < 0.0:
+        raise InputError(
+            f"{contents.path}: its amplitudes reach down to {float(np.nanmin(real)):g}; if they are in dB say so with "
+            "--decibel, else save complex samples or their absolute value"
+        )
+    return real
+
+
+FLOOR_DB = -300.0
+"""Amplitudes in dB that are lower, minus infinity included, are this."""
+
+
+def _gridded(
+    contents: Contents, x: str, y: str, amplitude: str | None, scale: float, cell: float | None, decibel: bool
+) -> xr.DataArray:
+    """The plan view of a point cloud: in each cell the largest amplitude."""
+    known = {name.lower(): name for name in contents.variables}
+    for column in (x, y):
+        if column.lower() not in known:
+            raise InputError(f"{contents.path}: its points have no {column!r}, but {', '.join(contents.variables)}")
+    points = np.stack([np.asarray(contents.array(known[column.lower()]), dtype=float) for column in (x, y)], axis=-1)
+    points *= scale
+    name = next((known[wanted] for wanted in AMPLITUDE_NAMES if wanted in known), None)
+    name = name if amplitude is None else amplitude
+    values = np.ones(len(points), np.float32)
+    if name is not None:
+        values = _amplitudes(contents, np.asarray(contents.array(name)), decibel).astype(np.float32)
+    finite = np.isfinite(points).all(axis=1) & np.isfinite(values)
+    points, values = points[finite], values[finite]
+    if len(points) < 2:
+        raise InputError(
+            f"{contents.path}: holds {len(points)} points with finite coordinates, expected a cloud of them"
+        )
+    extent = np.ptp(points, axis=0)
+    if cell is None:
+        cell = _spacing(points)
+        cell = max(cell, float(np.sqrt(max(extent.prod(), 0.0) / LARGEST_CLOUD_IMAGE)), 1e-6 * float(extent.max()))
+    if not 0.0 < cell < np.inf:
+        raise InputError(f"{contents.path}: cell is {cell}, expected a width above zero [m]; the points may coincide")
+    counts = [int(length / cell) + 1 + 2 * MARGIN_CELLS for length in extent.tolist()]
+    check_memory(contents.path, 16.0 * counts[0] * counts[1], f"a grid of {counts[0]} x {counts[1]} cells")
+    origin = points.min(axis=0) - MARGIN_CELLS * cell
+    at = np.minimum(((points - origin) / cell + 0.5).astype(np.int64), np.array(counts) - 1)
+    grid = np.zeros((counts[1], counts[0]), dtype=np.float32)
+    np.maximum.at(grid, (at[:, 1], at[:, 0]), values)
+    axes = {axis: origin[n] + cell * np.arange(counts[n]) for n, axis in enumerate("xy")}
+    return xr.DataArray(grid, dims=("y", "x"), coords={"y": axes["y"], "x": axes["x"]}, name="image")
+
+
+def _spacing(points: Array) -> float:
+    """Median distance [m] of a point from its nearest neighbour."""
+    distinct = np.unique(points, axis=0)
+    some = distinct[:: max(1, len(distinct) // SAMPLED_POINTS)]
+    return float(np.median(cKDTree(distinct).query(some, k=2)[0][:, 1])) if len(distinct) > 1 else 0.0
+
+
+SUFFIXES = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".ply", ".pcd", ".csv", ".txt")
+"""Files that `mirrorfold.load` takes for images or clouds of other tools."""

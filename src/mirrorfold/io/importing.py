@@ -1,0 +1,112 @@
+"""Measured data to sweeps: the verb ``import``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.assembly import assemble, join
+from mirrorfold.io.mapping import Mapping, load_mapping
+from mirrorfold.io.readers import Contents, read_contents
+
+Progress = Callable[[int, int], None]
+
+
+def import_data(
+    files: str | Path | Sequence[str | Path],
+    *,
+    mapping: str | Path | dict[str, Any] | Mapping | None = None,
+    positions: str | Path | None = None,
+    parameter: str | None = None,
+    reader: str | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """A sweep from measured data of whatever origin.
+
+    Parameters
+    ----------
+    files : path or list of paths
+        One file, files that a mapping joins, or the files or the folder of a scan, one file for each position.
+    mapping : path, name or dict, optional
+        What the variables are: a mapping file, the name of one that comes along, or its content.
+    positions : path, optional
+        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files.
+    parameter : str, optional
+        Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
+    reader : str, optional
+        Format of the files; by default it is recognised.
+    progress : callable (done, total), optional
+
+    Returns
+    -------
+    xarray.Dataset
+        The sweep, in the convention ``exp(+jwt)`` and SI units.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or what is needed is missing or does not fit together: with the file, the line
+        where there is one, and the remedy.
+    """
+    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    if not paths:
+        raise InputError("no files are given; name the files to import")
+    if positions is not None or _has_metafile(paths):
+        if mapping is not None:
+            raise InputError("mapping and positions are both given; a scan of files needs positions alone")
+        from mirrorfold.io.scans import import_scan
+
+        return import_scan(paths, positions=positions, parameter=parameter, progress=progress)
+    if parameter is not None:
+        raise InputError("parameter is given without positions; give the table that says where the antennas stood")
+    chosen = None if mapping is None else load_mapping(mapping)
+    sweeps = []
+    for done, path in enumerate(paths):
+        contents = read_contents(path, reader or (chosen.reader if chosen is not None else None))
+        sweeps.append(_sweep(contents, chosen))
+        if progress is not None:
+            progress(done + 1, len(paths))
+    if len(sweeps) == 1:
+        return sweeps[0]
+    if chosen is None or chosen.join is None:
+        raise InputError(
+            f"{len(paths)} files are given and nothing says how they belong together; import them one by one, or set "
+            "join in the mapping, or give --positions for a scan of one file for each position"
+        )
+    return join(sweeps, chosen.join, [str(path) for path in paths])
+
+
+def _has_metafile(paths: list[Path]) -> bool:
+    """Whether the one thing given is the metafile of a scan."""
+    return len(paths) == 1 and paths[0].suffix.lower() == ".json"
+
+
+def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
+    """The sweep in one file."""
+    if mapping is not None:
+        return assemble(contents, mapping)
+    if contents.mapping is not None:
+        return assemble(contents, load_mapping(dict(contents.mapping)))
+    if {"s", "frequency"} <= set(contents.variables) and contents.reader == "hdf5":
+        from mirrorfold.io.netcdf import read
+
+        return _as_sweep(read(contents.path), contents.path)
+    if contents.spectra is not None:
+        raise InputError(
+            f"{contents.path}: holds {', '.join(contents.spectra.parameters)} and no positions; give --positions, a "
+            "table that says where the antennas stood for each file"
+        )
+    raise InputError(
+        f"{contents.path}: does not say what its variables are; give --mapping FILE, which `mirrorfold import --guess "
+        f"{contents.path}` proposes"
+    )
+
+
+def _as_sweep(found: Any, path: Path) -> xr.Dataset:
+    if not isinstance(found, xr.Dataset):
+        raise InputError(f"{path}: holds no sweep; fold and score read it as it is")
+    return found

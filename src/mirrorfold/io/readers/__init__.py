@@ -1,0 +1,131 @@
+"""Measured data of any lab: one reader per file format, found by what a file begins with.
+
+Other packages add readers by the entry point group ``mirrorfold.readers``: each names a `Reader`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
+
+ENTRY_POINT_GROUP = "mirrorfold.readers"
+
+HEAD_BYTES = 4096
+"""What `Reader.recognises` gets to see of a file."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A file format.
+
+    Attributes
+    ----------
+    name : str
+        That users force it by.
+    description : str
+        One line.
+    recognises : callable
+        Called with the path and the first bytes of the file; whether the file is of this format.
+    read : callable
+        Called with the path; returns the `Contents`.
+    """
+
+    name: str
+    description: str
+    recognises: Callable[[Path, bytes], bool]
+    read: Callable[[Path], Contents]
+
+
+OWN = ("acconeer", "touchstone", "matlab", "hdf5", "netcdf3", "numpy_files", "citi", "cloud", "table")
+"""Modules with a `READER`, in the order in which they are asked: special ones before general ones."""
+
+
+@cache
+def readers() -> dict[str, Reader]:
+    """All readers by name, those of other packages first.
+
+    Raises
+    ------
+    InputError
+        If an entry point cannot be loaded or is no reader.
+    """
+    found: dict[str, Reader] = {}
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        try:
+            reader = point.load()
+        except Exception as error:  # whatever the other package raises
+            raise InputError(f"the reader {point.name!r} of {point.value} cannot be loaded ({error})") from None
+        if not isinstance(reader, Reader):
+            raise InputError(f"the reader {point.name!r} of {point.value} is a {type(reader).__name__}, not a Reader")
+        found[reader.name] = reader
+    for module in OWN:
+        reader = importlib.import_module(f"{__name__}.{module}").READER
+        found.setdefault(reader.name, reader)
+    return found
+
+
+def recognise(path: Path) -> Reader:
+    """The reader of a file, by what the file begins with and by its name.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is empty, or no reader knows it.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; give the files in it, or the folder with --positions")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+    if not head:
+        raise InputError(f"{path}: is empty; measure or copy it again")
+    for reader in readers().values():
+        try:
+            if reader.recognises(path, head):
+                return reader
+        except InputError:
+            raise
+        except Exception as error:  # a reader that trips over a file does not know it
+            raise damaged(path, error) from None
+    names = ", ".join(readers())
+    raise InputError(f"{path}: is of no format that is known ({names}); export it as one of these")
+
+
+def read_contents(path: str | Path, reader: str | None = None) -> Contents:
+    """What is in a file.
+
+    Parameters
+    ----------
+    path : path
+    reader : str, optional
+        Name of the reader; by default it is recognised.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read; nothing else is ever raised, whatever the bytes.
+    """
+    path = Path(path)
+    chosen = recognise(path)
+    if reader is not None:
+        if reader not in readers():
+            raise InputError(f"reader is {reader!r}, expected one of {', '.join(readers())}")
+        chosen = readers()[reader]
+    try:
+        return chosen.read(path)
+    except InputError:
+        raise
+    except Exception as error:  # libraries report damage by exceptions of many types
+        raise damaged(path, error) from None
+
+
+__all__ = ["Contents", "Reader", "Spectra", "Variable", "read_contents", "readers", "recognise"]

@@ -1,0 +1,184 @@
+"""What a reader returns: named arrays, and the checks that keep hostile files from filling the memory.
+
+Sizes are read from headers and compared with what the file can hold and with the free memory, before anything is
+allocated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.memory import available_memory
+
+HARMLESS_BYTES = 64 << 20
+"""What a file may expand to in any case."""
+
+LARGEST_EXPANSION = 200.0
+"""Larger than `HARMLESS_BYTES`, a file may expand by this factor: measured samples compress by less than ten, zip bombs
+by a thousand (the limit of the deflate algorithm is 1032)."""
+
+MEMORY_SHARE = 0.5
+"""Share of the free memory that the content of one file may take."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array in a file that need not have been read yet.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : numpy.dtype
+    load : callable
+        Returns the array.
+    dims : tuple of str
+        Names of its axes, where the file says them.
+    attrs : dict
+        What the file says of it, such as `units`.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    load: Callable[[], NDArray]
+    dims: tuple[str, ...] = ()
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    @staticmethod
+    def of(array: NDArray, dims: tuple[str, ...] = (), attrs: Mapping[str, Any] | None = None) -> Variable:
+        """A variable that is in memory."""
+        return Variable(array.shape, array.dtype, lambda: array, dims, attrs or {})
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Scattering parameters against frequency, as a network analyser writes them.
+
+    Attributes
+    ----------
+    frequency : (frequencies,) array [Hz]
+    parameters : dict of (frequencies,) complex arrays
+        By name, such as ``"S21"``.
+    """
+
+    frequency: NDArray[np.float64]
+    parameters: Mapping[str, NDArray[np.complex128]]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Everything a reader has found in a file.
+
+    Attributes
+    ----------
+    path : Path
+    reader : str
+        Name of the reader.
+    variables : dict of Variable
+        By name; fields of structures and groups are joined by dots.
+    attrs : dict
+        What the file says of itself.
+    spectra : Spectra, optional
+        Of files of a network analyser.
+    mapping : dict, optional
+        What the variables mean, in the terms of a mapping file, where the format says it.
+    """
+
+    path: Path
+    reader: str
+    variables: Mapping[str, Variable]
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+    spectra: Spectra | None = None
+    mapping: Mapping[str, Any] | None = None
+
+    def array(self, name: str) -> NDArray:
+        """The values of a variable.
+
+        Raises
+        ------
+        InputError
+            If there is none of this name, or it is too large for the memory.
+        """
+        if name not in self.variables:
+            known = ", ".join(list(self.variables)[:LISTED]) + (" ..." if len(self.variables) > LISTED else "")
+            raise InputError(f"{self.path}: holds no variable {name!r}; it holds {known or 'none'}")
+        variable = self.variables[name]
+        check_memory(self.path, nbytes(variable.shape, variable.dtype.itemsize), f"its variable {name!r}")
+        try:
+            return variable.load()
+        except InputError:
+            raise
+        except Exception as error:  # libraries report damage by exceptions of many types
+            raise damaged(self.path, error) from None
+
+
+LISTED = 20
+"""Number of variables that a message lists."""
+
+
+def nbytes(shape: tuple[int, ...], itemsize: int) -> int:
+    """Size of an array [bytes], without overflow."""
+    size = int(itemsize)
+    for length in shape:
+        size *= int(length)
+    return size
+
+
+def check_memory(path: Path, size: float, what: str = "its content") -> None:
+    """Refuse what does not fit into the free memory.
+
+    Raises
+    ------
+    InputError
+    """
+    free = MEMORY_SHARE * available_memory()
+    if size > free:
+        raise InputError(
+            f"{path}: {what} would take {size / 2**30:.3g} GiB of memory and {free / 2**30:.3g} GiB may be used; "
+            "the file is damaged, or has to be split"
+        )
+
+
+def check_expansion(path: Path, stored: float, size: float, what: str = "its content") -> None:
+    """Refuse what would grow from a few stored bytes to very many, and what does not fit into the memory.
+
+    Raises
+    ------
+    InputError
+    """
+    if size > max(HARMLESS_BYTES, LARGEST_EXPANSION * stored):
+        raise InputError(
+            f"{path}: {what} would expand from {stored:.0f} bytes to {size:.3g}, which no measurement does; "
+            "the file is damaged or made to fill the memory"
+        )
+    check_memory(path, size, what)
+
+
+def read_bytes(path: Path, *, growth: float = 1.0) -> bytes:
+    """All bytes of a file whose content takes `growth` times its size in memory.
+
+    Raises
+    ------
+    InputError
+        If it is empty, cannot be read, or does not fit into the memory.
+    """
+    try:
+        size = path.stat().st_size
+        if size == 0:
+            raise InputError(f"{path}: is empty; measure or copy it again")
+        check_memory(path, growth * size)
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+
+
+def damaged(path: Path, error: BaseException) -> InputError:
+    """An error that a library has raised, in one sentence."""
+    reason = " ".join(str(error).split())[:200] or type(error).__name__
+    return InputError(f"{path}: is damaged or not of the format it seems to be ({reason}); copy or export it again")

@@ -1,0 +1,205 @@
+"""HDF5 files of any origin: MATLAB 7.3, netCDF-4, and whatever instruments write.
+
+Links to other files, and data that lie in other files, are refused: a file may only show what is in it. The library
+itself runs in a process of its own (`hdf5_process`), because damaged files can crash it and make it run forever.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.readers import Reader
+from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, nbytes
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+COMPLEX_FIELDS = (("real", "imag"), ("r", "i"), ("re", "im"))
+"""Names that complex numbers have as compounds: of MATLAB 7.3, of h5py and h5netcdf, and others."""
+
+PATIENCE = 20.0
+"""How long the library may take to say what is in a file [s], on a slow network too."""
+
+SLOWEST = 10e6
+"""Slowest reading of values that is waited for [bytes/s]."""
+
+
+class _Library:
+    """The process with the library: started when it is needed, again when it has died, ended with this one."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        atexit.register(self._stop)
+
+    def ask(self, question: dict[str, str], expected: int = 0) -> tuple[dict[str, Any], bytearray]:
+        """The answer to a question, and the bytes that follow it.
+
+        Raises
+        ------
+        InputError
+            If the library dies of the file twice, or takes too long.
+        """
+        with self._lock:
+            for attempt in range(2):  # a process that an earlier file has harmed is no reason to refuse this one
+                try:
+                    return self._ask(question, time.monotonic() + PATIENCE + expected / SLOWEST)
+                except TimeoutError:
+                    self._stop()
+                    raise InputError(
+                        f"{question['path']}: is damaged: reading it does not end; copy it again"
+                    ) from None
+                except (OSError, EOFError, ValueError):
+                    self._stop()
+                    if attempt:
+                        break
+        raise InputError(f"{question['path']}: is damaged so that it stops the HDF5 library; copy or export it again")
+
+    def _ask(self, question: dict[str, str], deadline: float) -> tuple[dict[str, Any], bytearray]:
+        if self._process is None:
+            # What this process may import, that one may too.
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "mirrorfold.io.readers.hdf5_process"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+            )  # fmt: skip
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(question).encode() + b"\n")
+        self._process.stdin.flush()
+        received = bytearray()
+        while b"\n" not in received:
+            received += self._some(deadline)
+        head, _, body = received.partition(b"\n")
+        answer = json.loads(head)
+        if not isinstance(answer, dict):
+            raise ValueError("the answer is no object")
+        size = int(answer.get("bytes", 0))
+        while len(body) < size:
+            body += self._some(deadline)
+        return answer, body
+
+    def _some(self, deadline: float) -> bytes:
+        """Some bytes of the answer."""
+        assert self._process is not None
+        assert self._process.stdout is not None
+        pipe = self._process.stdout.fileno()
+        left = deadline - time.monotonic()
+        if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
+            raise TimeoutError
+        part = os.read(pipe, 1 << 20)
+        if not part:
+            raise EOFError
+        return part
+
+    def _stop(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+
+
+_library = _Library()
+
+
+def read(path: Path) -> Contents:
+    """All arrays of an HDF5 file, read when they are asked for; groups are joined by dots.
+
+    Arrays of MATLAB 7.3 files, which lie in the other order on disk, have their axes as MATLAB shows them.
+    """
+    path = Path(path)
+    answer, _ = _library.ask({"path": str(path.absolute())})
+    if "refused" in answer:
+        raise InputError(f"{path}: {answer['refused']}")
+    if "damaged" in answer:
+        raise InputError(f"{path}: is damaged or no HDF5 file ({answer['damaged']}); copy or export it again")
+    variables: dict[str, Variable] = {}
+    for entry in answer["arrays"]:
+        variable = _variable(path, entry, matlab=bool(answer["matlab"] or entry["matlab"]))
+        if variable is not None:
+            variables[entry["name"].replace("/", ".")] = variable
+    if not variables:
+        raise InputError(f"{path}: holds no array of numbers; save the measured variables into it")
+    return Contents(path, READER.name, variables, answer["attrs"])
+
+
+def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | None:
+    """An array that the other process reads when it is asked for; None for what holds no numbers."""
+    if "text" in entry:
+        return Variable.of(np.array(entry["text"]))
+    name, shape, stored = entry["name"], tuple(entry["shape"]), max(entry["stored"], 1)
+    descr: Any = entry["descr"]
+    dtype = np.lib.format.descr_to_dtype(descr if isinstance(descr, str) else [_field(field) for field in descr])
+    fields = complex_fields(dtype)
+    if fields is None and dtype.kind not in "fciub":
+        return None
+
+    def load() -> NDArray:
+        size = nbytes(shape, dtype.itemsize)
+        check_expansion(path, stored, size, f"its variable {name!r}")
+        answer, body = _library.ask({"path": str(path.absolute()), "name": name}, size)
+        if "damaged" in answer or len(body) != size:
+            raise InputError(f"{path}: {name!r} is damaged ({answer.get('damaged', 'cut off')}); copy it again")
+        values = np.frombuffer(body, dtype).reshape(shape)
+        if fields is not None:
+            values = to_complex(values, fields)
+        return values.T if matlab else values
+
+    kind = dtype
+    if fields is not None:
+        kind = np.dtype(np.complex64 if dtype[fields[0]].itemsize <= 4 else np.complex128)
+    dims = tuple(entry["dims"])
+    return Variable(shape[::-1] if matlab else shape, kind, load, dims[::-1] if matlab else dims, entry["attrs"])
+
+
+def _field(field: list[Any]) -> tuple[Any, ...]:
+    """A field of a compound type, whose tuples JSON has made lists."""
+    return tuple(tuple(part) if isinstance(part, list) and n != 1 else part for n, part in enumerate(field))
+
+
+def complex_fields(dtype: np.dtype) -> tuple[str, str] | None:
+    """The names of real and imaginary part of a compound type that stands for complex numbers."""
+    for real, imaginary in COMPLEX_FIELDS:
+        if (
+            dtype.names is not None
+            and set(dtype.names) == {real, imaginary}
+            and all(dtype[name].kind in "fiu" and dtype[name].shape == () for name in (real, imaginary))
+        ):
+            return real, imaginary
+    return None
+
+
+def to_complex(values: NDArray, fields: tuple[str, str]) -> NDArray:
+    """Complex numbers from a structured array."""
+    single = values.dtype[fields[0]].itemsize <= 4
+    result = np.empty(values.shape, np.complex64 if single else np.complex128)
+    result.real, result.imag = values[fields[0]], values[fields[1]]
+    return result
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file has the signature of HDF5, at its beginning or after a block of the user's."""
+    if head[:8] == SIGNATURE or any(head[at : at + 8] == SIGNATURE for at in (512, 1024, 2048)):
+        return True
+    if path.suffix.lower() in (".h5", ".hdf5", ".he5") or head[:19] == b"MATLAB 7.3 MAT-file":
+        raise InputError(f"{path}: seems to be HDF5 by its name or header and is not; copy it again")
+    return False
+
+
+READER = Reader("hdf5", "HDF5, netCDF-4 and MATLAB 7.3", recognises, read)

@@ -1,0 +1,125 @@
+"""The process that opens HDF5 files of others: a damaged one may crash or hang the library, and takes only it along.
+
+It is asked by one JSON object in a line of its input - ``{"path": ..., "name": ...}``, without a name for what the file
+holds - and answers with one in a line of its output, followed by the bytes of the array.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import h5py
+import numpy as np
+
+from mirrorfold.io.readers.contents import nbytes
+
+MOST_OBJECTS = 100_000
+"""Groups and arrays in one file; a file with more is damaged or made to keep the reader busy."""
+
+TEXT_BYTES = 1 << 20
+"""Longer texts are not read."""
+
+UNITS = ("units", "unit", "long_name")
+"""Attributes of arrays that matter."""
+
+
+def survey(path: str) -> dict[str, Any]:
+    """What a file holds: its arrays with shape, type, names of axes and size on disk, and its attributes.
+
+    The answer has the entry `refused` instead where the file refers to other files.
+    """
+    links: list[str] = []
+    foreign: list[str] = []
+
+    def note(name: bytes, info: Any) -> None:  # called from within the library: it must neither raise nor stop
+        own = info.type in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT)
+        (links if own else foreign).append(_text(name))
+
+    with open(path, "rb") as raw:
+        matlab = raw.read(19) == b"MATLAB 7.3 MAT-file"
+    found = []
+    with h5py.File(path, "r") as file:
+        file.id.links.visit(note, info=True)
+        if foreign:
+            return {"refused": f"its entry {foreign[0]!r} is a link to another file; copy the data into one file"}
+        if len(links) > MOST_OBJECTS:
+            return {"refused": f"holds more than {MOST_OBJECTS} objects; split it, or export what was measured"}
+        for name in links:
+            if file.get(name, getlink=True).__class__ is not h5py.HardLink:
+                continue
+            item = file[name]
+            if not isinstance(item, h5py.Dataset):
+                continue
+            if item.external or item.is_virtual:
+                return {"refused": f"the values of {name!r} lie in another file; copy the data into one file"}
+            described = _described(name, item)
+            if described is not None:
+                found.append(described)
+        attrs = {str(name): _attr(file.attrs, name) for name in file.attrs}
+    attrs = {name: value for name, value in attrs.items() if value is not None}
+    return {"matlab": matlab, "arrays": found, "attrs": attrs}
+
+
+def _described(name: str, dataset: h5py.Dataset) -> dict[str, Any] | None:
+    """What is to be known of an array; None for what holds no numbers or text."""
+    shape, dtype = dataset.shape, dataset.dtype
+    if shape is None or name.startswith("#"):  # an empty array, or what MATLAB keeps for itself
+        return None
+    entry: dict[str, Any] = {"name": name, "shape": list(map(int, shape)), "matlab": "MATLAB_class" in dataset.attrs}
+    if h5py.check_string_dtype(dtype) is not None:
+        text = _text(dataset[()])[:TEXT_BYTES] if shape == () else None
+        return None if text is None else entry | {"text": text}
+    if dtype.names is None and dtype.kind not in "fciub":
+        return None
+    if dtype.hasobject or dtype.itemsize == 0 or dataset.attrs.get("MATLAB_empty", 0):
+        return None
+    attrs = {str(key): _attr(dataset.attrs, key) for key in dataset.attrs if str(key) in UNITS}
+    dims = []
+    for axis in dataset.dims:
+        scales = axis.values()
+        dims.append(str(scales[0].name).rpartition("/")[2] if scales else axis.label)
+    descr = np.lib.format.dtype_to_descr(np.dtype(dtype))
+    stored = int(dataset.id.get_storage_size())
+    return entry | {"descr": descr, "stored": stored, "dims": dims if all(dims) else [], "attrs": attrs}
+
+
+def _text(name: bytes | str) -> str:
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
+
+
+def _attr(attrs: Any, name: str) -> str | float | None:
+    """An attribute that is a short text or a number."""
+    try:
+        value = attrs[name]
+    except Exception:  # an attribute of a type that h5py does not know says nothing
+        return None
+    value = value.item() if isinstance(value, np.ndarray | np.generic) and np.size(value) == 1 else value
+    if isinstance(value, bytes | str):
+        return _text(value)[:TEXT_BYTES]
+    return float(value) if isinstance(value, int | float) else None
+
+
+def serve() -> None:
+    """Answer until there are no more questions."""
+    questions, answers = sys.stdin.buffer, sys.stdout.buffer
+    for line in questions:
+        asked, body = json.loads(line), np.empty(0, np.uint8)
+        try:
+            if "name" not in asked:
+                answer = survey(asked["path"])
+            else:
+                with h5py.File(asked["path"], "r") as file:
+                    values = np.ascontiguousarray(file[asked["name"]][()])
+                body = values.reshape(-1).view(np.uint8)
+                answer = {"bytes": nbytes(values.shape, values.dtype.itemsize)}
+        except Exception as error:  # h5py reports damage by exceptions of many types
+            answer, body = {"damaged": " ".join(str(error).split())[:200] or type(error).__name__}, body[:0]
+        answers.write(json.dumps(answer).encode() + b"\n")
+        answers.write(body.data)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    serve()

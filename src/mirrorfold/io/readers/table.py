@@ -1,0 +1,217 @@
+"""Text tables: CSV with complex numbers as ``a+bi``, in two columns, or as magnitude and phase, and the CSV exports of
+network analysers (Rohde & Schwarz, Keysight and others).
+
+Columns are parted by commas, semicolons, tabs or blanks; semicolons allow decimal commas. Lines that begin with one of
+``# ! % //`` are comments, lines of words before the numbers are headings.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.readers import Reader
+from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
+
+GROWTH = 30.0
+"""Memory that the numbers of a text file take while they are read, as a multiple of its size."""
+
+COMMENTS = ("#", "!", "%", "//")
+
+FRAMES = ("BEGIN", "END")
+"""Lines that begin with these words frame the data of Keysight's analysers."""
+
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf(?:inity)?)"
+REAL = re.compile(NUMBER, re.IGNORECASE)
+UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
+
+UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
+
+FREQUENCY = re.compile(r"^\W*f(req(uency)?)?\.?\s*([\[(]\s*([kmgt]?hz)\s*[\])])?\W*$", re.IGNORECASE)
+
+KINDS = (
+    ("db", r"db|log\s*mag|dbmag"),
+    ("radian", r"rad(ians?)?"),
+    ("degree", r"deg(rees?)?|ang(le)?|phase|uphase"),
+    ("real", r"re(al)?"),
+    ("imaginary", r"im(ag(inary)?)?"),
+    ("magnitude", r"mag(nitude)?|lin(ear)?(\s*mag)?|abs|amplitude"),
+)
+"""What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
+and a phase in degrees unless radians are named."""
+
+PARAMETER = re.compile(r"S\s*[\[(]?(\d)[,_]?(\d)[\])]?", re.IGNORECASE)
+
+WORD = r"(?<![a-z])(?:{})(?![a-z])"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A rectangle of numbers with headings.
+
+    Attributes
+    ----------
+    headings : list of str
+        Empty where there are none, or not one for each column.
+    values : (rows, columns) array
+        Real, or complex where a cell is.
+    """
+
+    headings: list[str]
+    values: NDArray
+
+
+def read(path: Path) -> Contents:
+    """A text table: the variable ``table``, and one for each column with a heading."""
+    table = read_table(path)
+    variables = {"table": Variable.of(table.values)}
+    for n, heading in enumerate(table.headings):
+        variables.setdefault(heading, Variable.of(table.values[:, n]))
+    return Contents(path, READER.name, variables, spectra=_spectra(path, table))
+
+
+def read_table(path: Path) -> Table:
+    """The numbers of a text table.
+
+    Raises
+    ------
+    InputError
+        With the line where something else stands, or where the number of columns changes.
+    """
+    raw = read_bytes(path, growth=GROWTH)
+    if b"\0" in raw:
+        raise InputError(f"{path}: holds binary data, expected a text table; give the file its true name")
+    lines = [
+        (number, line.strip())
+        for number, line in enumerate(raw.decode("utf-8-sig", "replace").splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith(COMMENTS) and not _is_frame(line)
+    ]
+    first = next((n for n, (_, line) in enumerate(lines) if _begins_with_number(line)), None)
+    if first is None:
+        raise InputError(f"{path}: holds no line of numbers; export the samples as a table")
+    delimiter = _delimiter(lines[first][1])
+    rows: list[list[complex]] = []
+    columns, is_complex = 0, False
+    for number, line in lines[first:]:
+        cells = split(line, delimiter)
+        values = []
+        for cell in cells:
+            value = parse_number(cell, decimal_comma=delimiter != ",")
+            if value is None:
+                raise InputError(f"{path}: line {number} holds {cell[:40]!r}, expected a number")
+            is_complex = is_complex or isinstance(value, complex)
+            values.append(value)
+        columns = columns or len(values)
+        if len(values) != columns:
+            raise InputError(f"{path}: line {number} has {len(values)} columns, expected {columns} as before")
+        rows.append(values)
+    headings = split(lines[first - 1][1], delimiter) if first else []
+    headings = headings if len(headings) == columns else []
+    return Table([heading.strip("\"' ") for heading in headings], np.array(rows, complex if is_complex else float))
+
+
+def _is_frame(line: str) -> bool:
+    return line.split(None, 1)[0].upper().rstrip(",;") in FRAMES
+
+
+def _begins_with_number(line: str) -> bool:
+    delimiter = _delimiter(line)
+    return all(parse_number(cell, decimal_comma=delimiter != ",") is not None for cell in split(line, delimiter)[:2])
+
+
+def _delimiter(line: str) -> str:
+    """What parts the columns of a line; blank for any white space."""
+    return next((mark for mark in (";", "\t", ",") if mark in line), " ")
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; a mark at its end ends no cell."""
+    if delimiter == " ":
+        return line.split()
+    return [cell.strip().strip('"') for cell in line.rstrip(delimiter + " ").split(delimiter)]
+
+
+def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex | None:
+    """A real or complex number, as Python, MATLAB and others write it; None for anything else.
+
+    Examples
+    --------
+    >>> parse_number("-0.25-4e-3i"), parse_number("(1+2j)"), parse_number("1.5"), parse_number("1+j2")
+    ((-0.25-0.004j), (1+2j), 1.5, (1+2j))
+    """
+    text = cell.replace(" ", "").strip("()")
+    if decimal_comma:
+        text = text.replace(",", ".")
+    if REAL.fullmatch(text):
+        return float(text)
+    in_front = UNIT_IN_FRONT.fullmatch(text)
+    if in_front:
+        text = f"{in_front[1]}{in_front[2]}{in_front[3]}j"
+    if text.isascii() and text[-1:] in ("i", "j", "I", "J") and "_" not in text:
+        try:
+            return complex(text[:-1].rstrip("*") + "j")
+        except ValueError:
+            return None
+    return None
+
+
+def _spectra(path: Path, table: Table) -> Spectra | None:
+    """Spectra where the headings name a frequency and pairs of columns that make complex numbers."""
+    match = FREQUENCY.match(table.headings[0]) if table.headings else None
+    if match is None:
+        return None
+    if np.iscomplexobj(table.values) and np.any(table.values[:, 0].imag):
+        raise InputError(f"{path}: the frequencies are complex; put them into a column of their own")
+    frequency = table.values[:, 0].real * UNITS[(match[4] or "hz").lower()]
+    if table.values.shape[1] > 1 and np.iscomplexobj(table.values):
+        names = [_name(heading) for heading in table.headings[1:]]
+        return Spectra(frequency, {name: table.values[:, n] for n, name in enumerate(names, 1)})
+    parts: dict[str, dict[str, NDArray[np.float64]]] = {}
+    for n, heading in enumerate(table.headings[1:], 1):
+        kind, name = _kind(heading)
+        if kind is None or kind in parts.get(name, {}):
+            return None
+        parts.setdefault(name, {})[kind] = table.values[:, n]
+    found = {name: _complex(columns) for name, columns in parts.items()}
+    complete = {name: values for name, values in found.items() if values is not None}
+    return Spectra(frequency, complete) if complete else None
+
+
+def _kind(heading: str) -> tuple[str | None, str]:
+    """What a column holds, and of which parameter."""
+    for kind, words in KINDS:
+        pattern = re.compile(WORD.format(words), re.IGNORECASE)
+        if pattern.search(heading):
+            rest = heading
+            for _, others in KINDS:
+                rest = re.sub(WORD.format(others), " ", rest, flags=re.IGNORECASE)
+            return kind, _name(rest)
+    return None, heading
+
+
+def _name(text: str) -> str:
+    """The parameter that a heading names, else what is left of it."""
+    match = PARAMETER.search(text)
+    return f"S{match[1]}{match[2]}" if match else re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
+
+
+def _complex(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
+    """Complex samples from two columns, if these two make some."""
+    if {"real", "imaginary"} <= set(columns):
+        return np.asarray(columns["real"] + 1j * columns["imaginary"])
+    angle = columns.get("radian", np.radians(columns["degree"]) if "degree" in columns else None)
+    size = columns.get("magnitude", 10.0 ** (columns["db"] / 20.0) if "db" in columns else None)
+    return None if angle is None or size is None else np.asarray(size * np.exp(1j * angle))
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file is text."""
+    return b"\0" not in head
+
+
+READER = Reader("table", "text tables: complex CSV, and the CSV of network analysers", recognises, read)

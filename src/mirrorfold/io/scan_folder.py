@@ -1,0 +1,122 @@
+"""Writing a sweep the way a lab leaves it: a folder of Touchstone files and a table of positions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.files import directory_written_whole
+from mirrorfold.sweep import (
+    MONOSTATIC_DIMENSIONS,
+    PAIR_DIMENSIONS,
+    RASTER_DIMENSIONS,
+    check_sweep,
+    is_monostatic,
+    is_raster,
+)
+
+Progress = Callable[[int, int], None]
+
+POSITIONS, DESCRIPTION = "positions.csv", "scan.toml"
+
+
+def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress | None = None) -> Path:
+    """Write a sweep as a lab would have measured it: a folder of Touchstone files and a table of positions.
+
+    A sweep of pairs becomes two-port files with S21 (and S12, its equal; S11 and S22 are zero), any other sweep
+    one-port files with S11. The samples have nine digits, so that `import_data` brings back the same numbers.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Without further dimensions such as `frame`.
+    folder : path
+        Made if need be.
+    progress : callable (done, total), optional
+
+    Returns
+    -------
+    Path
+        Of the table ``positions.csv``, or of ``scan.toml`` beside it where there is more to say than places; what
+        `import_data` takes as `positions`.
+
+    Raises
+    ------
+    InputError
+        If the sweep is not valid or has further dimensions, or nothing can be written there.
+    """
+    sweep = check_sweep(sweep)
+    dims: tuple[str, ...] = RASTER_DIMENSIONS if is_raster(sweep) else PAIR_DIMENSIONS
+    dims = MONOSTATIC_DIMENSIONS if is_monostatic(sweep) else dims
+    if sweep["s"].dims != dims:
+        raise InputError(f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select one of the others")
+    folder = Path(folder)
+    s = sweep["s"].values.reshape(sweep.sizes["frequency"], -1)
+    heading, numbers, names, kept = _listing(sweep, dims)
+    pairs = dims[1] == "tx"
+    rows = np.zeros((sweep.sizes["frequency"], 9 if pairs else 3))
+    rows[:, 0] = sweep["frequency"].values
+    form = "%.17g %.9g %.9g" + (" %.9g %.9g %.9g %.9g %.9g %.9g" if pairs else "")
+    head = "! written by mirrorfold\n" + ("! S11 and S22 are not known\n" if pairs else "") + "# Hz S RI R 50\n"
+    with directory_written_whole(folder) as directory:
+        for done, (name, column) in enumerate(zip(names, kept, strict=True), 1):
+            sample = s[:, column]
+            if pairs:
+                rows[:, 3] = rows[:, 5] = sample.real
+                rows[:, 4] = rows[:, 6] = sample.imag
+            else:
+                rows[:, 1], rows[:, 2] = sample.real, sample.imag
+            text = "\n".join([form % tuple(row) for row in rows.tolist()])
+            (directory / name).write_text(f"{head}{text}\n", encoding="ascii")
+            if progress is not None and done % 64 == 0:
+                progress(done, len(names))
+        lines = [",".join([name, *map(repr, row)]) for name, row in zip(names, numbers.tolist(), strict=True)]
+        (directory / POSITIONS).write_text("\n".join([",".join(("file", *heading)), *lines, ""]), encoding="ascii")
+        description = _description(sweep)
+        if description:
+            (directory / DESCRIPTION).write_text(description, encoding="utf-8")
+    return folder / (DESCRIPTION if description else POSITIONS)
+
+
+def _listing(
+    sweep: xr.Dataset, dims: tuple[str, ...]
+) -> tuple[tuple[str, ...], NDArray[np.float64], list[str], list[int]]:
+    """Headings and numbers of the table, names of the files, and which column of the samples each holds."""
+    first, second = (*(sweep.sizes[name] for name in dims[1:]), 1)[:2]
+    i, k = (index.ravel() for index in np.indices((first, second)))
+    width = len(str(max(first, second) - 1))
+    if dims[1] == "tx":
+        measured = sweep["measured"].values.ravel() if "measured" in sweep.variables else np.ones(i.size, dtype=bool)
+        i, k = i[measured], k[measured]
+        numbers = np.concatenate([sweep["tx_position"].values[i], sweep["rx_position"].values[k]], axis=1)
+        names = [f"tx{a:0{width}}_rx{b:0{width}}.s2p" for a, b in zip(i, k, strict=True)]
+        heading: tuple[str, ...] = ("tx_x", "tx_y", "tx_z", "rx_x", "rx_y", "rx_z")
+    elif dims[1] == "position":
+        numbers = sweep["antenna_position"].values
+        names, heading = [f"position{a:0{width}}.s1p" for a in i], ("x", "y", "z")
+    else:
+        numbers = np.stack([sweep["azimuth"].values[i], sweep["elevation"].values[k]], axis=-1)
+        names = [f"azimuth{a:0{width}}_elevation{b:0{width}}.s1p" for a, b in zip(i, k, strict=True)]
+        heading = ("azimuth", "elevation")
+    return heading, np.asarray(numbers, dtype=float), names, (i * second + k).tolist()
+
+
+def _description(sweep: xr.Dataset) -> str:
+    """What a table of positions cannot say, as TOML; empty where there is nothing."""
+    lines = []
+    for name in ("title", "instrument"):
+        if sweep.attrs.get(name):
+            lines.append(f"{name} = {json.dumps(str(sweep.attrs[name]))}")
+    if "wave_speed" in sweep.attrs:
+        lines.append(f"wave_speed = {float(sweep.attrs['wave_speed'])!r}")
+    for name in ("scene_center", "origin"):
+        place = sweep.attrs.get(name)
+        if place is not None and (name != "origin" or np.any(np.asarray(place) != 0.0)):
+            lines.append(f"{name} = {np.asarray(place, dtype=float).tolist()}")
+    return "\n".join([*lines, f'table = "{POSITIONS}"', ""]) if lines else ""

@@ -1,0 +1,282 @@
+"""A scan that a network analyser left as one file for each position."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.assembly import fill_matrix, grid_beams
+from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
+from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
+from mirrorfold.io.readers.contents import check_memory
+from mirrorfold.io.spectral import STEP_TOLERANCE
+from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep
+
+Progress = Callable[[int, int], None]
+
+PLACE_DIGITS = 9
+"""Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
+
+DOUBTFUL_PITCH = 100.0
+"""Antennas farther apart than so many wavelengths are probably given in another unit."""
+
+DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
+"""The scattering parameter that is meant where files hold several."""
+
+
+def import_scan(
+    paths: Sequence[Path],
+    *,
+    positions: str | Path | None,
+    parameter: str | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """The sweep of a scan with one file for each position.
+
+    Parameters
+    ----------
+    paths : list of Path
+        The files, or their folder; or the JSON description alone, with the files beside it.
+    positions : path, optional
+        Table or description of the positions; the description itself where it is the only path.
+    parameter : str, optional
+    progress : callable (done, total), optional
+
+    Raises
+    ------
+    InputError
+        If files and positions do not fit together, or a file cannot be read.
+    """
+    table = Path(positions) if positions is not None else paths[0]
+    files = _files([table.parent] if positions is None else paths, table)
+    scan, lines = read_positions(table)
+    if scan.ports is not None:
+        return _all_ports(table, scan, scan.ports, files)
+    lines = match_pattern(table, scan, list(files)) if lines is None else lines
+    kind, numbers = arranged(table, lines)
+    chosen = _chosen(table, lines, files, listed=not any(path.is_dir() for path in paths) and positions is not None)
+    frequency, s = _spectra(chosen, parameter or scan.parameter, kind, progress)
+    if scan.time_convention == "exp(-jwt)":
+        s = s.conj()
+    attrs = _attrs(scan, table)
+    quantities = Quantities(Contents(table, "table", {}))
+    coords: dict[str, Any] = {"frequency": ("frequency", frequency, {"units": "Hz"})}
+    if kind == "beam":
+        azimuth, elevation, full = grid_beams(quantities, s, numbers[:, 0], numbers[:, 1])
+        coords |= {"azimuth": ("azimuth", azimuth, {"units": "degree"})}
+        coords |= {"elevation": ("elevation", elevation, {"units": "degree"})}
+        sweep = xr.Dataset(
+            {"s": (("frequency", "azimuth", "elevation"), full)}, coords, attrs | {"origin": np.array(scan.origin)}
+        )
+        return check_sweep(sweep, source=str(table))
+    coords["axis"] = list(AXES)
+    if kind == "position":
+        _doubt(table, frequency, numbers, scan.wave_speed)
+        coords["antenna_position"] = (("position", "axis"), numbers, {"units": "m"})
+        return check_sweep(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), source=str(table))
+    tx, at_tx = _distinct(numbers[:, :3])
+    rx, at_rx = _distinct(numbers[:, 3:])
+    _doubt(table, frequency, tx, scan.wave_speed)
+    _once(lines, at_tx, at_rx)
+    full, measured = fill_matrix(quantities, s, at_tx, at_rx, (len(tx), len(rx)), reciprocal=False)
+    coords["tx_position"] = (("tx", "axis"), tx, {"units": "m"})
+    coords["rx_position"] = (("rx", "axis"), rx, {"units": "m"})
+    if not measured.all():
+        warnings.warn(
+            f"{measured.size - int(measured.sum())} of {measured.size} pairs were not measured and count as zero",
+            stacklevel=2,
+        )
+        coords["measured"] = (("tx", "rx"), measured)
+    return check_sweep(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), source=str(table))
+
+
+def _files(paths: Sequence[Path], table: Path) -> dict[str, Path]:
+    """The files by name; those of a folder, and of folders in it by their relative names."""
+    found: dict[str, Path] = {}
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: does not exist; give the folder of the scan or its files")
+        members = sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
+        for member in members:
+            if table.exists() and member.samefile(table):
+                continue
+            found[str(member.relative_to(path)) if path.is_dir() else member.name] = member
+    if not found:
+        raise InputError(f"{paths[0]}: holds no files; give the folder of the scan")
+    return found
+
+
+def _chosen(table: Path, lines: Sequence[Line], files: dict[str, Path], *, listed: bool) -> list[Path]:
+    """The file of each line.
+
+    Raises
+    ------
+    InputError
+        If a line names no file or several, or two lines the same, or (of files that were listed) one is in no line.
+    """
+    by_name = {Path(name).name: path for name, path in files.items()}
+    chosen: dict[Path, Line] = {}
+    for line in lines:
+        path = files.get(line.file) or by_name.get(Path(line.file.replace("\\", "/")).name)
+        if path is None and any(mark in line.file for mark in "*?["):
+            fitting = [name for name in files if fnmatchcase(name, line.file)]
+            if len(fitting) > 1:
+                raise InputError(f"{line.where}: {line.file!r} fits {fitting[0]} and {fitting[1]}; make it fit one")
+            path = files[fitting[0]] if fitting else None
+        if path is None:
+            raise InputError(f"{line.where}: names {line.file!r}, which is not among the {len(files)} files given")
+        if path in chosen:
+            raise InputError(f"{line.where}: names {path.name}, as {chosen[path].where} does; a file has one place")
+        chosen[path] = line
+    left = [path for path in files.values() if path not in chosen and touchstone.SUFFIX.search(path.name)]
+    if left and listed:
+        raise InputError(f"{table}: says nothing of {left[0].name}, one of {len(left)} such files; add their places")
+    if left:
+        warnings.warn(
+            f"{len(left)} files of the folder are in no line of {table.name}, {left[0].name} first", stacklevel=3
+        )
+    return list(chosen)
+
+
+def read_spectra(path: Path) -> Spectra:
+    """The scattering parameters in a file of a network analyser."""
+    if touchstone.SUFFIX.search(path.name):
+        try:
+            return touchstone.read_spectra(path)
+        except InputError:
+            raise
+        except Exception:  # the general way explains what is wrong
+            pass
+    contents = read_contents(path)
+    if contents.spectra is None:
+        raise InputError(
+            f"{path}: holds no scattering parameters against frequency; name the columns, or use a mapping"
+        )
+    return contents.spectra
+
+
+def _spectra(
+    files: Sequence[Path], parameter: str | None, kind: str, progress: Progress | None
+) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
+    """Frequencies [Hz] and samples (frequencies, files)."""
+    first = read_spectra(files[0])
+    name = _parameter(files[0], first, parameter, kind)
+    frequency = first.frequency
+    check_memory(files[0].parent, 2.0 * 8 * frequency.size * len(files), f"the scan of {len(files)} files")
+    s = np.empty((len(files), frequency.size), dtype=np.complex64)
+    for n, path in enumerate(files):
+        found = first if n == 0 else read_spectra(path)
+        if found.frequency.shape != frequency.shape or not np.allclose(
+            found.frequency, frequency, rtol=0.0, atol=STEP_TOLERANCE * _step(frequency)
+        ):
+            raise InputError(
+                f"{path}: has {found.frequency.size} frequencies from {found.frequency[0]:.9g} to "
+                f"{found.frequency[-1]:.9g} Hz, and {files[0].name} {frequency.size} from {frequency[0]:.9g} to "
+                f"{frequency[-1]:.9g} Hz; measure all with the same"
+            )
+        if name not in found.parameters:
+            raise InputError(f"{path}: holds {', '.join(found.parameters)} and not {name}; measure it again")
+        s[n] = found.parameters[name]
+        if progress is not None and (n + 1) % 64 == 0:
+            progress(n + 1, len(files))
+    return frequency, np.ascontiguousarray(s.T)
+
+
+def _step(frequency: NDArray[np.float64]) -> float:
+    return float(abs(frequency[-1] - frequency[0])) / max(frequency.size - 1, 1) or abs(float(frequency[0]))
+
+
+def _parameter(path: Path, spectra: Spectra, parameter: str | None, kind: str) -> str:
+    """The scattering parameter to take."""
+    names = list(spectra.parameters)
+    if parameter is not None:
+        known = {name.upper(): name for name in names}
+        if parameter.upper() not in known:
+            raise InputError(f"parameter is {parameter!r}, and {path} holds {', '.join(names)}")
+        return known[parameter.upper()]
+    if len(names) == 1:
+        return names[0]
+    if DEFAULTS[kind] in names:
+        warnings.warn(
+            f"the files hold {', '.join(names)}; {DEFAULTS[kind]} was taken, --parameter says otherwise", stacklevel=4
+        )
+        return DEFAULTS[kind]
+    raise InputError(f"{path}: holds {', '.join(names)}; say which with --parameter")
+
+
+def _distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Places that differ, in the order of their first appearance, and which one each line means."""
+    _, first, which = np.unique(places.round(PLACE_DIGITS), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return places[first[order]], rank[which.ravel()]
+
+
+def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> None:
+    """Refuse a pair of places that two lines give."""
+    seen: dict[tuple[int, int], Line] = {}
+    for line, pair in zip(lines, zip(tx.tolist(), rx.tolist(), strict=True), strict=True):
+        if pair in seen:
+            raise InputError(f"{line.where}: gives {line.file} the same places as {seen[pair].where}; correct one")
+        seen[pair] = line
+
+
+def _doubt(table: Path, frequency: NDArray[np.float64], places: NDArray[np.float64], wave_speed: float | None) -> None:
+    """Say that the unit of the places looks wrong."""
+    distinct = np.unique(places, axis=0)
+    if len(distinct) < 2:
+        return
+    pitch = float(np.median(cKDTree(distinct).query(distinct, k=2)[0][:, 1]))
+    wavelengths = pitch * float(frequency[-1]) / (wave_speed or speed_of_light)
+    if wavelengths > DOUBTFUL_PITCH:
+        warnings.warn(
+            f"{table}: neighbouring places are {pitch:g} m apart, {wavelengths:.0f} wavelengths; if these are "
+            "millimetres, say so in the headings (tx_x_mm) or as unit",
+            stacklevel=3,
+        )
+
+
+def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
+    attrs: dict[str, Any] = {"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION}
+    attrs |= {name: getattr(scan, name) for name in ("title", "instrument", "wave_speed") if getattr(scan, name)}
+    if scan.scene_center is not None:
+        attrs["scene_center"] = np.array(scan.scene_center)
+    return attrs | {"source": table.name, "processing": ["imported, one file for each position"]}
+
+
+def _all_ports(table: Path, scan: Scan, ports: Any, files: dict[str, Path]) -> xr.Dataset:
+    """The sweep of one file with a port for each antenna."""
+    if len(files) != 1:
+        raise InputError(f"{table}: describes the ports of one file, and {len(files)} are given")
+    path = next(iter(files.values()))
+    spectra = read_spectra(path)
+    places = Quantities(Contents(table, "table", {})).places(ports, "ports")
+    count = len(places)
+    if len(spectra.parameters) != count**2:
+        raise InputError(
+            f"{table}: gives {count} ports, and {path} holds {', '.join(list(spectra.parameters)[:4])} ..."
+        )
+    s = np.empty((spectra.frequency.size, count, count), dtype=np.complex64)
+    for into in range(count):
+        for out in range(count):
+            s[:, into, out] = spectra.parameters[touchstone.parameter_name(out, into, count)]
+    coords = {
+        "frequency": ("frequency", spectra.frequency, {"units": "Hz"}),
+        "tx_position": (("tx", "axis"), places, {"units": "m"}),
+        "rx_position": (("rx", "axis"), places, {"units": "m"}),
+        "axis": list(AXES),
+    }
+    s = s.conj() if scan.time_convention == "exp(-jwt)" else s
+    return check_sweep(xr.Dataset({"s": (("frequency", "tx", "rx"), s)}, coords, _attrs(scan, table)), source=str(path))

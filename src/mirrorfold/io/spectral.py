@@ -1,0 +1,129 @@
+"""From time traces and range profiles to frequencies, in the convention ``exp(+jwt)``."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+
+Array = NDArray[np.floating]
+
+STEP_TOLERANCE = 1e-3
+"""Largest deviation of a step from the mean one, as a share of it."""
+
+OCCUPIED_DB = -30.0
+"""The band reaches from the strongest frequency to where the mean spectrum first falls below this level [dB]."""
+
+
+def from_time(s: NDArray, time: Array, band: tuple[float, float] | None) -> tuple[Array, NDArray]:
+    """Spectra of time traces: ``S(f) = sum_n s(t_n) exp(-j 2 pi f t_n)``.
+
+    Parameters
+    ----------
+    s : (..., times) array
+        Real traces, or analytic signals.
+    time : (times,) array [s]
+        In equal steps.
+    band : (lower, upper) [Hz], optional
+        What to keep; by default the band that the signal occupies.
+
+    Returns
+    -------
+    frequency : (frequencies,) array [Hz]
+    spectra : (..., frequencies) complex array
+
+    Raises
+    ------
+    InputError
+        If the times are not in equal rising steps, or the band holds no frequency.
+    """
+    step = equal_steps(time, "time")
+    count = time.size
+    if np.iscomplexobj(s):
+        frequency = np.fft.fftfreq(count, step)
+        spectra = np.fft.fft(s, axis=-1)
+        positive = frequency > 0.0
+        frequency, spectra = frequency[positive], spectra[..., positive]
+    else:
+        frequency, spectra = np.fft.rfftfreq(count, step)[1:], np.fft.rfft(s, axis=-1)[..., 1:]
+    keep = _kept(frequency, spectra, band)
+    frequency, spectra = frequency[keep], spectra[..., keep]
+    return frequency, spectra * np.exp(-2j * np.pi * frequency * time[0])
+
+
+def from_range(
+    s: NDArray, distance: Array, carrier: float, wave_speed: float, band: tuple[float, float] | None
+) -> tuple[Array, NDArray]:
+    """Spectra of complex range profiles: ``S(f) = sum_n s(r_n) exp(-j 2 pi (f - f_c) 2 r_n / c)``.
+
+    An echo at the range R with the phase ``exp(-j 2 k_c R)`` becomes ``exp(-j 2 k R)`` times the spectrum of the pulse.
+
+    Parameters
+    ----------
+    s : (..., ranges) complex array
+    distance : (ranges,) array [m]
+        In equal steps.
+    carrier : float [Hz]
+        What the samples were mixed down from.
+    wave_speed : float [m/s]
+    band : (lower, upper) [Hz], optional
+        What to keep; by default the band that the pulses occupy.
+
+    Returns
+    -------
+    frequency : (frequencies,) array [Hz]
+    spectra : (..., frequencies) complex array
+
+    Raises
+    ------
+    InputError
+        If the ranges are not in equal rising steps, or the band holds no frequency.
+    """
+    step = equal_steps(distance, "range")
+    count = distance.size
+    offset = (np.arange(count) - count // 2) * wave_speed / (2.0 * step * count)
+    delay = 2.0 * distance[0] / wave_speed
+    spectra = np.fft.fftshift(np.fft.fft(s, axis=-1), axes=-1) * np.exp(-2j * np.pi * offset * delay)
+    frequency = carrier + offset
+    keep = _kept(frequency, spectra, band)
+    return frequency[keep], spectra[..., keep]
+
+
+def equal_steps(values: Array, name: str) -> float:
+    """The step of a rising row of equal steps.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if values.size < 2:
+        raise InputError(f"{name} has {values.size} values, expected two at least")
+    step = np.diff(values)
+    mean = float(step.mean())
+    if not mean > 0.0 or np.abs(step - mean).max() > STEP_TOLERANCE * mean:
+        raise InputError(
+            f"{name} has steps from {step.min():g} to {step.max():g}, expected equal rising steps; resample it"
+        )
+    return mean
+
+
+def _kept(frequency: Array, spectra: NDArray, band: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """The frequencies within the band, or those that the signal occupies."""
+    if band is not None:
+        keep = (frequency >= band[0]) & (frequency <= band[1])
+        if not keep.any():
+            raise InputError(
+                f"the band from {band[0]:g} to {band[1]:g} Hz holds none of the frequencies, which run from "
+                f"{frequency[0]:g} to {frequency[-1]:g} Hz"
+            )
+        return np.asarray(keep)
+    power = np.mean(np.abs(spectra.reshape(-1, frequency.size)) ** 2, axis=0) * (frequency > 0.0)
+    peak = int(power.argmax())
+    weak = np.flatnonzero(power < 10.0 ** (OCCUPIED_DB / 10.0) * power[peak])
+    lower = int(weak[weak < peak].max(initial=-1)) + 1
+    upper = int(weak[weak > peak].min(initial=frequency.size))
+    keep = np.zeros(frequency.size, dtype=bool)
+    keep[lower:upper] = True
+    return keep

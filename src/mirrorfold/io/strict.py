@@ -1,0 +1,95 @@
+"""Reading small files that people write - TOML and JSON - with every mistake at once and its place."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.readers.contents import read_bytes
+
+Model = TypeVar("Model", bound=BaseModel)
+
+LARGEST_FILE = 64 << 20
+"""A file that a person writes, or a script writes for a person, is smaller [bytes]."""
+
+
+def read_written(path: Path) -> dict[str, Any]:
+    """The object in a TOML or JSON file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is not valid; the message has the line.
+    """
+    raw = read_bytes(path, growth=20.0)
+    if len(raw) > LARGEST_FILE:
+        raise InputError(f"{path}: has {len(raw)} bytes, expected a description of fewer than {LARGEST_FILE}")
+    kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
+    try:
+        text = raw.decode("utf-8-sig")
+        found = json.loads(text) if kind == "JSON" else tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # of decoding and of both formats
+        raise InputError(f"{path}: is not valid {kind} ({str(error)[:150]}); correct it") from None
+    if not isinstance(found, dict):
+        return {"file": found}
+    return found
+
+
+def validated(model: type[Model], content: dict[str, Any], source: str) -> Model:
+    """The content as a model, checked.
+
+    Raises
+    ------
+    InputError
+        With every mistake and its place.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        mistakes = dict.fromkeys(_explain(item, _fields(model)) for item in error.errors(include_url=False))
+        raise InputError(f"{source}: {'; '.join(mistakes)}") from None
+
+
+def _fields(model: type[BaseModel]) -> list[str]:
+    """Names of the entries of a model and of the models within it."""
+    names: list[str] = []
+    for name, field in model.model_fields.items():
+        names.append(name)
+        for inner in _models(field.annotation):
+            names += _fields(inner)
+    return names
+
+
+def _models(annotation: Any) -> Iterable[type[BaseModel]]:
+    """Models in a type such as ``list[Model] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in getattr(annotation, "__args__", ()):
+        yield from _models(part)
+
+
+def _explain(item: Any, fields: list[str]) -> str:
+    """One mistake in plain words, with its place such as ``tx.position``."""
+    place = ""
+    for part in item["loc"]:
+        if isinstance(part, int):
+            place += f"[{part}]"
+        elif part.isidentifier() and part not in ("str", "float", "int") and not part[:1].isupper():
+            place += f".{part}" if place else part
+    place = place or "file"
+    if item["type"] == "extra_forbidden":
+        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
+        return f"{place} is not a known entry, " + (f"did you mean {close[0]!r}?" if close else "remove it")
+    if item["type"] == "missing":
+        return f"{place} is missing, add it"
+    if item["type"] == "value_error":
+        return f"{place}: {item['ctx']['error']}"
+    found = repr(item["input"])
+    return f"{place} is {found[:60]}, expected {item['msg'].removeprefix('Input should be ')}"
