@@ -17,6 +17,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mirrorfold import calibration as calibrate
     from mirrorfold import plot, plot_volume
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
@@ -58,6 +59,9 @@ _HOME = {
 }
 """The module that each name of the flat face comes from."""
 
+_MODULES = {"calibrate": "calibration", "plot": "plot", "plot_volume": "plot_volume"}
+"""Modules of the flat face, by the names that they have there."""
+
 __all__ = [  # noqa: RUF022  in the order of the work
     "load",
     "save",
@@ -71,6 +75,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "check_sweep",
     "add_noise",
     "info",
+    "calibrate",
     "focus",
     "FocusPlan",
     "plan_view",
@@ -87,8 +92,8 @@ __all__ = [  # noqa: RUF022  in the order of the work
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, once."""
-    if name in ("plot", "plot_volume"):
-        return importlib.import_module(f"mirrorfold.{name}")
+    if name in _MODULES:
+        return importlib.import_module(f"mirrorfold.{_MODULES[name]}")
     if name not in _HOME:
         raise AttributeError(f"module 'mirrorfold' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"mirrorfold.{_HOME[name]}"), name)
