@@ -18,6 +18,7 @@ from mirrorfold.cli import VERBS, main
 NEEDED = {
     "demo": [],
     "simulate": ["scene.toml", "-o", "out.nc"],
+    "calibrate": ["sweep.nc", "-o", "out.nc"],
     "focus": ["sweep.nc", "-o", "out.nc"],
     "fold": ["image.nc", "-o", "out.nc"],
     "reconstruct": ["sweep.nc", "-o", "out"],

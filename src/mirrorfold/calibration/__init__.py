@@ -17,6 +17,7 @@ from mirrorfold.calibration.repairs import (
     remove_cable,
     reverse_frequency,
     scale_positions,
+    sort_frequencies,
     swap_iq,
     swap_tx_rx,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "reverse_frequency",
     "save_elements",
     "scale_positions",
+    "sort_frequencies",
     "subtract_background",
     "subtract_mean",
     "swap_iq",

@@ -46,6 +46,20 @@ def reverse_frequency(sweep: xr.Dataset) -> xr.Dataset:
     return with_samples(sweep, s, "order of the frequencies reversed")
 
 
+def sort_frequencies(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with its frequencies in rising order, samples and all; need not be valid otherwise.
+
+    Raises
+    ------
+    InputError
+        If it has no frequencies.
+    """
+    if "frequency" not in sweep.variables or sweep["frequency"].dims != ("frequency",):
+        raise InputError("sort_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
+    order = np.argsort(sweep["frequency"].values, kind="stable")
+    return recorded(sweep.isel(frequency=order), "frequencies sorted")
+
+
 def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     """The sweep with positions in metres, that were given in another unit.
 

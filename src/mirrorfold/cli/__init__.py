@@ -34,6 +34,10 @@ VERBS = {
         "Simulate the sweep that a radar measures in a scene.",
         "mirrorfold simulate scene.toml -o sweep.nc",
     ),
+    "calibrate": Verb(
+        "Remove what the instrument did to a sweep: background, cables, delays of elements, classic mistakes.",
+        "mirrorfold calibrate sweep.nc -o clean.nc --cable-length 1.2",
+    ),
     "focus": Verb(
         "Focus a sweep to an image, step 1 of the algorithm.",
         "mirrorfold focus sweep.nc -o image.nc",

@@ -58,7 +58,7 @@ def show_info(found: dict[str, Any]) -> None:
     """Print what `info` has found, as a table of names and values."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
-        if name in ("remarks", "mirrors", "surfaces") or value in (None, ""):
+        if name in ("remarks", "mirrors", "surfaces", "findings", "judged") or value in (None, ""):
             continue
         label, text = describe(name, value)
         table.add_row(label, text)

@@ -16,6 +16,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
+from mirrorfold.cli.calibration import calibrate
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -210,7 +211,7 @@ def simulate(
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
         remove_directory(results)
-    found = mf.info(sweep)
+    found = mf.info(sweep, diagnose=False)
     remark(found["remarks"])
     if json:
         show_json({**found, "files": [str(output)]})
@@ -402,7 +403,7 @@ def info(file: Path, *, json: Flag = False) -> None:
         show_info(found)
 
 
-for verb in (demo, simulate, focus, fold, reconstruct, score, info):
+for verb in (demo, simulate, calibrate, focus, fold, reconstruct, score, info):
     app.command(
         verb,
         name=verb.__name__,

@@ -23,17 +23,23 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from mirrorfold.diagnosis.pairs import Pairs
+
 Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]
 
-PAIRS = 500
-"""Pairs that are looked at, a random choice: an echo stands out of their incoherent sum by this factor."""
+PAIRS = (400, 1200)
+"""Fewest and most pairs that are looked at, a random choice: an echo stands out of their incoherent sum by this."""
 
 LARGEST_WORK = 1.5e8
-"""Pair-pixels per table, a second or two of work; fewer gates are looked at where there would be more."""
+"""Pair-pixels per table, half a second of work; fewer gates and pairs are looked at where there would be more."""
+
+MOST_DIRECTIONS = 1500
+"""Directions that a beam resolves, above which the array is too long to be judged quickly."""
 
 GATES = 48
-"""Largest number of range bins that are looked at."""
+FEWEST_GATES = 10
+"""Largest number of range bins that are looked at, and the number below which pairs are saved instead."""
 
 OVERSAMPLING = 4
 """Points of the range profile in a cell, between which it is linear to a few percent."""
@@ -73,8 +79,10 @@ class Wavefronts:
         Half the path, as the sweep has it.
     curvature : (curvatures,) array [1/m]
         Rising, negative for contracting waves.
-    following, opposing : (gates, curvatures) array
-        Log of the concentration over directions, with delays that follow the phases and that shift against them.
+    fit : (arrangements, 2, gates, curvatures) array
+        Log of the concentration over directions, at most about zero. First axis: as stated, and with transmitters and
+        receivers exchanged where that makes a difference; second: with delays that follow the phases, and that shift
+        against them.
     coherence : (gates,) array
         Largest share of a gate's power that adds up in phase, over all of these.
     pairs : int
@@ -84,76 +92,69 @@ class Wavefronts:
 
     range: Array
     curvature: Array
-    following: Array
-    opposing: Array
+    fit: Array
     coherence: Array
     pairs: int
     ambiguous_range: float
 
 
-def wavefronts(
-    s: NDArray[np.complexfloating], frequency: Array, tx: Array, rx: Array, *, wave_speed: float, seed: int = 0
-) -> Wavefronts | None:
-    """Look at the waves of a sweep; None where there is nothing to look at.
+def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
+    """Look at the waves of a sweep; None where there is nothing to look at, or the array is none that can be judged.
 
     Parameters
     ----------
-    s : (frequencies, tx, rx) complex array
-    frequency : (frequencies,) array [Hz]
-    tx, rx : (n, 3) arrays [m]
-    wave_speed : float [m/s]
-    seed : int
-        Of the choice of pairs.
+    pairs : Pairs
+    exchange : bool
+        Try transmitters and receivers exchanged too.
     """
-    origin = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
-    tx, rx = tx - origin, rx - origin
-    everywhere = np.concatenate([tx, rx])
-    along = np.linalg.svd(everywhere, full_matrices=False)[2][0]
+    places = np.concatenate([pairs.tx, pairs.rx])
+    along = np.linalg.svd(places, full_matrices=False)[2][0]
     along = along * (1.0 if along[np.argmax(np.abs(along))] > 0 else -1.0)
-    aperture = max(float(np.ptp(tx @ along)), float(np.ptp(rx @ along)))
-    reach = float(np.linalg.norm(everywhere, axis=1).max())
-    if aperture <= 0.0 or frequency.size < 16:
+    aperture = max(float(np.ptp(pairs.tx @ along)), float(np.ptp(pairs.rx @ along)))
+    reach = float(np.linalg.norm(places, axis=1).max())
+    centre = float(pairs.wavenumber.mean())
+    directions = int(2.0 * WIDEST * centre * aperture / np.pi)
+    if not 8 <= directions <= MOST_DIRECTIONS or pairs.wavenumber.size < 16:
         return None
     ahead = np.cross([0.0, 0.0, 1.0], along)
     if np.linalg.norm(ahead) < 0.5:  # the array stands upright: any direction across it does
         ahead = np.array([0.0, 1.0, 0.0])
     ahead = ahead / np.linalg.norm(ahead) * (1.0 if ahead[1] >= 0 else -1.0)
-
-    pair = np.random.default_rng(seed).permutation(len(tx) * len(rx))[:PAIRS]
-    tx_of, rx_of = pair // len(rx), pair % len(rx)
-    wavenumber = 2.0 * np.pi / wave_speed * frequency
-    centre = float(wavenumber.mean())
-    profile, step = _profiles(s[:, tx_of, rx_of], wavenumber)
-    ambiguous_path = profile.shape[1] * step
-    directions = np.arange(-WIDEST, WIDEST, np.pi / (centre * aperture))
+    u = np.linspace(-WIDEST, WIDEST, directions)
     strongest = 1.0 / max(NEAREST, 2.0 * reach)
     curvatures = int(np.ceil(min(strongest * centre * reach**2 / CURVATURE_STEP, MOST_CURVATURES)))
     curvature = np.linspace(-strongest, strongest, 2 * curvatures + 1)
-    affordable = int(LARGEST_WORK / (len(pair) * directions.size * curvature.size))
-    gate = _gates(profile, min(GATES, max(affordable, 6)))
-    if gate.size == 0:
+
+    affordable = LARGEST_WORK / (u.size * curvature.size)
+    count = int(np.clip(affordable / GATES, *PAIRS))
+    chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[:count]
+    profile, step = _profiles(pairs.s[:, chosen], pairs.wavenumber)
+    gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, GATES)))
+    if gate.size < 2:
         return None
-    windows = _windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - wavenumber[0], step)
-    found = []
-    for sign in (1.0, -1.0):
-        coherence = np.zeros((gate.size, curvature.size, directions.size), dtype=np.float32)
-        _coherences(windows, step, sign, tx, rx, tx_of, rx_of, centre, directions, curvature, along, ahead, coherence)
-        found.append(coherence)
-    excess = [np.maximum(coherence - RANDOM / len(pair), 0.0) for coherence in found]
-    concentration = [np.sum(part.astype(float) ** 2, axis=2) for part in excess]
-    largest = np.maximum(*(part.max(axis=1) for part in concentration))
+    windows = _windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
+    tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
+    arrangements = [(pairs.tx, pairs.rx), (pairs.rx, pairs.tx)][: 2 if exchange else 1]
+    concentration = np.zeros((len(arrangements), 2, gate.size, curvature.size))
+    coherence = np.zeros(gate.size)
+    part = np.zeros((gate.size, curvature.size, u.size), dtype=np.float32)
+    for n, (tx, rx) in enumerate(arrangements):
+        for m, shift in enumerate((1.0, -1.0)):
+            _coherences(windows, step, shift, tx, rx, tx_of, rx_of, centre, u, curvature, along, ahead, part)
+            coherence = np.maximum(coherence, part.max(axis=(1, 2)))
+            excess = np.maximum(part - RANDOM / chosen.size, 0.0).astype(float)
+            concentration[n, m] = np.sum(excess**2, axis=2)
+    largest = concentration.max(axis=(0, 1, 3))
     heard = largest > 0.0
-    if not heard.any():
+    if np.count_nonzero(heard) < 2:
         return None
-    following, opposing = (np.log(part[heard] / largest[heard, None] + FLOOR) for part in concentration)
     return Wavefronts(
         range=0.5 * gate[heard] * step,
         curvature=curvature,
-        following=following,
-        opposing=opposing,
-        coherence=np.maximum(*(part.max(axis=(1, 2)) for part in found))[heard].astype(float),
-        pairs=len(pair),
-        ambiguous_range=0.5 * ambiguous_path,
+        fit=np.log(concentration[:, :, heard] / largest[heard, None] + FLOOR),
+        coherence=coherence[heard],
+        pairs=chosen.size,
+        ambiguous_range=0.5 * profile.shape[1] * step,
     )
 
 
@@ -178,9 +179,7 @@ def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
     return np.sort(loud[np.argsort(power[loud])[::-1][:most]])
 
 
-def _windows(
-    profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float
-) -> Complex64:
+def _windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float) -> Complex64:
     """Pieces of the profiles around the gates, (gates, pairs, 2 half + 1), unwrapped around the ambiguous range."""
     size = profile.shape[1]
     index = gate[:, None] + np.arange(-half, half + 1)
@@ -206,7 +205,7 @@ def _coherences(
     rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: Array, along: Array, ahead: Array,
     out: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """``|sum y|^2 / (n sum |y|^2)`` with ``y = w(L + shift D) exp(j k_c D)``, written to (gates, curvatures, directions).
+    """``|sum y|^2 / (n sum |y|^2)`` with ``y = w(L + shift D) exp(j k_c D)``, (gates, curvatures, directions).
 
     A contracting wave is the time reversal of one from the opposite side.
     """
