@@ -24,6 +24,7 @@ NEEDED = {
     "reconstruct": ["sweep.nc", "-o", "out"],
     "score": ["reconstruction.nc", "scene.toml"],
     "info": ["sweep.nc"],
+    "plan": ["--band", "270e9:300e9", "--points", "401", "--aperture", "0.08", "--pitch", "0.5e-3", "--range", "4"],
 }
 
 

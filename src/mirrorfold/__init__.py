@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mirrorfold.inspection import info
     from mirrorfold.io import export, load, save
     from mirrorfold.metrics import score
+    from mirrorfold.planning import plan
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
@@ -50,6 +51,7 @@ _HOME = {
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "plan": "planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "save": "io",
@@ -74,6 +76,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "make_raster_sweep",
     "check_sweep",
     "add_noise",
+    "plan",
     "info",
     "calibrate",
     "focus",

@@ -116,10 +116,11 @@ def _diagnosed(sweep: xr.Dataset, path: str, diagnose: bool) -> dict[str, Any]:
             "kind": "sweep",
             "title": str(sweep.attrs.get("title", "")),
             "dimensions": {str(name): int(size) for name, size in sweep["s"].sizes.items()},
+            "valid": False,
             "remarks": [str(error)],
         }
     else:
-        facts = _sweep_info(valid)
+        facts = {**_sweep_info(valid), "valid": True}
         if diagnose:
             found, judged = find_mistakes(valid)
             facts["judged"] = judged

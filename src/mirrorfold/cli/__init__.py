@@ -58,6 +58,10 @@ VERBS = {
         "Say what a file holds, what can be resolved with it, and what looks wrong.",
         "mirrorfold info sweep.nc",
     ),
+    "plan": Verb(
+        "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
+        "mirrorfold plan --band 270e9:300e9 --points 401 --aperture 0.08 --pitch 0.5e-3 --range 4",
+    ),
 }
 
 

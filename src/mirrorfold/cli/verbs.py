@@ -17,6 +17,7 @@ from cyclopts import App, CycloptsError, Parameter
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
 from mirrorfold.cli.calibration import calibrate
+from mirrorfold.cli.planning import plan
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -399,11 +400,14 @@ def info(file: Path, *, json: Flag = False) -> None:
     found = mf.info(file)
     if json:
         show_json(found)
-    else:
+    if not found.get("valid", True):
+        reason, *others = found["remarks"]
+        raise InputError(f"{reason}; {' '.join(others)}")
+    if not json:
         show_info(found)
 
 
-for verb in (demo, simulate, calibrate, focus, fold, reconstruct, score, info):
+for verb in (demo, simulate, calibrate, focus, fold, reconstruct, score, info, plan):
     app.command(
         verb,
         name=verb.__name__,
