@@ -18,6 +18,7 @@ from pathlib import Path
 
 import families
 import numpy as np
+import raster
 import xarray as xr
 from rich.console import Console
 from rich.table import Table
@@ -25,7 +26,6 @@ from rich.table import Table
 import mirrorfold as mf
 from mirrorfold.diagnosis import diagnose
 from mirrorfold.scene import parse_scene
-from mirrorfold.solids import Scene3D
 
 FAMILIES = ("one wall", "two walls", "corridor", "three bounces", "drywall", "discs")
 EXPECTED = {
@@ -82,14 +82,19 @@ def part(sweep: xr.Dataset, seed: int) -> xr.Dataset:
 
 
 def scan(seed: int) -> xr.Dataset:
-    """A raster scan of walls at random places, and what they show."""
-    sys.path.insert(0, str(Path(__file__).parent))
-    import raster
-
-    scene = raster.draw(seed) if hasattr(raster, "draw") else None
-    if not isinstance(scene, Scene3D):
-        raise RuntimeError("benchmarks/raster.py draws no scene")
-    return mf.simulate(scene, seed=seed, snr_db=20.0)
+    """A raster scan of a random drywall or corridor, with leakage or without."""
+    random = np.random.default_rng([seed, 11])
+    for _ in range(20):
+        content = (raster.drywall, raster.corridor)[seed % 2](random)
+        content["scanner"] |= {axis: content["scanner"][axis] | {"points": 61} for axis in ("azimuth", "elevation")}
+        if random.random() < 0.5:
+            content["scanner"].pop("leakage", None)
+        try:
+            return mf.simulate(parse_scene(content), seed=seed, snr_db=float(random.choice([0.0, 10.0, 20.0])))
+        except mf.InputError as error:
+            if "wrap around" not in str(error):
+                raise
+    raise RuntimeError(f"no scan with seed {seed}")
 
 
 def injected(sweep: xr.Dataset, mistake: str, seed: int) -> xr.Dataset:
