@@ -135,6 +135,8 @@ def plan(
     leg = 0.5 * range if leg is None else leg
     _check(band, points, aperture, pitch, range, rx_aperture, rx_pitch, roughness, target, leg, detection_db)
     instrument = instrument or Instrument()
+    if not materials:
+        raise InputError(f"materials is empty, expected one or more of: {', '.join(MATERIALS)}")
     frequency = np.linspace(band[0], band[1], points)
     tx = _line(aperture, pitch)
     rx = _line(aperture if rx_aperture is None else rx_aperture, pitch if rx_pitch is None else rx_pitch)
