@@ -257,7 +257,7 @@ def focus(
     axes = {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
     check_output(output, inputs=[sweep])
     measured = read(sweep, "sweep")
-    remark(mf.info(measured)["remarks"])
+    remark(mf.info(measured, diagnose=False)["remarks"])
     with progress("focusing") as report:
         image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
     mf.save(image.assign_attrs(command=command.get()), output)

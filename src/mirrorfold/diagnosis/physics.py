@@ -15,7 +15,7 @@ from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
 COARSE_PITCH = 15.0
 """Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
 
-FINE_PITCH = (0.05, 5.0)
+FINE_PITCH = (0.05, 2.0)
 """Pitches in wavelengths that make sense once the unit is right."""
 
 IN_PHASE = 25.0

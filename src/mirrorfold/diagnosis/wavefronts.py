@@ -122,7 +122,8 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     ahead = ahead / np.linalg.norm(ahead) * (1.0 if ahead[1] >= 0 else -1.0)
     u = np.linspace(-WIDEST, WIDEST, directions)
     strongest = 1.0 / max(NEAREST, 2.0 * reach)
-    curvatures = int(np.ceil(min(strongest * centre * reach**2 / CURVATURE_STEP, MOST_CURVATURES)))
+    most = min(MOST_CURVATURES, LARGEST_WORK / (2.0 * u.size * FEWEST_GATES * PAIRS[0]))
+    curvatures = int(np.ceil(min(strongest * centre * reach**2 / CURVATURE_STEP, most)))
     curvature = np.linspace(-strongest, strongest, 2 * curvatures + 1)
 
     affordable = LARGEST_WORK / (u.size * curvature.size)

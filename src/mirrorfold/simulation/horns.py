@@ -3,7 +3,7 @@
 A horn of width w radiates like its aperture field, ``cos(pi x / w)`` in the H-plane, which point sources at most half
 a wavelength apart sample (Balanis, Antenna Theory, 4th ed., section 13.3). Neighbouring horns of an array overlap on
 one lattice of sources, so that hardly more have to be simulated than there are antennas, by any solver and with the
-pattern in every path, reflected or not.
+pattern in every path, reflected or not. The pattern is that of the cosine to within a tenth of its peak.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.arrays import LinearArray
 from mirrorfold.scene import Scene
+
+HALF_WAVE_TOLERANCE = 0.01
+"""Share of half a wavelength by which sources may stand further apart: a beam's replica stays at the horizon."""
 
 Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]
@@ -53,7 +56,7 @@ def _lattice(array: LinearArray, wavelength: float) -> tuple[LinearArray, NDArra
     """Point sources for all horns of an array, and each horn's weights of them, (elements, sources), of sum one."""
     if array.horn is None:
         return replace(array, rx=None), np.eye(array.elements, dtype=np.float32)
-    finer = int(np.ceil(array.pitch / (0.5 * wavelength) - 1e-9))
+    finer = int(np.ceil(array.pitch / (0.5 * wavelength) - HALF_WAVE_TOLERANCE))
     spacing = array.pitch / finer
     aside = int(np.ceil(0.5 * array.horn / spacing)) - 1
     sources = (array.elements - 1) * finer + 1 + 2 * aside
