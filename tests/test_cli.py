@@ -18,11 +18,13 @@ from mirrorfold.cli import VERBS, main
 NEEDED = {
     "demo": [],
     "simulate": ["scene.toml", "-o", "out.nc"],
+    "calibrate": ["sweep.nc", "-o", "out.nc"],
     "focus": ["sweep.nc", "-o", "out.nc"],
     "fold": ["image.nc", "-o", "out.nc"],
     "reconstruct": ["sweep.nc", "-o", "out"],
     "score": ["reconstruction.nc", "scene.toml"],
     "info": ["sweep.nc"],
+    "plan": ["--band", "270e9:300e9", "--points", "401", "--aperture", "0.08", "--pitch", "0.5e-3", "--range", "4"],
 }
 
 

@@ -17,6 +17,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mirrorfold import calibration as calibrate
     from mirrorfold import plot, plot_volume
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mirrorfold.inspection import info
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.metrics import score
+    from mirrorfold.planning import plan
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
@@ -52,6 +54,7 @@ _HOME = {
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "plan": "planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "save": "io",
@@ -61,6 +64,9 @@ _HOME = {
     "to_voxels": "focusing",
 }
 """The module that each name of the flat face comes from."""
+
+_MODULES = {"calibrate": "calibration", "plot": "plot", "plot_volume": "plot_volume"}
+"""Modules of the flat face, by the names that they have there."""
 
 __all__ = [  # noqa: RUF022  in the order of the work
     "load",
@@ -78,7 +84,9 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "make_raster_sweep",
     "check_sweep",
     "add_noise",
+    "plan",
     "info",
+    "calibrate",
     "focus",
     "FocusPlan",
     "plan_view",
@@ -95,8 +103,8 @@ __all__ = [  # noqa: RUF022  in the order of the work
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, once."""
-    if name in ("plot", "plot_volume"):
-        return importlib.import_module(f"mirrorfold.{name}")
+    if name in _MODULES:
+        return importlib.import_module(f"mirrorfold.{_MODULES[name]}")
     if name not in _HOME:
         raise AttributeError(f"module 'mirrorfold' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"mirrorfold.{_HOME[name]}"), name)

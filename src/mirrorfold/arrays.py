@@ -33,6 +33,9 @@ class LinearArray:
         Mean position of the antennas.
     direction : (2,) or (3,), default along +x
         From the first antenna to the last; need not have length one.
+    horn : float [m], optional
+        Width of the antennas' apertures along the array; a point source by default. The field in the aperture is that
+        of a horn's H-plane, a cosine: between half powers the beam is about ``1.19 lambda / horn`` wide.
     rx : LinearArray, optional
         The receiving array, where it differs from the transmitting one.
     """
@@ -42,6 +45,7 @@ class LinearArray:
     pitch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     center: Point = (0.0, 0.0)
     direction: Point = (1.0, 0.0)
+    horn: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     rx: LinearArray | None = None
 
     def __post_init__(self) -> None:

@@ -12,9 +12,11 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
+from mirrorfold.diagnosis import Finding, sample_findings
+from mirrorfold.diagnosis import diagnose as find_mistakes
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
-from mirrorfold.io.netcdf import check_image, check_reconstruction
+from mirrorfold.io.netcdf import check_image, check_reconstruction, read_unchecked
 from mirrorfold.scene import Scene
 from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
 
@@ -45,20 +47,25 @@ RECIPROCITY_DB = -40.0
 """Difference between a sweep and its transpose, against its mean power [dB], that calibration should not leave."""
 
 
-def info(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | Path) -> dict[str, Any]:
+def info(
+    obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | Path, *, diagnose: bool = True
+) -> dict[str, Any]:
     """What a sweep, image, reconstruction or scene holds, what it can resolve, and what looks wrong.
 
     Parameters
     ----------
     obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene, Scene3D or path
         The thing itself, or the path of its file.
+    diagnose : bool, default True
+        Look for classic mistakes in a sweep, which takes a second or two.
 
     Returns
     -------
     dict
         Plain numbers, strings, lists and dicts; `kind` is "sweep", "image", "reconstruction" or "scene", lengths end
         in ``_m``, frequencies in ``_hz``, angles in ``_deg``, levels in ``_db``. `remarks` is a list of sentences on
-        what looks wrong.
+        what looks wrong; of a sweep, `findings` is a list of dicts with `name`, `what`, `sure` (0 to 1) and `fix`, the
+        command that puts it right, or advice; see `mirrorfold.diagnosis`.
 
     Raises
     ------
@@ -66,18 +73,60 @@ def info(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | 
         If the object is none of these or not valid.
     """
     if isinstance(obj, str | Path):
-        return {"path": str(obj), **info(load(obj))}
+        return {"path": str(obj), **_file_info(Path(obj), diagnose)}
     if isinstance(obj, xr.DataTree):
         return _reconstruction_info(check_reconstruction(obj))
     if isinstance(obj, xr.DataArray):
         return _image_info(check_image(obj))
     if isinstance(obj, xr.Dataset):
-        return _sweep_info(check_sweep(obj))
+        return _diagnosed(obj, "SWEEP.nc", diagnose)
     if isinstance(obj, Scene):
         return _scene_info(obj)
     if getattr(obj, "dimensions", None) == 3:
         return _scene3d_info(obj)
     raise InputError(f"info: got a {type(obj).__name__}, expected a sweep, an image, a reconstruction or a scene")
+
+
+def _file_info(path: Path, diagnose: bool) -> dict[str, Any]:
+    """The same of a file; a sweep that is not valid is described as far as it can be."""
+    try:
+        content = load(path)
+    except InputError:
+        if path.suffix.lower() == ".toml":
+            raise
+        raw = read_unchecked(path)
+        if "s" not in raw or raw["s"].dtype.kind != "c":
+            raise
+        return _diagnosed(raw, str(path), diagnose)
+    return _diagnosed(content, str(path), diagnose) if isinstance(content, xr.Dataset) else info(content)
+
+
+def _diagnosed(sweep: xr.Dataset, path: str, diagnose: bool) -> dict[str, Any]:
+    """A sweep with its findings; what is not valid is described where a repair is known, and refused otherwise."""
+    found: list[Finding] = []
+    try:
+        valid = check_sweep(sweep, source=path)
+    except InputError as error:
+        if "s" not in sweep or sweep["s"].dtype.kind != "c" or not sweep["s"].size:
+            raise
+        found = sample_findings(sweep)
+        if not found:
+            raise
+        facts: dict[str, Any] = {
+            "kind": "sweep",
+            "title": str(sweep.attrs.get("title", "")),
+            "dimensions": {str(name): int(size) for name, size in sweep["s"].sizes.items()},
+            "valid": False,
+            "remarks": [str(error)],
+        }
+    else:
+        facts = {**_sweep_info(valid), "valid": True}
+        if diagnose:
+            found, judged = find_mistakes(valid)
+            facts["judged"] = judged
+    facts["findings"] = [{"name": f.name, "what": f.what, "sure": f.sure, "fix": f.command(path)} for f in found]
+    facts["remarks"] = [*facts["remarks"], *(f"{f.sentence()} Remedy: {f.command(path)}" for f in found)]
+    return facts
 
 
 def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tuple[dict[str, Any], list[str]]:
@@ -179,6 +228,7 @@ def _raster_info(sweep: xr.Dataset) -> dict[str, Any]:
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
     facts["snr_db"] = _decibel((power - noise) / noise) if 0.0 < noise < power else None
+    facts |= _levels(profile, noise)
     return {
         "kind": "sweep",
         "title": str(sweep.attrs.get("title", "")),
@@ -219,6 +269,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
     facts["snr_db"] = _decibel((power - noise) / noise) if noise < power else None
+    facts |= _levels(profile, noise)
     end = profile[int((1.0 - END_SHARE) * profile.size) : profile.size - SIDE_LOBES]
     facts["range_end_db"] = _decibel(end.max() / profile.max()) if end.size and profile.max() > 0 else None
     noise_in_profile = noise / power * profile.mean() if power > 0 else 0.0
@@ -335,6 +386,15 @@ def _scene_info(scene: Scene) -> dict[str, Any]:
             {"name": surface.name, "kind": surface.kind, "material": surface.material} for surface in scene.surface
         ],
         "remarks": remarks,
+    }
+
+
+def _levels(profile: Array, noise: float) -> dict[str, float | None]:
+    """Noise floor of a sample, and how far the strongest range bin stands above the floor of the profile [dB]."""
+    floor = float(np.quantile(profile, QUIET_SHARE))
+    return {
+        "noise_floor_db": _decibel(noise),
+        "dynamic_range_db": _decibel(float(profile.max()) / floor) if floor > 0 else None,
     }
 
 

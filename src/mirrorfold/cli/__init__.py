@@ -42,6 +42,10 @@ VERBS = {
         "Write a sweep as a folder of Touchstone files with a table of positions.",
         "mirrorfold export sweep.nc -o scan",
     ),
+    "calibrate": Verb(
+        "Remove what the instrument did to a sweep: background, cables, delays of elements, classic mistakes.",
+        "mirrorfold calibrate sweep.nc -o clean.nc --cable-length 1.2",
+    ),
     "focus": Verb(
         "Focus a sweep to an image, step 1 of the algorithm.",
         "mirrorfold focus sweep.nc -o image.nc",
@@ -61,6 +65,10 @@ VERBS = {
     "info": Verb(
         "Say what a file holds, what can be resolved with it, and what looks wrong.",
         "mirrorfold info sweep.nc",
+    ),
+    "plan": Verb(
+        "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
+        "mirrorfold plan --band 270e9:300e9 --points 401 --aperture 0.08 --pitch 0.5e-3 --range 4",
     ),
 }
 

@@ -58,7 +58,7 @@ def show_info(found: dict[str, Any]) -> None:
     """Print what `info` has found, as a table of names and values."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
-        if name in ("remarks", "mirrors", "surfaces") or value in (None, ""):
+        if name in ("remarks", "mirrors", "surfaces", "findings", "judged", "valid") or value in (None, ""):
             continue
         label, text = describe(name, value)
         table.add_row(label, text)
@@ -85,6 +85,33 @@ def show_mirrors(mirrors: list[dict[str, Any]]) -> None:
             f"{mirror['strength']:.3g}",
         )
     _console().print(table)
+
+
+def show_plan(found: dict[str, Any]) -> None:
+    """Print how walls mirror and scatter, and what is left after each bounce."""
+    for name, wall in found["walls"].items():
+        table = Table(title=f"{name}: share of the power [dB]", title_justify="left")
+        table.add_column("angle of incidence [deg]")
+        for angle in wall["angle_deg"]:
+            table.add_column(f"{angle:g}", justify="right")
+        for label, key in (
+            ("mirrored, TE", "specular_te_db"),
+            ("mirrored, TM", "specular_tm_db"),
+            ("scattered", "diffuse_db"),
+        ):
+            table.add_row(label, *(_number(value, ".1f") for value in wall[key]))
+        _console().print(table)
+    budget = Table(title="a target by way of mirrors at 45 degrees", title_justify="left")
+    for heading in ("bounces", "range [m]", "SNR of a sample [dB]", "SNR in the image [dB]"):
+        budget.add_column(heading, justify="right")
+    for row in found["link_budget"][: (found["bounces_above_noise"] or 0) + 3]:
+        budget.add_row(
+            str(row["bounces"]),
+            f"{row['range_m']:.3g}",
+            _number(row["sample_snr_db"], ".1f"),
+            _number(row["snr_db"], ".1f"),
+        )
+    _console().print(budget)
 
 
 def show_score(score: dict[str, Any]) -> None:

@@ -16,7 +16,9 @@ from cyclopts import App, CycloptsError, Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
+from mirrorfold.cli.calibration import calibrate
 from mirrorfold.cli.importing import export_scan, import_
+from mirrorfold.cli.planning import plan
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -211,7 +213,7 @@ def simulate(
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
         remove_directory(results)
-    found = mf.info(sweep)
+    found = mf.info(sweep, diagnose=False)
     remark(found["remarks"])
     if json:
         show_json({**found, "files": [str(output)]})
@@ -256,7 +258,7 @@ def focus(
     axes = {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
     check_output(output, inputs=[sweep])
     measured = read(sweep, "sweep")
-    remark(mf.info(measured)["remarks"])
+    remark(mf.info(measured, diagnose=False)["remarks"])
     with progress("focusing") as report:
         image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
     mf.save(image.assign_attrs(command=command.get()), output)
@@ -399,11 +401,14 @@ def info(file: Path, *, json: Flag = False) -> None:
     found = mf.info(file)
     if json:
         show_json(found)
-    else:
+    if not found.get("valid", True):
+        reason, *others = found["remarks"]
+        raise InputError(f"{reason}; {' '.join(others)}")
+    if not json:
         show_info(found)
 
 
-for verb in (demo, simulate, import_, export_scan, focus, fold, reconstruct, score, info):
+for verb in (demo, simulate, import_, export_scan, calibrate, focus, fold, reconstruct, score, info, plan):
     verb_name = {import_: "import", export_scan: "export"}.get(verb, verb.__name__)
     app.command(
         verb,

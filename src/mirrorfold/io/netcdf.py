@@ -38,14 +38,7 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
     InputError
         If the file is missing, broken, or holds something else.
     """
-    _check_is_hdf5(path)
-    try:
-        content = _read_groups(path)
-    except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
-    for node in content.subtree:
-        _decode_attrs(node.attrs)
+    content = _content(path)
     kind = content.attrs.get("mirrorfold_kind", "sweep" if "s" in content else None)
     if kind == "sweep":
         return check_sweep(content.to_dataset(), source=str(path))
@@ -55,6 +48,36 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
         return check_reconstruction(content, source=str(path))
     found = f"mirrorfold_kind is {kind!r}" if kind is not None else f"holds the variables {list(content.data_vars)}"
     raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
+
+
+def read_unchecked(path: Path) -> xr.Dataset:
+    """What stands at the root of a netCDF-4 file, in memory, whatever is wrong with it: to find out what is.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or broken.
+    """
+    return _content(path).to_dataset()
+
+
+def _content(path: Path) -> xr.DataTree:
+    """The groups of a file, in memory.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or broken.
+    """
+    _check_is_hdf5(path)
+    try:
+        content = _read_groups(path)
+    except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
+    for node in content.subtree:
+        _decode_attrs(node.attrs)
+    return content
 
 
 def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:

@@ -11,6 +11,7 @@ import xarray as xr
 
 from mirrorfold.errors import InputError
 from mirrorfold.scene import Scene, load_scene
+from mirrorfold.simulation.horns import point_sources
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
@@ -134,6 +135,8 @@ def simulate(
             scene, bounces=int(bounces), seed=int(seed), snr_db=snr_db, force=force, progress=progress
         )
 
+    stated = scene
+    scene, gather = point_sources(scene)
     settings: dict[str, Any]
     if solver == "rays":
         from mirrorfold.simulation.rays import scattered_field
@@ -166,6 +169,8 @@ def simulate(
             **facts,
             "source_field": "sqrt(pi k/2) exp(-j pi/4) H0(2)(kd), far away exp(-jkd)/sqrt(d)",
         }
+    s = gather(s)
+    scene = stated
     returns_something = bool(s.any())
     if not returns_something:
         if snr_db is None:

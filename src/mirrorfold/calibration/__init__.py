@@ -1,0 +1,48 @@
+"""Calibration: from the sweep as it was measured to the sweep as an ideal instrument would have measured it.
+
+Each function takes a sweep and returns a new one, with one more line in its attribute `processing`; the raw sweep
+stays as it was, so that every step can be left out by starting again.
+"""
+
+from mirrorfold.calibration.autofocus import autofocus
+from mirrorfold.calibration.background import subtract_background, subtract_mean
+from mirrorfold.calibration.displacement import displace_receivers, estimate_displacement
+from mirrorfold.calibration.elements import ElementCalibration, apply_elements, estimate_elements
+from mirrorfold.calibration.files import load_elements, save_elements
+from mirrorfold.calibration.gate import time_gate
+from mirrorfold.calibration.masking import Bad, find_bad, mask_bad
+from mirrorfold.calibration.reference import normalise_by_reference
+from mirrorfold.calibration.repairs import (
+    conjugate,
+    remove_cable,
+    reverse_frequency,
+    scale_positions,
+    sort_frequencies,
+    swap_iq,
+    swap_tx_rx,
+)
+
+__all__ = [
+    "Bad",
+    "ElementCalibration",
+    "apply_elements",
+    "autofocus",
+    "conjugate",
+    "displace_receivers",
+    "estimate_displacement",
+    "estimate_elements",
+    "find_bad",
+    "load_elements",
+    "mask_bad",
+    "normalise_by_reference",
+    "remove_cable",
+    "reverse_frequency",
+    "save_elements",
+    "scale_positions",
+    "sort_frequencies",
+    "subtract_background",
+    "subtract_mean",
+    "swap_iq",
+    "swap_tx_rx",
+    "time_gate",
+]

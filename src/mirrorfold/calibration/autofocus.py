@@ -1,0 +1,171 @@
+"""Autofocus: small errors of the elements' places, found from the measurement itself.
+
+The brightest points of the image are guide stars: for each, what every pair contributes should have the same phase.
+The delays of the elements that make it so for all of them together are those of phase-gradient autofocus (Wahl,
+Eichel, Ghiglia and Jakowatz, IEEE Trans. Aerosp. Electron. Syst. 30, 1994) for two arrays. They are kept only where
+the entropy of the image falls.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
+from scipy.ndimage import maximum_filter
+
+from mirrorfold.calibration.record import Array, checked_pairs, recorded, with_samples
+from mirrorfold.calibration.reflectors import positions
+from mirrorfold.errors import InputError
+from mirrorfold.focusing import focus
+from mirrorfold.focusing.grid import default_grid
+from mirrorfold.focusing.taper import window
+
+GUIDES = 32
+"""Guide stars: enough to average out their neighbours, few enough to be the bright ones."""
+
+ROUNDS = 4
+"""Choices of new guide stars in a sharper image."""
+
+ITERATIONS = 30
+"""Alternations between transmitters and receivers in each round."""
+
+PIXELS = 300_000
+"""Of the image that guide stars are chosen in."""
+
+SEPARATION = 5
+"""Pixels around a guide star within which there is no other."""
+
+
+def autofocus(
+    sweep: xr.Dataset, *, x: ArrayLike | None = None, y: ArrayLike | None = None, guides: int = GUIDES
+) -> xr.Dataset:
+    """The sweep with small delays of the elements removed, such that its image is sharpest.
+
+    Errors beyond a quarter of a wavelength, and those that move or tilt the whole image, cannot be found this way.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    x, y : 1D arrays [m], optional
+        The region of the guide stars, as for `mirrorfold.focus`; everything by default.
+    guides : int, default 32
+        Number of guide stars.
+
+    Returns
+    -------
+    xarray.Dataset
+        With the delays in `autofocus_tx_delay` and `autofocus_rx_delay` [m], and in its history the entropy and the
+        contrast of the image before and after; unchanged but for the history where nothing can be gained.
+
+    Raises
+    ------
+    InputError
+        If the sweep has less than three elements on both sides, or nothing to be seen.
+    """
+    sweep = checked_pairs(sweep, "sweep")
+    tx, rx = positions(sweep)
+    if max(len(tx), len(rx)) < 3:
+        raise InputError("autofocus: the sweep has less than three elements, whose delays cannot be told from a shift")
+    if guides < 1:
+        raise InputError(f"guides is {guides!r}, expected at least one")
+    frequency = sweep["frequency"].values.astype(float)
+    own_x, own_y = default_grid(frequency, tx, rx, maximum_pixels=PIXELS)
+    grid = (np.asarray(own_x if x is None else x), np.asarray(own_y if y is None else y))
+    centre = 2.0 * np.pi * float(frequency.mean()) / speed_of_light
+    before = amplitude = _image(sweep, *grid)
+    best, tx_total, rx_total = sweep, np.zeros(len(tx)), np.zeros(len(rx))
+    for _ in range(ROUNDS):
+        stars = _guide_stars(amplitude, *grid, guides)
+        contribution = _contributions(best, stars)
+        tx_delay, rx_delay = _delays(contribution, centre)
+        tx_delay, rx_delay = _without_shift(tx_delay, tx), _without_shift(rx_delay, rx)
+        k = 2.0 * np.pi * frequency / speed_of_light
+        turn = np.exp(1j * k[:, None] * tx_delay)[:, :, None] * np.exp(1j * k[:, None] * rx_delay)[:, None, :]
+        tried = best.assign(s=best["s"].copy(data=(best["s"].values * turn).astype(np.complex64)))
+        sharper = _image(tried, *grid)
+        if not entropy(sharper) < entropy(amplitude):
+            break
+        best, amplitude = tried, sharper
+        tx_total += tx_delay
+        rx_total += rx_delay
+    change = (
+        f"entropy {entropy(before):.4g} to {entropy(amplitude):.4g}, "
+        f"contrast {contrast(before):.4g} to {contrast(amplitude):.4g}"
+    )
+    if best is sweep:
+        return recorded(sweep, f"autofocus: nothing to be gained, {change}")
+    largest = 1e6 * max(np.abs(tx_total).max(), np.abs(rx_total).max())
+    found = with_samples(sweep, best["s"].values, f"autofocus: delays of up to {largest:.3g} um removed, {change}")
+    return found.assign_attrs(autofocus_tx_delay=tx_total, autofocus_rx_delay=rx_total)
+
+
+def entropy(amplitude: NDArray[np.floating]) -> float:
+    """``-sum p ln p`` of the shares p of the pixels in the power: small for a sharp image."""
+    power = np.abs(amplitude).astype(float).ravel() ** 2
+    share = power[power > 0] / power.sum()
+    return float(-np.sum(share * np.log(share)))
+
+
+def contrast(amplitude: NDArray[np.floating]) -> float:
+    """Standard deviation over mean of the power: large for a sharp image."""
+    power = np.abs(amplitude).astype(float) ** 2
+    return float(power.std() / power.mean())
+
+
+def _image(sweep: xr.Dataset, x: Array, y: Array) -> NDArray[np.floating]:
+    """Amplitudes (y, x) with the spreading undone, so that far stars guide too."""
+    return np.asarray(np.abs(focus(sweep, x=x, y=y, tolerance=1e-2, normalization="r").values))
+
+
+def _guide_stars(amplitude: NDArray[np.floating], x: Array, y: Array, count: int) -> Array:
+    """Places (stars, 3) [m] of the brightest separate maxima."""
+    peak = (amplitude == maximum_filter(amplitude, 2 * SEPARATION + 1)) & (amplitude > 0)
+    row, column = np.nonzero(peak)
+    if row.size == 0:
+        raise InputError("autofocus: the image is empty; give a region that holds echoes")
+    order = np.argsort(amplitude[row, column])[::-1][:count]
+    return np.column_stack([x[column[order]], y[row[order]], np.zeros(order.size)])
+
+
+def _contributions(sweep: xr.Dataset, stars: Array) -> NDArray[np.complex128]:
+    """What every pair contributes to every star, (stars, tx, rx)."""
+    tx, rx = positions(sweep)
+    s = sweep["s"].values
+    k = 2.0 * np.pi * sweep["frequency"].values.astype(float) / speed_of_light
+    taper = window("hann", k.size, "taper").real
+    found = np.empty((len(stars), len(tx), len(rx)), dtype=complex)
+    for n, star in enumerate(stars):
+        to_tx = np.exp(1j * k[:, None] * np.linalg.norm(star - tx, axis=1)).astype(np.complex64)
+        to_rx = np.exp(1j * k[:, None] * np.linalg.norm(star - rx, axis=1)).astype(np.complex64)
+        found[n] = np.einsum("mik,mi,mk->ik", s, taper[:, None].astype(np.float32) * to_tx, to_rx)
+    return found
+
+
+def _delays(contribution: NDArray[np.complex128], centre: float) -> tuple[Array, Array]:
+    """Delays [m] that make the stars brightest, ``sum over stars |sum_ik y_ik exp(j k (t_i + r_k))|^2``."""
+    tx_turn = np.ones(contribution.shape[1], dtype=complex)
+    rx_turn = np.ones(contribution.shape[2], dtype=complex)
+    for _ in range(ITERATIONS):
+        by_tx = contribution @ rx_turn
+        star = by_tx @ tx_turn
+        tx_turn = _unit(np.conj(np.conj(star) @ by_tx))
+        by_rx = np.einsum("nik,i->nk", contribution, tx_turn)
+        star = by_rx @ rx_turn
+        rx_turn = _unit(np.conj(np.conj(star) @ by_rx))
+    delays = []
+    for turn in (tx_turn, rx_turn):
+        phase = np.angle(turn * np.exp(-1j * np.angle(turn.sum())))
+        delays.append(phase / centre)
+    return delays[0], delays[1]
+
+
+def _unit(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    magnitude = np.abs(value)
+    return np.where(magnitude > 0, value / np.where(magnitude > 0, magnitude, 1.0), 1.0)
+
+
+def _without_shift(delay: Array, position: Array) -> Array:
+    """Delays without what merely moves or tilts the image: a constant and a slope along the array."""
+    columns = np.column_stack([np.ones(len(delay)), position - position.mean(axis=0)])
+    return np.asarray(delay - columns @ np.linalg.lstsq(columns, delay, rcond=1e-6)[0])

@@ -1,0 +1,235 @@
+"""Every element's own delay, gain and phase, from the echo of a sphere or another point-like reflector.
+
+Element i of the transmitters, k of the receivers, and a reflector over which the way is d long give
+
+``S[m, i, k] = a[m] g_i h_k exp(-j k_m (d_ik + t_i + r_k))``
+
+with the delays t, r as path lengths [m] and complex gains g, h. Only the sums t_i + r_k can be observed; the common
+part is shared equally, so that the mean of t is that of r. A displaced phase centre shows as a delay that depends on
+the direction: with the reflector at several places it is told from the delay of a cable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.calibration.delays import Fit, fit_delays
+from mirrorfold.calibration.record import Array, check_same_axes, checked_pairs, place, with_samples
+from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.errors import InputError
+
+LARGEST_ERROR = 5e-3
+"""Largest delay of one element that is looked for [m], unless told otherwise."""
+
+OFFSET_CONDITION = 1e-3
+"""Directions that the reflectors' places tell apart worse than this, as a share of the best, are left alone: there
+noise would become phase-centre offsets of centimetres."""
+
+
+@dataclass(frozen=True, eq=False)
+class ElementCalibration:
+    """What is particular to every element.
+
+    Attributes
+    ----------
+    tx_delay, rx_delay : (tx,) and (rx,) arrays [m]
+        Path length that the element adds on its one way.
+    tx_gain, rx_gain : (tx,) and (rx,) complex arrays
+        Relative to the median element.
+    tx_offset, rx_offset : (tx, 3) and (rx, 3) arrays [m]
+        Of the phase centre from the stated position; zero where one place of the reflector was measured.
+    tx_valid, rx_valid : (tx,) and (rx,) arrays of bool
+        Whether the element heard the reflector; one that did not is left as it is.
+    tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
+        The stated positions, to recognise the array by.
+    residual : float [m]
+        Root mean square of what the delays leave unexplained, over the valid pairs.
+    """
+
+    tx_delay: Array
+    rx_delay: Array
+    tx_gain: NDArray[np.complex128]
+    rx_gain: NDArray[np.complex128]
+    tx_offset: Array
+    rx_offset: Array
+    tx_valid: NDArray[np.bool_]
+    rx_valid: NDArray[np.bool_]
+    tx_position: Array
+    rx_position: Array
+    residual: float
+
+
+def estimate_elements(
+    sweep: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    at: ArrayLike | Sequence[ArrayLike],
+    radius: float = 0.0,
+    largest_error: float = LARGEST_ERROR,
+) -> ElementCalibration:
+    """Delays, gains and phase-centre offsets of all elements, from a point-like reflector at known places.
+
+    Robust against single channels that are dead or wrong, and against other echoes that arrive more than a range cell
+    later: pairs vote by their medians first; then every element's delay is the one that adds up its samples best,
+    pairs that do not fit count less, and where the elements have no phases of their own the carrier refines the delay.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, or several
+        Of the reflector, best with the background subtracted; one for each place.
+    at : (2,) or (3,) [m], or several
+        The middle of the sphere, in each of the sweeps.
+    radius : float [m], default 0
+        Of the sphere.
+    largest_error : float [m], default 5 mm
+        Largest delay of an element.
+
+    Returns
+    -------
+    ElementCalibration
+
+    Raises
+    ------
+    InputError
+        If the sweeps are not of the same array, or the reflector is not heard.
+    """
+    sweeps = [sweep] if isinstance(sweep, xr.Dataset) else list(sweep)
+    places = [at] if np.ndim(at) == 1 else list(at)  # type: ignore[arg-type]
+    if not sweeps or len(sweeps) != len(places):
+        raise InputError(f"at: got {len(places)} places for {len(sweeps)} sweeps, expected one for each")
+    if not np.isfinite(largest_error) or largest_error <= 0:
+        raise InputError(f"largest_error is {largest_error!r}, expected a positive number of metres")
+    sweeps = [checked_pairs(one, "sweep") for one in sweeps]
+    for other in sweeps[1:]:
+        check_same_axes(sweeps[0], other, "the second sweep")
+    tx, rx = positions(sweeps[0])
+    centres = [place(np.asarray(one), "at") for one in places]
+    fits = []
+    for one, centre in zip(sweeps, centres, strict=True):
+        length = sphere_paths(tx, rx, centre, radius)
+        frequency = one["frequency"].values.astype(float)
+        fits.append(fit_delays(one["s"].values, frequency, length, largest_error=largest_error))
+    tx_valid = np.all([fit.tx_valid for fit in fits], axis=0)
+    rx_valid = np.all([fit.rx_valid for fit in fits], axis=0)
+    offsets = _resolve_offsets(fits, tx, rx, centres)
+    tx_gain = np.mean([fit.tx_gain for fit in fits], axis=0)
+    rx_gain = np.mean([fit.rx_gain for fit in fits], axis=0)
+    return ElementCalibration(
+        tx_delay=np.where(tx_valid, offsets[0], 0.0),
+        rx_delay=np.where(rx_valid, offsets[1], 0.0),
+        tx_gain=np.where(tx_valid, tx_gain, 1.0),
+        rx_gain=np.where(rx_valid, rx_gain, 1.0),
+        tx_offset=np.where(tx_valid[:, None], offsets[2], 0.0),
+        rx_offset=np.where(rx_valid[:, None], offsets[3], 0.0),
+        tx_valid=tx_valid,
+        rx_valid=rx_valid,
+        tx_position=tx,
+        rx_position=rx,
+        residual=float(np.sqrt(np.mean([fit.residual**2 for fit in fits]))),
+    )
+
+
+def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains: bool = True) -> xr.Dataset:
+    """The sweep as elements without delays and gains of their own would have measured it, at their phase centres.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Of the array that was calibrated.
+    calibration : ElementCalibration
+    gains : bool, default True
+        Undo the complex gains too, not only the delays.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the array is another one.
+    """
+    sweep = checked_pairs(sweep, "sweep")
+    tx, rx = positions(sweep)
+    for name, mine, known in (("tx", tx, calibration.tx_position), ("rx", rx, calibration.rx_position)):
+        if mine.shape != known.shape:
+            raise InputError(
+                f"the sweep has {len(mine)} {name} positions and the calibration {len(known)}; "
+                "calibrate with a sweep of the same array"
+            )
+        apart = float(np.linalg.norm(mine - known, axis=1).max())
+        if apart > LARGEST_ERROR:
+            raise InputError(
+                f"the {name} positions of sweep and calibration differ by up to {1e3 * apart:.3g} mm; "
+                "calibrate with a sweep of the same array"
+            )
+    k = 2.0 * np.pi * sweep["frequency"].values.astype(float) / speed_of_light
+    s = sweep["s"].values * np.exp(1j * k[:, None] * calibration.tx_delay)[:, :, None]
+    s *= np.exp(1j * k[:, None] * calibration.rx_delay)[:, None, :]
+    if gains:
+        s /= calibration.tx_gain[:, None] * calibration.rx_gain
+    moved = {
+        name: (sweep[name].dims, place + offset, sweep[name].attrs)
+        for name, place, offset in (
+            ("tx_position", tx, calibration.tx_offset),
+            ("rx_position", rx, calibration.rx_offset),
+        )
+    }
+    largest = max(float(np.abs(d).max(initial=0.0)) for d in (calibration.tx_delay, calibration.rx_delay))
+    away = max(float(np.abs(o).max(initial=0.0)) for o in (calibration.tx_offset, calibration.rx_offset))
+    step = f"delays{' and gains' if gains else ''} of the elements removed, up to {1e3 * largest:.4g} mm"
+    step += f", phase centres moved by up to {1e3 * away:.4g} mm" if away > 0 else ""
+    return with_samples(sweep.assign_coords(moved), s, step)
+
+
+def _resolve_offsets(
+    fits: Sequence[Fit], tx: Array, rx: Array, centres: Sequence[Array]
+) -> tuple[Array, Array, Array, Array]:
+    """Delays and phase-centre offsets from the delays seen from every place, ``e_n = t - u_n . delta + c_n``.
+
+    The offset of a phase centre towards a reflector, in direction u, shortens the way. How delays are shared between
+    transmitters and receivers is free in every fit, hence the constants ``c_n``, of one sign there, of the other here.
+    """
+    if len(fits) == 1:
+        return fits[0].tx_delay, fits[0].rx_delay, np.zeros_like(tx), np.zeros_like(rx)
+    seen = [np.stack([fit.tx_delay for fit in fits]), np.stack([fit.rx_delay for fit in fits])]
+    towards = [
+        np.stack([(centre - antennas) / np.linalg.norm(centre - antennas, axis=1)[:, None] for centre in centres])
+        for antennas in (tx, rx)
+    ]
+    share = np.zeros(len(fits))
+    delay: list[Array] = []
+    offset: list[Array] = []
+    for _ in range(SHARING_ITERATIONS):
+        delay, offset, left = [], [], []
+        for measured, direction, sign in zip(seen, towards, (1.0, -1.0), strict=True):
+            t, delta = _per_element(measured - sign * share[:, None], direction)
+            delay.append(t)
+            offset.append(delta)
+            predicted = t - np.einsum("nia,ia->ni", direction, delta)
+            left.append(np.median(measured - predicted, axis=1))
+        share = 0.5 * (left[0] - left[1])
+        share -= share.mean()
+    return delay[0], delay[1], offset[0], offset[1]
+
+
+SHARING_ITERATIONS = 20
+"""Alternations between the elements' unknowns and how delays are shared, until neither moves."""
+
+
+def _per_element(measured: Array, direction: Array) -> tuple[Array, Array]:
+    """Delay (elements,) and offset (elements, 3) that explain delays (places, elements) best, the smallest of those."""
+    delay, offset = np.empty(measured.shape[1]), np.empty((measured.shape[1], 3))
+    for element in range(measured.shape[1]):
+        towards = direction[:, element]
+        # What all places share is the delay; only how the directions differ tells of an offset.
+        spread = towards - towards.mean(axis=0)
+        inverse = np.linalg.pinv(spread, rcond=OFFSET_CONDITION)
+        offset[element] = -inverse @ (measured[:, element] - measured[:, element].mean())
+        delay[element] = np.mean(measured[:, element] + towards @ offset[element])
+    return delay, offset

@@ -1,0 +1,220 @@
+"""Bad channels and bad frequencies: found from the data, left out or filled in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.ndimage import median_filter
+
+from mirrorfold.calibration.record import with_samples
+from mirrorfold.errors import InputError
+
+DEAD_DB = -40.0
+"""Level of a dead channel against the median channel [dB]; echoes and pattern make no such difference."""
+
+CLIPPED_SHARE = 0.02
+"""Share of a channel's samples at its very largest real or imaginary value, from which on it is saturated."""
+
+FEWEST_CLIPPED = 4
+"""Fewer samples at the largest value than this are no proof: every channel has one or two."""
+
+NOISE_FLATNESS = 0.85
+"""Median over mean of an element's range profile, summed over its partners, from which on it holds noise alone; noise
+has a flat one."""
+
+ECHO_FLATNESS = 0.6
+"""The same of the median element, below which the sweep as a whole holds echoes."""
+
+FEWEST_PARTNERS = 8
+"""Partners whose profiles are summed: with fewer, noise itself is not flat."""
+
+SPUR_DB = 3.0
+"""Smallest step of a bad frequency out of its neighbours [dB]."""
+
+SPUR_DEVIATIONS = 8.0
+"""The same in robust standard deviations of all frequencies."""
+
+NEIGHBOURS = 11
+"""Frequencies that a bad one is compared with."""
+
+LARGEST_BAD_SHARE = 0.1
+"""Share of the frequencies that may be bad; where more stand out, that is how the scene is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bad:
+    """What should not be used.
+
+    Attributes
+    ----------
+    dead, saturated, noise, undefined : arrays of bool, one for each channel or beam
+        Silent; clipped; without echoes; with samples that are not finite.
+    frequencies : (frequencies,) array of bool
+        Spurs and gaps.
+    """
+
+    dead: NDArray[np.bool_]
+    saturated: NDArray[np.bool_]
+    noise: NDArray[np.bool_]
+    undefined: NDArray[np.bool_]
+    frequencies: NDArray[np.bool_]
+
+    @property
+    def channels(self) -> NDArray[np.bool_]:
+        """Channels that are bad for any reason."""
+        return self.dead | self.saturated | self.noise | self.undefined
+
+    def sentences(self) -> list[str]:
+        """What was found, in words."""
+        found = []
+        for name, mask in (
+            ("silent", self.dead),
+            ("saturated", self.saturated),
+            ("without any echo", self.noise),
+            ("partly not finite (NaN or infinite)", self.undefined),
+        ):
+            if mask.any():
+                found.append(f"{int(mask.sum())} of {mask.size} channels {name}")
+        if self.frequencies.any():
+            places = ", ".join(map(str, np.flatnonzero(self.frequencies)[:5]))
+            more = ", ..." if self.frequencies.sum() > 5 else ""
+            found.append(
+                f"{int(self.frequencies.sum())} bad frequencies of {self.frequencies.size} (number {places}{more})"
+            )
+        return found
+
+
+def find_bad(sweep: xr.Dataset) -> Bad:
+    """Channels and frequencies of a sweep that should not be used.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Need not be valid otherwise: samples that are not finite are found too.
+
+    Returns
+    -------
+    Bad
+    """
+    if not isinstance(sweep, xr.Dataset) or "s" not in sweep or sweep["s"].dtype.kind != "c":
+        raise InputError("find_bad: expected a sweep with a complex variable s")
+    s = _by_frequency(sweep)
+    count = s.shape[0]
+    finite = np.isfinite(s)
+    per_frequency = finite.reshape(count, -1).mean(axis=1)
+    gap = per_frequency < 0.5
+    undefined = ~finite[~gap].all(axis=0)
+    s = np.where(finite, s, 0.0)
+    power = np.median(np.abs(s[~gap]) ** 2, axis=0) if not gap.all() else np.zeros(s.shape[1:])
+    typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
+    dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
+    frequencies = gap | _spurs(s, gap, dead)
+    s[frequencies] = 0.0
+    clipped = np.zeros(s.shape[1:], dtype=int)
+    for part in (np.abs(s.real), np.abs(s.imag)):
+        clipped += np.count_nonzero(part >= part.max(axis=0) * (1.0 - 1e-6), axis=0)
+    saturated = ~dead & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
+    noise = np.zeros(s.shape[1:], dtype=bool)
+    if s.ndim == 3 and "tx" in sweep["s"].dims:
+        noise = ~dead & ~saturated & _noise_elements(s, ~dead)
+    return Bad(dead & ~undefined, saturated & ~undefined, noise & ~undefined, undefined, frequencies)
+
+
+def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
+    """The sweep with bad channels set to zero and bad frequencies filled in from the good ones.
+
+    A missing frequency is predicted by the linear estimate of least error for echoes with the mean range profile that
+    the good frequencies show (Wiener, 1949).
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Samples may be NaN.
+    bad : Bad, optional
+        What `find_bad` finds by default.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If nothing good is left.
+    """
+    bad = find_bad(sweep) if bad is None else bad
+    if not (~bad.frequencies).any() or bad.channels.all():
+        raise InputError("mask_bad: no good channel or frequency is left; measure again")
+    axis = sweep["s"].get_axis_num("frequency")
+    s = np.array(_by_frequency(sweep))
+    s[:, bad.channels] = 0.0
+    s[~np.isfinite(s)] = 0.0
+    if bad.frequencies.any():
+        s = _filled(s, bad.frequencies)
+    step = f"masked: {', '.join(bad.sentences()) or 'nothing bad found'}"
+    return with_samples(sweep, np.moveaxis(s, 0, axis), step)
+
+
+def _by_frequency(sweep: xr.Dataset) -> NDArray[np.complexfloating]:
+    return np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
+
+
+def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Channels (tx, rx) of elements whose range profile is flat while the others' is not."""
+    if min(s.shape[1:]) < FEWEST_PARTNERS or s.shape[0] < 32:
+        return np.zeros(s.shape[1:], dtype=bool)
+    profile = np.abs(np.fft.ifft(s, axis=0)) ** 2
+    level = profile.mean(axis=0)
+    profile = np.where(usable & (level > 0), profile / np.where(level > 0, level, 1.0), 0.0)
+    found = np.zeros(s.shape[1:], dtype=bool)
+    for axis in (1, 2):
+        total = profile.sum(axis=3 - axis)
+        mean = total.mean(axis=0)
+        flatness = np.where(mean > 0, np.median(total, axis=0) / np.where(mean > 0, mean, 1.0), 0.0)
+        if np.median(flatness) < ECHO_FLATNESS:
+            found |= np.expand_dims(flatness > NOISE_FLATNESS, axis=2 - axis)
+    return found
+
+
+def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], dead: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Frequencies that step out of their neighbours, in the median over the channels."""
+    good = s[:, ~dead].reshape(s.shape[0], -1)
+    if s.shape[0] < 2 * NEIGHBOURS or good.shape[1] == 0 or gap.all():
+        return np.zeros(s.shape[0], dtype=bool)
+    power = np.median(np.abs(good) ** 2, axis=1)
+    smallest = max(1e-12 * float(np.median(power)), np.finfo(float).tiny)
+    level = 10.0 * np.log10(np.maximum(power, smallest))
+    level[gap] = np.median(level[~gap])
+    away = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
+    spread = 1.4826 * float(np.median(np.abs(away[~gap])))
+    found = ~gap & (away > max(SPUR_DB, SPUR_DEVIATIONS * spread))
+    return found if found.mean() <= LARGEST_BAD_SHARE else np.zeros_like(found)
+
+
+def _filled(s: NDArray[np.complexfloating], bad: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
+    """Samples (frequencies, ...) with the bad frequencies predicted from the good ones."""
+    count = s.shape[0]
+    flat = s.reshape(count, -1)
+    good = ~bad
+    filled = np.where(good[:, None], flat, 0.0)
+    for _ in range(FILLING_ROUNDS):
+        # The covariance of two frequencies depends on their distance alone. The sums are not divided by their number
+        # of terms, which falls with distance: this way no combination of frequencies gets a negative power.
+        padded = np.fft.fft(filled, 2 * count, axis=0)
+        covariance = np.fft.ifft(np.sum(np.abs(padded) ** 2, axis=1))[:count]
+        matrix = toeplitz(covariance, np.conj(covariance))
+        ridge = REGULARISATION * float(covariance[0].real) * np.eye(int(good.sum()))
+        predict = np.linalg.solve((matrix[np.ix_(good, good)] + ridge).T, matrix[np.ix_(bad, good)].T).T
+        filled[bad] = predict @ flat[good]
+    return filled.reshape(s.shape)
+
+
+FILLING_ROUNDS = 4
+"""Estimates of the covariance, each from the samples that the one before has filled in."""
+
+REGULARISATION = 1e-4
+"""Power of the noise against that of the samples in the prediction: with less, errors of the covariance count."""

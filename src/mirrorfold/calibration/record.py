@@ -1,0 +1,100 @@
+"""What every step of the calibration has in common: a checked sweep in, a sweep with a longer history out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.sweep import check_sweep, is_raster
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def history(sweep: xr.Dataset) -> list[str]:
+    """The steps applied so far, oldest first."""
+    steps = sweep.attrs.get("processing", [])
+    return [steps] if isinstance(steps, str) else [str(step) for step in steps]
+
+
+def recorded(sweep: xr.Dataset, step: str) -> xr.Dataset:
+    """The sweep with one more step in its attribute `processing`."""
+    return sweep.assign_attrs(processing=[*history(sweep), step])
+
+
+def with_samples(sweep: xr.Dataset, s: NDArray[np.complexfloating], step: str) -> xr.Dataset:
+    """The sweep with other samples of the same shape, and one more step in its history."""
+    return recorded(sweep.assign(s=sweep["s"].copy(data=s.astype(np.complex64))), step)
+
+
+def checked_pairs(sweep: xr.Dataset, name: str) -> xr.Dataset:
+    """A valid sweep of pairs, ``s(frequency, tx, rx)``.
+
+    Raises
+    ------
+    InputError
+        If it is none; `name` is that of the argument or of the function.
+    """
+    sweep = check_sweep(sweep, source=name)
+    if is_raster(sweep):
+        raise InputError(f"{name}: is a raster scan, expected a sweep with s(frequency, tx, rx)")
+    if sweep["s"].ndim != 3:
+        raise InputError(
+            f"{name}: s has dimensions {sweep['s'].dims}, expected (frequency, tx, rx); select one of them"
+        )
+    return sweep
+
+
+def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas: bool = True) -> None:
+    """Refuse a second sweep that was not measured at the same frequencies and places.
+
+    Raises
+    ------
+    InputError
+        With what differs; `name` is that of the second sweep.
+    """
+    axes = ["frequency"]
+    if antennas:
+        if sweep["s"].shape[-3:] != other["s"].shape[-3:]:
+            raise InputError(
+                f"{name}: s has shape {other['s'].shape}, expected {sweep['s'].shape} as in the sweep; "
+                "measure both in the same way"
+            )
+        axes += [n for n in ("azimuth", "elevation", "tx_position", "rx_position") if n in sweep.variables]
+    for axis in axes:
+        if axis not in other.variables or other[axis].shape != sweep[axis].shape:
+            raise InputError(f"{name}: has another {axis} than the sweep; measure both in the same way")
+        a, b = sweep[axis].values.astype(float), other[axis].values.astype(float)
+        if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
+            raise InputError(
+                f"{name}: {axis} differs from that of the sweep by up to {np.abs(a - b).max():g}; "
+                "measure both in the same way"
+            )
+
+
+def place(value: ArrayLike, name: str) -> Array:
+    """A place in two or three coordinates [m] as three.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        point = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        point = np.empty(0)
+    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
+        raise InputError(
+            f"{name} is {value!r}, expected two or three finite coordinates in metres, for example (0, 1.5)"
+        )
+    return np.array([*point, 0.0][:3])
+
+
+def millimetres(values: Sequence[float] | Array) -> str:
+    """Lengths [m] for the record."""
+    return ", ".join(f"{1e3 * value:.4g}" for value in values) + " mm"

@@ -1,0 +1,79 @@
+"""The reference: dividing by what a reflector at a known place returned, frequency by frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.constants import speed_of_light
+
+from mirrorfold.calibration.gate import gate_samples
+from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
+from mirrorfold.errors import InputError
+
+WEAKEST_DB = -40.0
+"""Reference amplitudes below this level against their median are not divided by: there the instrument is deaf, and
+division would only lift noise."""
+
+
+def normalise_by_reference(
+    sweep: xr.Dataset,
+    reference: xr.Dataset,
+    *,
+    at: ArrayLike,
+    normal: ArrayLike | None = None,
+    per_channel: bool = False,
+    gate: float | None = None,
+) -> xr.Dataset:
+    """The sweep divided by the response of the instrument, as a known reflector shows it.
+
+    The response is ``H(f) = mean over pairs of S_ref exp(+j k d)``, with the path d over the reflector; afterwards the
+    reflector would return ``exp(-j k d)``. Delays, gains and dispersion of what all pairs share are gone with it.
+
+    Parameters
+    ----------
+    sweep, reference : xarray.Dataset
+        At the same frequencies; for `per_channel` at the same positions too.
+    at : (2,) or (3,) [m]
+        Apex of the corner reflector, or a point of the plate.
+    normal : (2,) or (3,), optional
+        Of a plate; without it the reflector is point-like.
+    per_channel : bool, default False
+        Divide each pair by its own response, which calibrates the elements too but needs a strong reference.
+    gate : float [m], optional
+        Keep of the reference what arrives within this range before and behind the reflector; everything by default.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the sweeps do not match, or the reference is silent.
+    """
+    sweep, reference = checked_pairs(sweep, "sweep"), checked_pairs(reference, "reference")
+    check_same_axes(sweep, reference, "reference", antennas=per_channel)
+    tx, rx = positions(reference)
+    length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)
+    frequency = reference["frequency"].values.astype(float)
+    response = reference["s"].values * np.exp(2j * np.pi / speed_of_light * frequency[:, None, None] * length)
+    if gate is not None:
+        if not np.isfinite(gate) or gate <= 0:
+            raise InputError(f"gate is {gate!r}, expected a positive number of metres")
+        response = gate_samples(response, frequency, -gate, gate)
+    if not per_channel:
+        response = response.mean(axis=(1, 2), keepdims=True)
+    level = np.abs(response)
+    floor = 10.0 ** (WEAKEST_DB / 20.0) * float(np.median(level))
+    if floor == 0.0:
+        raise InputError("reference: is silent in most samples; measure a stronger reflector or more points")
+    usable = level > floor
+    s = np.where(usable, sweep["s"].values / np.where(usable, response, 1.0), 0.0)
+    kind = "point-like reflector" if normal is None else "plate"
+    lost = int(np.count_nonzero(~usable))
+    ending = f"; {lost} deaf samples of the response left out" if lost else ""
+    where = ", ".join(f"{c:g}" for c in np.ravel(at))
+    each = "pair by pair" if per_channel else "the same for all pairs"
+    return with_samples(sweep, s, f"divided by the response to a {kind} at ({where}) m, {each}{ending}")

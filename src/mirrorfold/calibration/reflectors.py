@@ -1,0 +1,67 @@
+"""Reflectors at known places: the length of the way over them, from every transmitter to every receiver."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from mirrorfold.calibration.record import Array, place
+from mirrorfold.errors import InputError
+
+SPECULAR_ITERATIONS = 12
+"""Fixed-point steps to the point of a sphere at which the wave is mirrored; each gains a factor of radius over
+distance, and the path is stationary there."""
+
+
+def sphere_paths(tx: Array, rx: Array, centre: ArrayLike, radius: float = 0.0) -> Array:
+    """Path lengths [m] over a sphere, or over a point where its radius is zero.
+
+    Parameters
+    ----------
+    tx, rx : (tx, 3) and (rx, 3) arrays [m]
+    centre : (2,) or (3,) [m]
+    radius : float [m]
+
+    Returns
+    -------
+    (tx, rx) array [m]
+
+    Raises
+    ------
+    InputError
+        If the radius is negative, or the sphere holds an antenna.
+    """
+    middle = place(centre, "at")
+    if not np.isfinite(radius) or radius < 0:
+        raise InputError(f"radius is {radius!r}, expected a number of metres of at least zero")
+    nearest = min(float(np.linalg.norm(antennas - middle, axis=1).min()) for antennas in (tx, rx))
+    if nearest <= radius:
+        raise InputError(
+            f"the reflector at {', '.join(f'{c:g}' for c in middle)} m holds an antenna, which stands {nearest:g} m "
+            "from its middle; correct its place or its radius"
+        )
+    point = np.broadcast_to(middle, (len(tx), len(rx), 3))
+    for _ in range(SPECULAR_ITERATIONS if radius > 0 else 0):
+        bisector = _unit(tx[:, None] - point) + _unit(rx[None] - point)
+        point = middle + radius * _unit(bisector)
+    return np.asarray(np.linalg.norm(tx[:, None] - point, axis=-1) + np.linalg.norm(rx[None] - point, axis=-1))
+
+
+def plate_paths(tx: Array, rx: Array, point: ArrayLike, normal: ArrayLike) -> Array:
+    """Path lengths [m] over a flat plate through a point with a normal, (tx, rx) array: from the mirror images."""
+    through, direction = place(point, "at"), place(normal, "normal")
+    if not np.linalg.norm(direction) > 0:
+        raise InputError("normal is zero, expected a direction, for example (0, -1)")
+    direction = direction / np.linalg.norm(direction)
+    image = tx - 2.0 * ((tx - through) @ direction)[:, None] * direction
+    return np.asarray(np.linalg.norm(image[:, None] - rx[None], axis=-1))
+
+
+def positions(sweep: xr.Dataset) -> tuple[Array, Array]:
+    """Places of the transmitters and of the receivers, (tx, 3) and (rx, 3) [m]."""
+    return sweep["tx_position"].values.astype(float), sweep["rx_position"].values.astype(float)
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))

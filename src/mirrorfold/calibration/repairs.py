@@ -1,0 +1,123 @@
+"""Repairs of the classic mistakes: each is its own inverse or takes the number that undoes it."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from scipy.constants import speed_of_light
+
+from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
+from mirrorfold.errors import InputError
+from mirrorfold.sweep import check_sweep, is_raster
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+"""Units that positions may have been given in, in metres."""
+
+
+def conjugate(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with every sample conjugated: for data recorded with the time convention ``exp(-jwt)``.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    sweep = check_sweep(sweep, source="conjugate")
+    return with_samples(sweep, np.conj(sweep["s"].values), "conjugated")
+
+
+def swap_iq(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with in-phase and quadrature part exchanged, ``I + jQ -> Q + jI``.
+
+    That is conjugation times j, and images do not show a constant phase.
+    """
+    sweep = check_sweep(sweep, source="swap_iq")
+    s = sweep["s"].values
+    return with_samples(sweep, s.imag + 1j * s.real, "I and Q exchanged")
+
+
+def reverse_frequency(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with the samples in the opposite order of frequencies: for data stored from the highest one down."""
+    sweep = check_sweep(sweep, source="reverse_frequency")
+    s = np.flip(sweep["s"].values, axis=sweep["s"].get_axis_num("frequency"))
+    return with_samples(sweep, s, "order of the frequencies reversed")
+
+
+def sort_frequencies(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with its frequencies in rising order, samples and all; need not be valid otherwise.
+
+    Raises
+    ------
+    InputError
+        If it has no frequencies.
+    """
+    if "frequency" not in sweep.variables or sweep["frequency"].dims != ("frequency",):
+        raise InputError("sort_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
+    order = np.argsort(sweep["frequency"].values, kind="stable")
+    return recorded(sweep.isel(frequency=order), "frequencies sorted")
+
+
+def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
+    """The sweep with positions in metres, that were given in another unit.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    unit : {"mm", "cm", "um", "in", "m"}
+        Of the positions as they stand.
+    """
+    if unit not in UNITS:
+        raise InputError(f"position unit is {unit!r}, expected one of: {', '.join(UNITS)}")
+    sweep = check_sweep(sweep, source="scale_positions")
+    if is_raster(sweep):
+        raise InputError("scale_positions: a raster scan has no antenna positions; leave the position unit out")
+    names = [name for name in ("tx_position", "rx_position", "antenna_position") if name in sweep.variables]
+    scaled = {
+        name: (sweep[name].dims, sweep[name].values * UNITS[unit], {**sweep[name].attrs, "units": "m"})
+        for name in names
+    }
+    return recorded(sweep.assign_coords(scaled), f"positions taken for {unit}")
+
+
+def swap_tx_rx(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with the positions of transmitters and receivers exchanged, the samples as they are.
+
+    Raises
+    ------
+    InputError
+        If there are more of the ones than of the others.
+    """
+    sweep = checked_pairs(sweep, "swap_tx_rx")
+    tx, rx = sweep["tx_position"], sweep["rx_position"]
+    if tx.shape != rx.shape:
+        raise InputError(
+            f"swap_tx_rx: there are {tx.shape[0]} transmitters and {rx.shape[0]} receivers, so that their positions "
+            "cannot be exchanged; transpose s in the file instead"
+        )
+    swapped = {
+        "tx_position": (tx.dims, rx.values.copy(), tx.attrs),
+        "rx_position": (rx.dims, tx.values.copy(), rx.attrs),
+    }
+    return recorded(sweep.assign_coords(swapped), "positions of tx and rx exchanged")
+
+
+def remove_cable(sweep: xr.Dataset, length: float) -> xr.Dataset:
+    """The sweep without the delay of a cable: ``S exp(+j k L)``.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    length : float [m]
+        Electrical length of all cables of the way from the generator to the receiver together, beyond what
+        earlier steps took away; echoes move nearer by half of it. A negative length moves them away.
+    """
+    if not isinstance(length, (int, float)) or not np.isfinite(length):
+        raise InputError(f"cable length is {length!r}, expected a finite number of metres")
+    sweep = check_sweep(sweep, source="remove_cable")
+    axis = sweep["s"].get_axis_num("frequency")
+    k = 2.0 * np.pi * sweep["frequency"].values / speed_of_light
+    turn = np.exp(1j * k * length).reshape([-1 if n == axis else 1 for n in range(sweep["s"].ndim)])
+    return with_samples(sweep, sweep["s"].values * turn, f"cable of {length:.6g} m removed")

@@ -1,0 +1,278 @@
+"""The verb `calibrate`: its options in the order in which they are applied."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+import mirrorfold as mf
+from mirrorfold.cli.terminal import progress, show_files, show_json
+from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Output = Annotated[Path, Parameter(alias="-o")]
+Flag = Annotated[bool, Parameter(negative="")]
+Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+
+
+def calibrate(
+    sweep: Path,
+    *,
+    output: Output,
+    sort_frequencies: Flag = False,
+    conjugate: Flag = False,
+    swap_iq: Flag = False,
+    reverse_frequency: Flag = False,
+    position_unit: Literal["m", "cm", "mm", "um", "in"] | None = None,
+    swap_tx_rx: Flag = False,
+    mask: Flag = False,
+    background: Path | None = None,
+    match_background: Flag = False,
+    scan_mean: Flag = False,
+    reference: Path | None = None,
+    reference_at: Numbers = None,
+    reference_normal: Numbers = None,
+    reference_per_channel: Flag = False,
+    cable_length: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
+    sphere: list[Path] | None = None,
+    sphere_at: Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)] = None,
+    sphere_radius: float = 0.0,
+    save_elements: Path | None = None,
+    elements: Path | None = None,
+    find_displacement: Flag = False,
+    rx_displacement: Numbers = None,
+    gate: Numbers = None,
+    autofocus: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Calibrate a sweep.
+
+    Parameters
+    ----------
+    sweep
+        Sweep to read (netCDF).
+    output
+        Calibrated sweep to write; its history lists every step, in the order of these options.
+    sort_frequencies
+        Put falling frequencies in rising order, samples and all.
+    conjugate
+        The samples have the other time convention.
+    swap_iq
+        I and Q are exchanged.
+    reverse_frequency
+        The samples are stored from the highest frequency to the lowest.
+    position_unit
+        Of the positions as they stand.
+    swap_tx_rx
+        The positions of transmitters and receivers are the wrong way round.
+    mask
+        Set bad channels to zero and fill in bad frequencies.
+    background
+        Sweep to subtract: of the empty scene, or with the target turned.
+    match_background
+        Fit gain and phase of the background first.
+    scan_mean
+        Subtract what all channels have in common: leakage.
+    reference
+        Sweep of a reflector to divide by.
+    reference_at
+        Place of its apex, or a point of the plate, as X,Y or X,Y,Z [m].
+    reference_normal
+        Normal of the plate as X,Y or X,Y,Z; without it the reflector is point-like.
+    reference_per_channel
+        Divide each pair by its own response.
+    cable_length
+        Electrical length of cable to take away, there and back together [m].
+    sphere
+        Sweep of a sphere, from which to calibrate the elements; several for several places.
+    sphere_at
+        Middle of the sphere as X,Y or X,Y,Z [m], one for each sweep of it.
+    sphere_radius
+        Radius of the sphere [m].
+    save_elements
+        File to keep the calibration of the elements in (JSON).
+    elements
+        Calibration of the elements from such a file.
+    find_displacement
+        Find the displacement of the receiving aperture from the sphere, instead of the elements' own delays.
+    rx_displacement
+        Vector to move all receivers by, as X,Y or X,Y,Z [m].
+    gate
+        Ranges to keep, as START:STOP [m]; either may be left out.
+    autofocus
+        Remove small position errors that blur the image.
+    json
+        Print the history and the files as one JSON object.
+    """
+    from mirrorfold.cli.verbs import command
+    from mirrorfold.io.files import check_output
+
+    inputs = [sweep, *(path for path in (background, reference, elements) if path), *(sphere or [])]
+    check_output(output, inputs=inputs)
+    if save_elements is not None:
+        check_output(save_elements, inputs=[*inputs, output])
+    _check_options(locals())
+    kept = parse_gate(gate) if gate is not None else None
+    moved = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None
+    places = [parse_place(text, "sphere-at") for text in sphere_at or []]
+    apex = parse_place(reference_at, "reference-at") if reference_at is not None else None
+    normal = parse_place(reference_normal, "reference-normal") if reference_normal is not None else None
+
+    def repaired(path: Path) -> xr.Dataset:
+        """A sweep with its mistakes put right: all sweeps of one session have the same ones."""
+        found = read_as_is(path)
+        found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
+        found = mf.calibrate.mask_bad(found) if mask else found
+        found = mf.check_sweep(found, source=str(path))
+        for wanted, repair in (
+            (conjugate, mf.calibrate.conjugate),
+            (swap_iq, mf.calibrate.swap_iq),
+            (reverse_frequency, mf.calibrate.reverse_frequency),
+            (swap_tx_rx, mf.calibrate.swap_tx_rx),
+        ):
+            found = repair(found) if wanted else found
+        return mf.calibrate.scale_positions(found, position_unit) if position_unit else found
+
+    result = repaired(sweep)
+    empty = repaired(background) if background else None
+    response = repaired(reference) if reference else None
+
+    def prepared(one: xr.Dataset) -> xr.Dataset:
+        """A repaired sweep without background and instrument."""
+        if empty is not None:
+            one = mf.calibrate.subtract_background(one, empty, match=match_background)
+        one = mf.calibrate.subtract_mean(one) if scan_mean else one
+        if response is not None:
+            one = mf.calibrate.normalise_by_reference(
+                one, response, at=apex or (), normal=normal, per_channel=reference_per_channel
+            )
+        return mf.calibrate.remove_cable(one, cable_length) if cable_length is not None else one
+
+    result = prepared(result)
+    facts: dict[str, Any] = {}
+    with progress("calibrating"):
+        if sphere and find_displacement:
+            spheres = [prepared(repaired(path)) for path in sphere]
+            vector, length = mf.calibrate.estimate_displacement(spheres, at=places, radius=sphere_radius)
+            facts |= {"rx_displacement_m": vector, "cable_length_m": length}
+            result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length)
+        elif sphere:
+            spheres = [prepared(repaired(path)) for path in sphere]
+            found = mf.calibrate.estimate_elements(spheres, at=places, radius=sphere_radius)
+            facts |= {
+                "elements_residual_m": found.residual,
+                "silent_tx": int((~found.tx_valid).sum()),
+                "silent_rx": int((~found.rx_valid).sum()),
+            }
+            result = mf.calibrate.apply_elements(result, found)
+        if elements is not None:
+            result = mf.calibrate.apply_elements(result, mf.calibrate.load_elements(elements))
+        result = mf.calibrate.displace_receivers(result, moved) if moved is not None else result
+        result = mf.calibrate.time_gate(result, *kept) if kept is not None else result
+        result = mf.calibrate.autofocus(result) if autofocus else result
+    files = [mf.save(result.assign_attrs(command=command.get()), output)]
+    if save_elements is not None:
+        files.append(mf.calibrate.save_elements(found, save_elements))
+    history = result.attrs.get("processing", [])
+    if json:
+        show_json({"kind": "sweep", "processing": history, **facts, "files": list(map(str, files))})
+        return
+    for step in history:
+        print(step)
+    if "cable_length_m" in facts:
+        print(f"common delay: {1e3 * facts['cable_length_m']:.4g} mm")
+    if "elements_residual_m" in facts:
+        print(f"left unexplained by the elements: {1e6 * facts['elements_residual_m']:.3g} um")
+    show_files(files)
+
+
+def _check_options(given: dict[str, Any]) -> None:
+    """Refuse options that need others, before the work begins.
+
+    Raises
+    ------
+    InputError
+        With the one that is missing.
+    """
+    needs = (
+        ("match_background", "background"),
+        ("reference", "reference_at"),
+        ("reference_at", "reference"),
+        ("reference_normal", "reference"),
+        ("reference_per_channel", "reference"),
+        ("sphere", "sphere_at"),
+        ("sphere_at", "sphere"),
+        ("sphere_radius", "sphere"),
+        ("save_elements", "sphere"),
+        ("find_displacement", "sphere"),
+    )
+    for option, other in needs:
+        if given[option] and not given[other]:
+            words = [name.replace("_", "-") for name in (option, other)]
+            raise InputError(f"--{words[0]} needs --{words[1]} too; give it, or leave --{words[0]} out")
+    if given["find_displacement"] and given["save_elements"]:
+        raise InputError("--find-displacement finds one vector and no delays of elements; leave --save-elements out")
+    if given["sphere"] and len(given["sphere"]) != len(given["sphere_at"]):
+        raise InputError(
+            f"--sphere is given {len(given['sphere'])} times and --sphere-at {len(given['sphere_at'])} times; "
+            "give one place for each sweep"
+        )
+
+
+def read_as_is(path: Path) -> xr.Dataset:
+    """A sweep whose samples or order of frequencies may be broken, since repairing that is asked for.
+
+    Raises
+    ------
+    InputError
+        If the file holds something else.
+    """
+    from mirrorfold.cli.verbs import read
+    from mirrorfold.io.netcdf import read_unchecked
+
+    try:
+        return read(path, "sweep")
+    except InputError:
+        if path.suffix.lower() == ".toml":
+            raise
+        found = read_unchecked(path)
+        if "s" not in found or "image" in found or found["s"].dtype.kind != "c":
+            raise
+        return found
+
+
+def parse_place(text: str, name: str) -> tuple[float, ...]:
+    """A place or direction from X,Y or X,Y,Z.
+
+    Raises
+    ------
+    InputError
+        If it is not two or three numbers.
+    """
+    try:
+        place = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        place = ()
+    if len(place) not in (2, 3):
+        raise InputError(f"--{name} is {text!r}, expected X,Y or X,Y,Z in metres, for example 0,1.5")
+    return place
+
+
+def parse_gate(text: str) -> tuple[float | None, float | None]:
+    """Ranges from START:STOP, either of which may be empty.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    parts = text.split(":")
+    try:
+        start, stop = (float(part) if part.strip() else None for part in parts)
+    except ValueError:
+        raise InputError(f"--gate is {text!r}, expected START:STOP in metres, for example 0.3:4 or 0.3:") from None
+    return start, stop

@@ -1,0 +1,164 @@
+"""The verb `plan`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+import mirrorfold as mf
+from mirrorfold.cli.terminal import show_files, show_info, show_json, show_plan
+from mirrorfold.errors import InputError
+
+Flag = Annotated[bool, Parameter(negative="")]
+Output = Annotated[Path | None, Parameter(alias="-o")]
+Level = Annotated[float, Parameter(allow_leading_hyphen=True)]
+
+
+def plan(
+    *,
+    band: str,
+    points: int,
+    aperture: float,
+    pitch: float,
+    range: float,
+    rx_aperture: float | None = None,
+    rx_pitch: float | None = None,
+    material: list[str] | None = None,
+    roughness: str = "50",
+    target: float = 1e-3,
+    leg: float | None = None,
+    detection_db: Level = 13.0,
+    power_dbm: Level = 0.0,
+    gain_dbi: Level = 20.0,
+    noise_figure_db: Level = 20.0,
+    if_bandwidth: float = 1e4,
+    settling: float = 5e-5,
+    moving: float = 0.0,
+    output: Output = None,
+    json: Flag = False,
+) -> None:
+    """Plan a measurement.
+
+    Parameters
+    ----------
+    band
+        Lowest and highest frequency as START:STOP [Hz].
+    points
+        Number of frequencies.
+    aperture
+        Length of the transmitting array [m].
+    pitch
+        Distance of neighbouring antennas [m].
+    range
+        To the farthest thing in line of sight [m].
+    rx_aperture
+        Length of the receiving array, where it differs [m].
+    rx_pitch
+        Its pitch, where it differs [m].
+    material
+        Of the walls: pec, plasterboard, concrete, glass, wood or marble; several may be given.
+    roughness
+        Rms height, or height and correlation length as H,L [um].
+    target
+        Radar cross section to be seen in one resolution cell [m^2].
+    leg
+        Way that each bounce adds to the range [m]; half the range by default.
+    detection_db
+        Signal over noise in the image from which a thing is seen [dB].
+    power_dbm
+        Transmitted power [dBm].
+    gain_dbi
+        Gain of each antenna [dBi].
+    noise_figure_db
+        Of the receiver [dB].
+    if_bandwidth
+        Of the receiver [Hz].
+    settling
+        Between two samples [s].
+    moving
+        Of a stage, from one position to the next [s].
+    output
+        Picture to write (.png, .pdf or .svg).
+    json
+        Print all numbers as one JSON object.
+    """
+    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.planning import Instrument
+
+    if output is not None:
+        check_output(output)
+        if output.suffix.lower() not in PICTURES:
+            raise InputError(f"--output is {str(output)!r}, expected a picture that ends in {', '.join(PICTURES)}")
+    heights = parse_roughness(roughness)
+    found = mf.plan(
+        band=parse_band(band),
+        points=points,
+        aperture=aperture,
+        pitch=pitch,
+        range=range,
+        rx_aperture=rx_aperture,
+        rx_pitch=rx_pitch,
+        materials=material or ["plasterboard"],
+        roughness=heights,
+        target=target,
+        leg=leg,
+        detection_db=detection_db,
+        instrument=Instrument(
+            power_dbm=power_dbm,
+            gain_dbi=gain_dbi,
+            noise_figure_db=noise_figure_db,
+            if_bandwidth=if_bandwidth,
+            settling=settling,
+            moving=moving,
+        ),
+    )
+    files: list[Any] = []
+    if output is not None:
+        from mirrorfold import plot_plan
+
+        with written_whole(output) as temporary:
+            plot_plan.plan(found, roughness=heights, detection_db=detection_db).savefig(temporary)
+        files.append(output)
+    if json:
+        show_json({**found, "files": list(map(str, files))})
+        return
+    show_plan(found)
+    show_info({name: value for name, value in found.items() if name not in ("walls", "link_budget", "kind")})
+    show_files(files)
+
+
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def parse_band(text: str) -> tuple[float, float]:
+    """Two frequencies from START:STOP.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    try:
+        start, stop = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise InputError(f"--band is {text!r}, expected START:STOP in hertz, for example 270e9:300e9") from None
+    return start, stop
+
+
+def parse_roughness(text: str) -> tuple[float, float | None]:
+    """Rms height and correlation length [m] from H or H,L in micrometres.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    try:
+        numbers = [1e-6 * float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 2):
+        raise InputError(f"--roughness is {text!r}, expected H or H,L in micrometres, for example 50,200")
+    return numbers[0], numbers[1] if len(numbers) == 2 else None

@@ -1,0 +1,84 @@
+"""A sweep as a list of pairs, whichever way it was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+Array = NDArray[np.float64]
+
+LINE_WIDTH = 0.5
+"""Half width, in wavelengths, of the line of elements that is taken out of a planar array."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Samples of pairs of a transmitter and a receiver.
+
+    Attributes
+    ----------
+    s : (frequencies, pairs) complex array
+    wavenumber : (frequencies,) array [1/m]
+        Rising.
+    tx, rx : (tx, 3) and (rx, 3) arrays [m]
+        Around the middle of the array.
+    tx_of, rx_of : (pairs,) arrays of int
+    """
+
+    s: NDArray[np.complexfloating]
+    wavenumber: Array
+    tx: Array
+    rx: Array
+    tx_of: NDArray[np.int64]
+    rx_of: NDArray[np.int64]
+
+    @property
+    def wavelength(self) -> float:
+        """At mid-band [m]."""
+        return float(2.0 * np.pi / self.wavenumber.mean())
+
+    def scaled(self, factor: float) -> Pairs:
+        """The same with all positions multiplied by a factor."""
+        return replace(self, tx=factor * self.tx, rx=factor * self.rx)
+
+
+def pairs_of(sweep: xr.Dataset) -> Pairs:
+    """The pairs of a sweep ``s(frequency, tx, rx)``, or of one moving antenna, ``s(frequency, position)``.
+
+    Of a leading dimension, such as polarization, the first entry is taken.
+    """
+    speed = float(sweep.attrs.get("wave_speed", speed_of_light))
+    wavenumber = 2.0 * np.pi / speed * sweep["frequency"].values.astype(float)
+    if "antenna_position" in sweep.variables:
+        tx = rx = sweep["antenna_position"].values.astype(float)
+        tx_of = rx_of = np.arange(len(tx))
+        s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-2:])[0]
+    else:
+        tx, rx = (sweep[name].values.astype(float) for name in ("tx_position", "rx_position"))
+        tx_of, rx_of = (index.ravel() for index in np.indices((len(tx), len(rx))))
+        s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0].reshape(wavenumber.size, -1)
+    origin = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
+    return Pairs(s, wavenumber, tx - origin, rx - origin, tx_of, rx_of)
+
+
+def on_a_line(pairs: Pairs) -> Pairs:
+    """The pairs whose antennas stand on one line along the array: of a planar array, its middle row."""
+    offsets = np.concatenate([pairs.tx - pairs.tx.mean(axis=0), pairs.rx - pairs.rx.mean(axis=0)])
+    across = np.linalg.svd(offsets, full_matrices=False)[2][1:]
+    width = LINE_WIDTH * pairs.wavelength
+    near = [_near_middle(places @ across.T, width) for places in (pairs.tx, pairs.rx)]
+    if all(mask.all() for mask in near):
+        return pairs
+    keep = near[0][pairs.tx_of] & near[1][pairs.rx_of]
+    return replace(pairs, s=pairs.s[:, keep], tx_of=pairs.tx_of[keep], rx_of=pairs.rx_of[keep])
+
+
+def _near_middle(across: Array, width: float) -> NDArray[np.bool_]:
+    """Which places (n, 2) lie within a width of the row nearest to the middle."""
+    middle = across - np.median(across, axis=0)
+    row = across[np.argmin(np.linalg.norm(middle, axis=1))]
+    return np.asarray(np.abs(across - row).max(axis=1) <= width)

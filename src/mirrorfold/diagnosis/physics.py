@@ -1,0 +1,122 @@
+"""Whether the waves of a sweep behave: the classic mistakes, as findings."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from scipy.spatial import cKDTree
+
+from mirrorfold.calibration.repairs import UNITS
+from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
+from mirrorfold.diagnosis.pairs import Array, Pairs, on_a_line, pairs_of
+from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
+
+COARSE_PITCH = 15.0
+"""Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
+
+FINE_PITCH = (0.05, 2.0)
+"""Pitches in wavelengths that make sense once the unit is right."""
+
+IN_PHASE = 25.0
+"""Median coherence of the gates, over that of random phases, from which on positions fit to the waves. Noise stays
+below 15, the maximum over the directions and curvatures that are tried."""
+
+SURE_OF_UNIT = 0.97
+"""A coherence that needs the right positions of hundreds of pairs does not come about by chance."""
+
+
+def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
+    """The classic mistakes that the waves of a valid sweep of pairs show.
+
+    Returns
+    -------
+    findings : list of Finding
+    judged : dict
+        `waves`: whether the array and the echoes allow a judgement. `exchange`: whether exchanged transmitters and
+        receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm.
+    """
+    pairs = on_a_line(pairs_of(sweep))
+    exchange = len(pairs.tx) == len(pairs.rx) and not _same_places(pairs)
+    unit = _unit(pairs)
+    if unit is not None:
+        pairs = pairs.scaled(UNITS[unit])
+    waves = wavefronts(pairs, exchange=exchange)
+    if waves is None or _in_phase(waves) < IN_PHASE:
+        return ([_unit_finding(unit)] if unit else []), {"waves": False, "exchange": False}
+    found = [_unit_finding(unit)] if unit else []
+    found += _findings(explain(waves), 2.0 * np.pi / pairs.wavenumber)
+    return found, {"waves": True, "exchange": exchange}
+
+
+def _findings(made: Explanation, wavelength: Array) -> list[Finding]:
+    """The mistakes of an explanation that is sure enough."""
+    found = []
+    if made.sure >= SURE_ENOUGH:
+        if made.conjugated:
+            what = (
+                "The waves contract instead of expanding: the samples are conjugated (the other time convention), or "
+                "I and Q are exchanged, which is the same but for a constant phase."
+            )
+            found.append(Finding("conjugated", what, made.sure, "--conjugate"))
+        if made.reversed:
+            what = "The delays run against the phases: the samples are stored from the highest frequency to the lowest."
+            found.append(Finding("frequency-reversed", what, made.sure, "--reverse-frequency"))
+        if made.exchanged:
+            what = (
+                "The waves fit when transmitters and receivers are exchanged: their positions are the wrong way round."
+            )
+            found.append(Finding("tx-rx-exchanged", what, made.sure, "--swap-tx-rx"))
+    if made.offset and made.sure >= SURE_ENOUGH:
+        direction = "far" if made.offset > 0 else "near"
+        what = (
+            f"Echoes stand {abs(made.offset):.2f} m too {direction} for the curvature of their waves "
+            f"(+-{max(made.offset_error, 0.02):.2f} m): a delay of {2 * made.offset:.2f} m of cable is left in the "
+            "sweep."
+        )
+        found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {2 * made.offset:.2f}"))
+    return found
+
+
+def _unit_finding(unit: str) -> Finding:
+    what = (
+        f"The waves fit to positions a factor {1 / UNITS[unit]:g} smaller: they are in {_NAMES[unit]}, not in metres."
+    )
+    return Finding("position-unit", what, SURE_OF_UNIT, f"--position-unit {unit}")
+
+
+_NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "in": "inches"}
+
+
+def _unit(pairs: Pairs) -> str | None:
+    """The unit in which the positions of a far too coarse array make sense and fit to the waves."""
+    pitch = _pitch(pairs) / pairs.wavelength
+    if pitch < COARSE_PITCH:
+        return None
+    fitting = {}
+    for unit in _NAMES:
+        if FINE_PITCH[0] <= pitch * UNITS[unit] <= FINE_PITCH[1]:
+            waves = wavefronts(on_a_line(pairs.scaled(UNITS[unit])), exchange=False)
+            if waves is not None and _in_phase(waves) >= IN_PHASE:
+                fitting[unit] = _in_phase(waves)
+    return max(fitting, key=fitting.__getitem__) if fitting else None
+
+
+def _in_phase(waves: Wavefronts) -> float:
+    """Median coherence over that of random phases."""
+    return float(np.median(waves.coherence)) * waves.pairs
+
+
+def _pitch(pairs: Pairs) -> float:
+    """Median distance of neighbours in the finer array [m]; zero for a single place."""
+    pitches = []
+    for places in (pairs.tx, pairs.rx):
+        unique = np.unique(places, axis=0)
+        if len(unique) > 1:
+            pitches.append(float(np.median(cKDTree(unique).query(unique, k=2)[0][:, 1])))
+    return min(pitches, default=0.0)
+
+
+def _same_places(pairs: Pairs) -> bool:
+    """Whether transmitters and receivers stand at the same places, to a fraction of a wavelength."""
+    return bool(np.abs(pairs.tx - pairs.rx).max() < 0.1 * pairs.wavelength)

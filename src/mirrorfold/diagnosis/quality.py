@@ -1,0 +1,66 @@
+"""What can be wrong with the samples and the axes of a sweep, whatever the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.calibration.masking import Bad, find_bad
+from mirrorfold.diagnosis.findings import CERTAIN, Finding
+from mirrorfold.sweep import STEP_TOLERANCE
+
+MASK = "--mask"
+
+
+def sample_findings(sweep: xr.Dataset) -> list[Finding]:
+    """Samples that are missing, dead, clipped or noise, and frequencies that are not equally spaced.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        With a complex variable s; need not be valid otherwise.
+    """
+    return [*_bad_findings(find_bad(sweep), sweep), *_step_findings(sweep)]
+
+
+def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
+    missing = int(np.count_nonzero(~np.isfinite(sweep["s"].values)))
+    channels = bad.dead.size
+    found = []
+    if missing:
+        found.append(
+            Finding("nan", f"{missing} samples of {sweep['s'].size} are not finite (NaN or infinite).", CERTAIN, MASK)
+        )
+    if bad.dead.any():
+        found.append(
+            Finding("dead-channels", f"{int(bad.dead.sum())} of {channels} channels are silent.", CERTAIN, MASK)
+        )
+    if bad.saturated.any():
+        what = f"{int(bad.saturated.sum())} of {channels} channels are saturated: many samples have one largest value."
+        found.append(Finding("saturated-channels", what, 0.95, MASK))
+    if bad.noise.any():
+        what = f"{int(bad.noise.sum())} of {channels} channels hold noise and no echo, unlike the others."
+        found.append(Finding("noise-channels", what, 0.95, MASK))
+    spurs = bad.frequencies
+    if spurs.any():
+        frequency = sweep["frequency"].values
+        places = ", ".join(f"{frequency[n] / 1e9:.6g}" for n in np.flatnonzero(spurs)[:3])
+        more = ", ..." if spurs.sum() > 3 else ""
+        what = f"{int(spurs.sum())} of {spurs.size} frequencies stand out of their neighbours ({places}{more} GHz)."
+        found.append(Finding("bad-frequencies", what, 0.95, MASK))
+    return found
+
+
+def _step_findings(sweep: xr.Dataset) -> list[Finding]:
+    frequency = np.asarray(sweep["frequency"].values, dtype=float) if "frequency" in sweep.variables else np.empty(0)
+    if frequency.size < 2 or not np.isfinite(frequency).all():
+        return []
+    step = np.diff(frequency)
+    if (step < 0).all():
+        what = "The frequencies fall from sample to sample."
+        return [Finding("falling-frequencies", what, CERTAIN, "--sort-frequencies")]
+    if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * abs(step.mean()):
+        what = f"The frequency steps are not equal: they range from {step.min():g} to {step.max():g} Hz."
+        remedy = "resample the sweep to equal steps, or leave out the frequencies that break them"
+        return [Finding("non-uniform-steps", what, CERTAIN, remedy, by_command=False)]
+    return []

@@ -1,0 +1,130 @@
+"""Whether the range axis of a raster scan runs the right way.
+
+The beams of a scanner leave one place, so that there is no wavefront to look at. Two things tell the direction of time.
+What leaks inside the instrument, and is the same in all beams, arrives before any echo; where it stands at the end of
+the ambiguous range, time runs backwards. And a focused beam is wider, in angle, near the radar than in its focus:
+neighbouring beams see the same speckle as far as the beam reaches. Conjugated samples and reversed frequencies make the
+same image of a scan, range for range, so that either repair does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.beam import beam_radius
+from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.sweep import ambiguous_range
+
+Array = NDArray[np.float64]
+
+LEAKAGE_SHARE = 0.25
+"""Leakage is looked for in this share of the range axis at either end."""
+
+LEAKAGE_RATIO = 10.0
+"""Power of the stronger end over the other, in what all beams have in common, that shows leakage; it is that much above
+the typical level between the ends too."""
+
+ABOVE_NOISE = 10.0
+"""Power over the noise of the echoes whose beams are compared."""
+
+FEWEST_CELLS = 30
+"""Echoes, in range cells, that make a judgement of the beam's width."""
+
+MARGIN = 0.15
+"""Difference of the mean squared misfits of the log widths that decides: a beam is then off by 40 % on average."""
+
+SURE_BY_LEAKAGE, SURE_BY_BEAM, SURE_BY_BOTH = 0.95, 0.9, 0.99
+
+
+def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
+    """Whether the range axis of a valid raster scan is reversed; see `mirrorfold.diagnosis.diagnose`."""
+    s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0]
+    if s.shape[0] < 32 or s.shape[1] * s.shape[2] < 9:
+        return [], {"waves": False, "exchange": False}
+    taper = np.hanning(s.shape[0] + 2)[1:-1, None, None].astype(np.float32)
+    leakage = np.median(s.real, axis=(1, 2)) + 1j * np.median(s.imag, axis=(1, 2))
+    by_leakage = _by_leakage(np.abs(np.fft.ifft(leakage * taper[:, 0, 0])) ** 2, s)
+    profile = np.fft.ifft((s - leakage[:, None, None]) * taper, axis=0)
+    by_beam = _by_beam(profile, sweep)
+    votes = [vote for vote in (by_leakage, by_beam) if vote]
+    judged = {"waves": bool(votes), "exchange": False}
+    if not votes or sum(votes) >= 0:
+        return [], judged
+    sure = SURE_BY_BOTH if len(votes) == 2 else SURE_BY_LEAKAGE if by_leakage else SURE_BY_BEAM
+    why = (
+        "What leaks inside the instrument arrives last" if by_leakage else "The beam is narrow where it should be wide"
+    )
+    what = (
+        f"{why}: the range axis runs backwards, the samples are conjugated (or I and Q exchanged) or stored from the "
+        "highest frequency to the lowest; images of a scan cannot tell which, and either repair does."
+    )
+    return [Finding("range-reversed", what, sure, "--conjugate")], judged
+
+
+def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
+    """+1 where what all beams have in common arrives early, -1 where it arrives late, 0 where there is none."""
+    count = common.size
+    ends = max(int(LEAKAGE_SHARE * count), 4)
+    early, late = float(common[:ends].max()), float(common[-ends:].max())
+    # What a median over independent samples leaves of them falls with their number.
+    own = float(np.mean(np.abs(s) ** 2)) / count / (s.shape[1] * s.shape[2])
+    typical = max(float(np.median(common)), own)
+    stronger, weaker = max(early, late), min(early, late)
+    if stronger < LEAKAGE_RATIO * weaker or stronger < LEAKAGE_RATIO * typical:
+        return 0
+    return 1 if early > late else -1
+
+
+def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
+    """+1 where the beams' widths fit to the range axis as it stands, -1 reversed, 0 where they do not tell."""
+    if not {"spot_radius", "focus_distance"} <= set(sweep.attrs):
+        return 0
+    count = profile.shape[0]
+    range_ = np.arange(count) * ambiguous_range(sweep) / count
+    wavelength = speed_of_light / float(sweep["frequency"].values.mean())
+    power = np.mean(np.abs(profile) ** 2, axis=(1, 2))
+    loud = power > ABOVE_NOISE * np.quantile(power, 0.1)
+    width = np.full(count, np.nan)
+    for cell in np.flatnonzero(loud):
+        width[cell] = _angular_width(profile[cell], sweep)
+    misfit = []
+    for expected_range in (range_, ambiguous_range(sweep) - range_):
+        place = np.maximum(expected_range, 1e-3)
+        radius = beam_radius(
+            place,
+            spot_radius=float(sweep.attrs["spot_radius"]),
+            focus_distance=float(sweep.attrs["focus_distance"]),
+            wavelength=wavelength,
+        )
+        misfit.append(np.log(width) - np.log(radius / place))
+    usable = np.isfinite(misfit[0]) & np.isfinite(misfit[1])
+    if usable.sum() < FEWEST_CELLS:
+        return 0
+    # How the width of the correlation goes with that of the beam is a constant, the same for both.
+    weight = power[usable] ** 0.25
+    spread = []
+    for one in misfit:
+        centred = np.clip(one[usable] - np.median(one[usable]), -1.0, 1.0)
+        spread.append(float(np.average(centred**2, weights=weight)))
+    if abs(spread[0] - spread[1]) < MARGIN * max(spread):
+        return 0
+    return 1 if spread[0] < spread[1] else -1
+
+
+def _angular_width(cell: NDArray[np.complexfloating], sweep: xr.Dataset) -> float:
+    """Angle [rad] over which neighbouring beams see the same, from their correlation one step apart."""
+    widths = []
+    for axis, name in enumerate(("azimuth", "elevation")):
+        if cell.shape[axis] < 3:
+            continue
+        step = np.radians(float(np.diff(sweep[name].values).mean()))
+        a = np.take(cell, range(cell.shape[axis] - 1), axis=axis)
+        b = np.take(cell, range(1, cell.shape[axis]), axis=axis)
+        norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+        correlation = float(np.abs(np.vdot(a, b))) / norm if norm > 0 else 0.0
+        if 0.02 < correlation < 0.9999:
+            widths.append(step / np.sqrt(-np.log(correlation)))
+    return float(np.mean(widths)) if widths else float("nan")

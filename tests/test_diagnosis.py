@@ -1,0 +1,216 @@
+"""Classic mistakes are put into sweeps and must be named, with the command that undoes them; good ones stay silent."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.diagnosis import diagnose
+from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
+
+MISTAKES = {
+    "none": (),
+    "conjugated": ("conjugated",),
+    "I and Q": ("conjugated",),
+    "reversed": ("frequency-reversed",),
+    "exchanged": ("tx-rx-exchanged",),
+    "millimetres": ("position-unit",),
+    "cable": ("range-offset",),
+}
+
+
+def wrong(sweep, mistake):
+    """The sweep with a mistake."""
+    if mistake == "millimetres":
+        return sweep.assign_coords({f"{a}_position": 1e3 * sweep[f"{a}_position"] for a in ("tx", "rx")})
+    if mistake == "cable":
+        return mf.calibrate.remove_cable(sweep, -1.7)
+    return {
+        "none": lambda s: s,
+        "conjugated": mf.calibrate.conjugate,
+        "I and Q": mf.calibrate.swap_iq,
+        "reversed": mf.calibrate.reverse_frequency,
+        "exchanged": mf.calibrate.swap_tx_rx,
+    }[mistake](sweep)
+
+
+def scene(seed, *, displaced, turned=0.0, elements=61, snr_db=20.0):
+    """Scatterers along random walls, seen by arrays in any direction."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(290e9, 300e9, 301)
+    along = 0.5e-3 * (np.arange(elements) - (elements - 1) / 2)
+    axis = np.array([np.cos(turned), np.sin(turned), 0.0])
+    ahead = np.array([-np.sin(turned), np.cos(turned), 0.0])
+    shift = 0.05 if displaced else 0.0
+    tx, rx = (along - shift)[:, None] * axis, (along + shift)[:, None] * axis
+    start, end = random.uniform([-0.8, 0.6], [0.8, 2.2], (2, 4, 2))
+    place = (start + (end - start) * random.uniform(0, 1, (60, 4, 1))).reshape(-1, 2)
+    place = place[:, :1] * axis + place[:, 1:] * ahead
+    echo = random.standard_normal((2, len(place))).view(float)
+    echo = echo[0] + 1j * echo[1]
+    s = np.empty((frequency.size, elements, elements), dtype=np.complex64)
+    to_tx, to_rx = (np.linalg.norm(place[:, None] - antennas, axis=2) for antennas in (tx, rx))
+    for m, k in enumerate(2 * np.pi * frequency / speed_of_light):
+        s[m] = (echo[:, None] * np.exp(-1j * k * to_tx)).T @ np.exp(-1j * k * to_rx)
+    sweep = mf.make_sweep(s, frequency=frequency, tx_position=tx, rx_position=rx)
+    return mf.add_noise(sweep, snr_db=snr_db, seed=seed)
+
+
+def named(sweep):
+    return tuple(sorted(finding.name for finding in diagnose(sweep)[0]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_each_mistake_is_named_and_good_sweeps_are_not_blamed(seed, mistake):
+    if mistake == "exchanged" and seed % 2:
+        pytest.skip("transmitters and receivers stand at the same places")
+    sweep = scene(seed, displaced=seed % 2 == 0, turned=0.4 * seed, elements=61 if seed % 2 == 0 else 121)
+    assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_in_a_full_wave_sweep(shared_data, mistake):
+    whole = mf.load(shared_data / "two_walls_fullwave.nc")
+    sweep = whole.isel(tx=slice(0, 70), rx=slice(91, 161)) if mistake == "exchanged" else whole.isel(
+        tx=slice(20, 141), rx=slice(20, 141)
+    )  # fmt: skip
+    assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
+
+
+def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    clean = scene(2, displaced=True)
+    for mistake in ("conjugated", "cable"):
+        mf.save(wrong(clean, mistake), "sweep.nc")
+        found = mf.info("sweep.nc")["findings"]
+        assert [finding["name"] for finding in found] == list(MISTAKES[mistake])
+        assert 0.6 <= found[0]["sure"] <= 1.0
+        program, *arguments = found[0]["fix"].split()
+        assert program == "mirrorfold"
+        assert main(arguments) == 0
+        repaired = mf.load("sweep-repaired.nc")
+        assert named(repaired) == ()
+        assert len(repaired.attrs["processing"]) >= 1
+        # The repair leaves the phase to within the length of cable that curvature can tell.
+        spectrum, ideal = (np.abs(np.fft.ifft(one["s"].values[:, 5, 7])) for one in (repaired, clean))
+        assert abs(int(np.argmax(np.correlate(spectrum, ideal, "full"))) - 300) <= (0 if mistake == "conjugated" else 4)
+
+
+def test_a_range_offset_is_measured():
+    found, _ = diagnose(wrong(scene(0, displaced=True), "cable"))
+    assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
+
+
+def test_exchanged_antennas_at_the_same_places_do_not_matter_and_are_not_judged():
+    sweep = scene(1, displaced=False, elements=41)
+    assert diagnose(sweep)[1]["exchange"] is False
+    assert diagnose(scene(0, displaced=True, elements=41))[1]["exchange"] is True
+
+
+def test_noise_is_no_mistake():
+    for seed in range(4):
+        sweep = scene(seed, displaced=True, elements=31, snr_db=-60.0)
+        for unit in (1.0, 1e3):
+            scaled = sweep.assign_coords({f"{a}_position": unit * sweep[f"{a}_position"] for a in ("tx", "rx")})
+            found, judged = diagnose(scaled)
+            assert found == []
+            assert not judged["waves"]
+
+
+def test_a_small_array_is_not_judged():
+    sweep = scene(3, displaced=False, elements=5)
+    found, judged = diagnose(mf.calibrate.conjugate(sweep))
+    assert found == []
+    assert not judged["waves"]
+
+
+def test_of_a_planar_array_one_row_is_looked_at():
+    x, z = np.meshgrid(0.5e-3 * np.arange(9), 0.5e-3 * np.arange(7))
+    places = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
+    frequency = np.linspace(290e9, 300e9, 3)
+    s = np.ones((3, 63, 63), complex)
+    pairs = on_a_line(pairs_of(mf.make_sweep(s, frequency=frequency, tx_position=places, rx_position=places)))
+    kept = pairs.tx[np.unique(pairs.tx_of)]
+    assert 9 <= len(kept) < 63
+    assert np.ptp(kept[:, 2]) <= 1.1e-3
+    assert np.ptp(kept[:, 0]) == pytest.approx(4e-3)
+
+
+def test_what_is_broken_is_said_with_its_remedy(tmp_path, monkeypatch, capsys, sweep):
+    monkeypatch.chdir(tmp_path)
+    samples = sweep["s"].values.copy()
+    samples[3, 2, 2] = np.nan
+    samples[:, 4] = 0.0
+    sweep.assign(s=sweep["s"].copy(data=samples)).to_netcdf("bad.nc", engine="h5netcdf")
+    found = mf.info("bad.nc")
+    assert not found["valid"]
+    assert {finding["name"] for finding in found["findings"]} == {"nan", "dead-channels"}
+    assert main(["info", "bad.nc", "--json"]) == 2
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["findings"][0]["fix"] == "mirrorfold calibrate bad.nc -o bad-repaired.nc --mask"
+    assert "--mask" in printed.err
+    assert main(["calibrate", "bad.nc", "-o", "good.nc", "--mask"]) == 0
+    masked = mf.load("good.nc")
+    assert not masked["s"].values[:, 4].any()
+    assert not masked["s"].values[:, 2, 2].any()
+
+
+def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
+    monkeypatch.chdir(tmp_path)
+    sweep.isel(frequency=slice(None, None, -1)).to_netcdf("falling.nc", engine="h5netcdf")
+    found = mf.info("falling.nc")["findings"]
+    assert [finding["name"] for finding in found] == ["falling-frequencies"]
+    assert main(found[0]["fix"].split()[1:]) == 0
+    np.testing.assert_allclose(mf.load("falling-repaired.nc")["s"], sweep["s"])
+    gappy = sweep.isel(frequency=[0, 1, 2, 5, 6])
+    gappy.to_netcdf("gappy.nc", engine="h5netcdf")
+    assert [finding["name"] for finding in mf.info("gappy.nc")["findings"]] == ["non-uniform-steps"]
+
+
+def raster_scan(seed, *, leakage):
+    """Speckle of a wall in focused beams, nearer than the focus."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(270e9, 300e9, 401)
+    angle = np.linspace(-6.0, 6.0, 25)
+    spot, focus = 0.017, 1.6
+    from mirrorfold.beam import beam_direction, beam_radius
+
+    depth = random.uniform(0.5, 1.3, 1500)
+    aim = beam_direction(random.uniform(-6.5, 6.5, 1500), random.uniform(-6.5, 6.5, 1500))
+    width = beam_radius(depth, spot_radius=spot, focus_distance=focus, wavelength=1.05e-3)
+    beams = beam_direction(angle[:, None], angle).reshape(-1, 3)
+    off = depth * np.sqrt(np.maximum(1.0 - (beams @ aim.T) ** 2, 0.0))
+    echo = random.standard_normal((1500, 2)).view(complex)[:, 0] * np.exp(-2.0 * (off / width) ** 2) / width**2
+    k = 2 * np.pi * frequency / speed_of_light
+    s = (np.exp(-2j * k[:, None] * depth) @ echo.T).reshape(-1, 25, 25)
+    if leakage:
+        s += 0.1 * np.abs(s).max() * np.exp(-2j * k * 0.1)[:, None, None]
+    attrs = {} if leakage else {"spot_radius": spot, "focus_distance": focus}
+    sweep = mf.make_raster_sweep(s, frequency=frequency, azimuth=angle, elevation=angle, **attrs)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("leakage", [False, True])
+def test_the_range_axis_of_a_scan_runs_forward(leakage):
+    for seed in range(3):
+        sweep = raster_scan(seed, leakage=leakage)
+        assert named(sweep) == ()
+        for repair in (mf.calibrate.conjugate, mf.calibrate.reverse_frequency):
+            assert named(repair(sweep)) == ("range-reversed",)
+        assert diagnose(sweep)[1]["waves"]
+
+
+def test_a_scan_of_which_nothing_is_known_is_not_judged():
+    sweep = raster_scan(0, leakage=False)
+    silent = sweep.drop_attrs().assign_attrs(mirrorfold_kind="sweep")
+    assert isinstance(silent, xr.Dataset)
+    assert diagnose(silent) == ([], {"waves": False, "exchange": False})
