@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mirrorfold import plot, plot_volume
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
-    from mirrorfold.folding import fold
+    from mirrorfold.folding import FoldPlan, fold
     from mirrorfold.inspection import info
     from mirrorfold.io import export, load, save
     from mirrorfold.metrics import score
@@ -35,6 +35,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "FocusPlan": "focusing",
+    "FoldPlan": "folding",
     "InputError": "errors",
     "Scene": "scene",
     "Scene3D": "solids",
@@ -76,6 +77,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "plan_view",
     "to_voxels",
     "fold",
+    "FoldPlan",
     "reconstruct",
     "score",
     "export",

@@ -272,9 +272,12 @@ def fold(
     *,
     output: Output,
     sweep: Path | None = None,
+    mirrors: Path | None = None,
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
+    wall_margin: float | None = None,
+    generations: int | None = None,
     export: Path | None = None,
     json: Flag = False,
 ) -> None:
@@ -283,35 +286,46 @@ def fold(
     Parameters
     ----------
     image
-        Image to read (netCDF).
+        Image to read (netCDF), or a reconstruction, whose initial image is folded again.
     output
         Reconstruction to write (netCDF).
     sweep
         Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
+    mirrors
+        Mirrors that are known or drawn (JSON); found in the image by default.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
         Of a mirror [m]; in a volume, of its width and height.
+    wall_margin
+        How far behind a mirror echoes still belong to the wall [m].
+    generations
+        Largest number of mirrors in a chain; any number by default.
     export
         Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors and counts as one JSON object.
     """
+    from mirrorfold.given import read_lines
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[image] if sweep is None else [image, sweep])
+    check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
     check_export(export)
-    focused = read(image, "image")
+    lines = None if mirrors is None else read_lines(mirrors)
+    focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:
         reconstruction = mf.fold(
             focused,
             sweep=measured,
+            mirrors=lines,
             preset=preset,
             threshold_db=threshold_db,
             minimum_length=minimum_length,
+            wall_margin=wall_margin,
+            generations=generations,
             progress=report,
         )
     reconstruction.attrs["command"] = command.get()
@@ -424,8 +438,8 @@ def remove_directory(path: Path) -> None:
     shutil.rmtree(path, ignore_errors=True)
 
 
-def read(path: Path, kind: str) -> Any:
-    """A file that must hold a sweep, an image or a reconstruction.
+def read(path: Path, *expected: str) -> Any:
+    """A file that must hold a sweep, an image or a reconstruction, whichever of them is expected.
 
     Raises
     ------
@@ -436,9 +450,9 @@ def read(path: Path, kind: str) -> Any:
 
     found = mf.load(path)
     kinds = {xr.Dataset: "sweep", xr.DataArray: "image", xr.DataTree: "reconstruction"}
-    if kinds.get(type(found)) != kind:
-        held = kinds.get(type(found), "scene")
-        raise InputError(f"{path}: is of kind {held}, expected {kind}; give another file")
+    held = kinds.get(type(found), "scene")
+    if held not in expected:
+        raise InputError(f"{path}: is of kind {held}, expected {' or '.join(expected)}; give another file")
     return found
 
 
