@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mirrorfold.io import export, load, save
     from mirrorfold.metrics import score
     from mirrorfold.reconstruction import reconstruct
+    from mirrorfold.reporting import report
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
@@ -52,6 +53,7 @@ _HOME = {
     "near_field": "simulation.fullwave.near_field",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
+    "report": "reporting",
     "save": "io",
     "score": "metrics",
     "simulate": "simulation",
@@ -81,6 +83,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "reconstruct",
     "score",
     "export",
+    "report",
     "plot",
     "plot_volume",
     "InputError",

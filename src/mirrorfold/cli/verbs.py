@@ -33,6 +33,7 @@ Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
+REPORT = "report.html"
 
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
@@ -58,6 +59,8 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
+    from mirrorfold.cli import looking  # noqa: F401  registers its verbs
+
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
@@ -91,7 +94,7 @@ def demo(
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
     file = DEMO_SCENES[scene]
-    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, "score.json"))
+    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
     text = package_files("mirrorfold").joinpath("scenes", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
         (directory / file).write_text(text, encoding="utf-8")
@@ -102,6 +105,7 @@ def demo(
         mf.save(sweep, directory / "sweep.nc")
         with progress("reconstructing") as report:
             reconstruction = mf.reconstruct(sweep, progress=report)
+        reconstruction.attrs["command"] = command.get()
         results = write_results(reconstruction, directory, scene=truth)
         score = mf.score(reconstruction, truth)
         write_json(score, directory / "score.json")
@@ -112,7 +116,7 @@ def demo(
     show_mirrors(mirror_table(reconstruction))
     show_score(score)
     show_files(paths)
-    print(f"look at {out / PICTURE}")
+    print(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
 
 
 def simulate(
@@ -350,7 +354,7 @@ def reconstruct(
     sweep
         Sweep to read (netCDF).
     output
-        Directory for reconstruction.nc and before_after.png; of a raster scan, body.png and space.png too.
+        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
@@ -364,7 +368,7 @@ def reconstruct(
     """
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE), inputs=[sweep])
+    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=[sweep])
     check_export(export)
     measured = read(sweep, "sweep")
     remark(mf.info(measured)["remarks"])
@@ -478,14 +482,15 @@ def parse_axis(text: str, name: str) -> Any:
 def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
     """Write a reconstruction and its pictures to a directory; returns the files' names."""
     mf.save(reconstruction, directory / RECONSTRUCTION)
+    mf.report(reconstruction, directory / REPORT, scene=scene)
     if "z" not in reconstruction.children["objects"].variables:
         mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
-        return [RECONSTRUCTION, PICTURE]
+        return [RECONSTRUCTION, PICTURE, REPORT]
     from mirrorfold import plot_volume
 
     mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
-    names = [RECONSTRUCTION, PICTURE, SPACE]
+    names = [RECONSTRUCTION, PICTURE, SPACE, REPORT]
     if plot_volume.has_body(reconstruction):
         plot_volume.body(reconstruction).savefig(directory / BODY)
         names.append(BODY)
