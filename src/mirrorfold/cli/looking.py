@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import mirrorfold as mf
@@ -35,7 +37,43 @@ def report(reconstruction: Path, *, output: Output, scene: Path | None = None, j
     show_files([output])
 
 
-for verb in (report,):
+def view(
+    file: Path,
+    *,
+    scene: Path | None = None,
+    port: int = 0,
+    no_open: Flag = False,
+    json: Flag = False,
+) -> None:
+    """View a file in the browser.
+
+    Parameters
+    ----------
+    file
+        Sweep, image or reconstruction (netCDF). What is wrong with it is said in the page.
+    scene
+        Scene file with the truth (TOML).
+    port
+        Of the page, on this machine alone; any that is free by default.
+    no_open
+        Do not open the browser.
+    json
+        Print the address as one JSON object.
+    """
+    from mirrorfold.viewing import view as serve
+
+    def announce(address: str) -> None:
+        if json:
+            show_json({"kind": "view", "address": address})
+        else:
+            print(f"{file} is at {address} for browsers on this machine; Ctrl+C ends it")
+        sys.stdout.flush()
+
+    with suppress(KeyboardInterrupt):
+        serve(file, scene=scene, port=port, open_browser=not no_open, announce=announce)
+
+
+for verb in (report, view):
     app.command(
         verb,
         name=verb.__name__,

@@ -280,6 +280,7 @@ def fold(
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
+    normalization: Literal["r", "none", "r2", "beam"] | None = None,
     wall_margin: float | None = None,
     generations: int | None = None,
     export: Path | None = None,
@@ -303,6 +304,8 @@ def fold(
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
         Of a mirror [m]; in a volume, of its width and height.
+    normalization
+        Power of range that undoes the spreading; for a volume, beam, r2 or none.
     wall_margin
         How far behind a mirror echoes still belong to the wall [m].
     generations
@@ -328,6 +331,7 @@ def fold(
             preset=preset,
             threshold_db=threshold_db,
             minimum_length=minimum_length,
+            normalization=normalization,
             wall_margin=wall_margin,
             generations=generations,
             progress=report,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,8 @@ def to_document(
     extent: tuple[float, float, float, float] | None = None,
     zero_db: float | None = None,
     effort: int = 9,
+    images: Sequence[str] = ("initial", "corrected"),
+    scored: bool = True,
 ) -> dict[str, Any]:
     """Everything to show of a reconstruction.
 
@@ -67,6 +70,10 @@ def to_document(
         Amplitude to show as 0 dB; by default that of the brightest pixels of the initial image.
     effort : int
         Of compression, 1 to 9.
+    images : list of str
+        Which of the two to send.
+    scored : bool
+        Whether to score the result, where the truth is known.
 
     Returns
     -------
@@ -81,13 +88,13 @@ def to_document(
     truth = [] if scene is None else truth_lines(scene)
     if extent is None:
         extent = shown_extent(reconstruction, truth)
-    images = {
+    shown = {
         "initial": reconstruction.children["initial"].dataset["initial"],
         "corrected": reconstruction.dataset["intensity"],
     }
-    images = {name: _reduced(_cropped(image, extent), largest_image) for name, image in images.items()}
-    zero = reference(images["initial"].values) if zero_db is None else zero_db
-    x, y = (images["corrected"][name].values.astype(float) for name in "xy")
+    shown = {name: _reduced(_cropped(image, extent), largest_image) for name, image in shown.items()}
+    zero = reference(shown["initial"].values) if zero_db is None else zero_db
+    x, y = (shown["corrected"][name].values.astype(float) for name in "xy")
     document: dict[str, Any] = {
         "version": __version__,
         "dimensions": dimensions,
@@ -99,7 +106,7 @@ def to_document(
         "grid": {"x0": x[0], "dx": _step(x), "nx": x.size, "y0": y[0], "dy": _step(y), "ny": y.size},
         "extent": list(extent),
         "zero_db": zero,
-        "images": {name: packed_levels(image.values, zero, effort) for name, image in images.items()},
+        "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
         "margin": float(attrs.get("fold_wall_margin", 0.0)),
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
@@ -108,7 +115,7 @@ def to_document(
         "parameters": [[str(name), _text(value)] for name, value in attrs.items() if name not in HIDDEN_ATTRS],
         "facts": _facts(objects, mirrors),
     }
-    if scene is not None:
+    if scene is not None and scored:
         from mirrorfold.metrics import score
 
         document["score"] = score_rows(score(reconstruction, scene))
@@ -224,6 +231,12 @@ def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) ->
     margin = MARGIN * max(high - low for low, high in found)
     (low_x, high_x), (low_y, high_y) = found
     return float(low_x - margin), float(high_x + margin), float(low_y - margin), float(high_y + margin)
+
+
+def shown_grid(image: xr.DataArray, extent: tuple[float, float, float, float], largest: int) -> tuple[Array, Array]:
+    """The pixel coordinates (x, y) [m] that `to_document` shows an image on."""
+    part = _reduced(_cropped(image, extent), largest)
+    return part["x"].values.astype(float), part["y"].values.astype(float)
 
 
 def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) -> dict[str, Any]:

@@ -32,7 +32,7 @@ function makeLegend() {
         if (event.target.checked) state.hidden.delete(bounces); else state.hidden.add(bounces);
         changed();
       } }), el("span", { class: "swatch", style: { background: colourOf(bounces) } }), bouncesText(bounces))),
-      content.truth.length ? el("label", {}, el("span", { class: "swatch truth", style: { background: truthColour() } }), "truth") : null);
+      content.truth.length ? el("label", {}, el("span", { class: "swatch truth", style: { background: truthColour() } }), "truth") : "");
   });
   return legend;
 }
@@ -79,8 +79,7 @@ async function start() {
   theme(matchMedia("(prefers-color-scheme: dark)").matches);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => theme(event.matches));
   try {
-    const content = read("content");
-    if (content) state.content = await unpack(content);
+    state.content = live ? await loadLive(page) : await unpack(read("content"));
     compose(page);
   } catch (error) {
     page.replaceChildren(el("p", { class: "notice", role: "alert" }, `The content of this page cannot be shown: ${error.message}`));

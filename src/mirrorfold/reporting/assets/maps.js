@@ -192,7 +192,7 @@ class Panel {
 
   polyline(points) { return points.map((p) => this.toScreen(p).map((v) => v.toFixed(1)).join(",")).join(" "); }
   drawLayer() {
-    const { content } = state, parts = [], old = document.activeElement, focused = old && this.layer.contains(old) ? old.dataset.number : null;
+    const { content } = state, parts = [], old = document.activeElement, held = old && this.layer.contains(old) ? old.dataset : null;
     if (state.show.truth)
       for (const line of content.truth)
         parts.push(svg("polyline", { class: "truth", points: this.polyline(line), stroke: truthColour() }));
@@ -209,7 +209,8 @@ class Panel {
     if (this.handles) parts.push(...this.handles());
     parts.push(...this.scaleBar(), ...this.ticks());
     this.layer.replaceChildren(...parts.filter(Boolean));
-    if (focused !== null) this.layer.querySelector(`.mirror[data-number="${focused}"]`)?.focus({ preventScroll: true });
+    const same = held && (held.handle ? `[data-handle="${held.handle}"]` : `.mirror[data-number="${held.number}"]`);
+    if (same) this.layer.querySelector(same)?.focus({ preventScroll: true });
   }
   // All that may be seen through a mirror; in the corrected image at its true place, for the mirror that is lit.
   paintShadow(context, mirror) {
