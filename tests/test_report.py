@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from browser import chromium, number, opened, pixels, readout, settle, to_screen  # noqa: F401
+from browser import number, opened, pixels, readout, settle, to_screen
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
@@ -201,7 +201,7 @@ def test_the_verb_writes_the_page_or_says_why_not(reconstruction, scene_file, tm
     assert not (tmp_path / "x.html").exists()
 
 
-def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium):  # noqa: F811
+def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium):
     groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     groups["/mirrors"] = groups["/mirrors"].isel(mirror=slice(0))
     groups["/objects"] = groups["/objects"].isel(point=slice(0))
@@ -212,7 +212,7 @@ def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium
         assert "No mirror was found" in page.inner_text("body")
 
 
-def test_the_browser_shows_it_without_errors_and_without_network(address, chromium):  # noqa: F811
+def test_the_browser_shows_it_without_errors_and_without_network(address, chromium):
     with opened(chromium, address) as page:
         assert "mirrorfold reconstruct sweep.nc -o out" in page.inner_text("body")
         assert page.locator(".tree .node").count() == 2
@@ -222,7 +222,7 @@ def test_the_browser_shows_it_without_errors_and_without_network(address, chromi
             assert len(np.unique(pixels(page, f".panel[data-which={name}] canvas")[..., 0])) > 50
 
 
-def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chromium):  # noqa: F811
+def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chromium):
     reconstruction.attrs |= {"title": HOSTILE, "command": HOSTILE, "remark": HOSTILE}
     path = mf.report(reconstruction, tmp_path / "report.html")
     with opened(chromium, path.as_uri()) as page:
@@ -230,7 +230,7 @@ def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chro
         assert page.locator("img").count() == 0
 
 
-def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruction, chromium):  # noqa: F811
+def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruction, chromium):
     """In the initial image of a ghost; in the corrected one of what it is a ghost of; and of what stands free."""
     objects = reconstruction["objects"].to_dataset(inherit=False)
     with opened(chromium, address) as page:
@@ -259,7 +259,7 @@ def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruct
         assert_allclose(folded, [objects["x"][3], objects["y"][3]], atol=0.02)
 
 
-def test_the_divider_slides_by_mouse_and_keys(address, chromium):  # noqa: F811
+def test_the_divider_slides_by_mouse_and_keys(address, chromium):
     with opened(chromium, address) as page:
         divider, stage = page.locator(".divider"), page.locator(".stage").bounding_box()
         box = divider.bounding_box()
@@ -279,7 +279,7 @@ def test_the_divider_slides_by_mouse_and_keys(address, chromium):  # noqa: F811
         assert divider.get_attribute("aria-valuenow") == "98"
 
 
-def test_the_floor_and_the_bounces_change_the_picture(address, chromium):  # noqa: F811
+def test_the_floor_and_the_bounces_change_the_picture(address, chromium):
     with opened(chromium, address) as page:
         page.locator("[data-mode=side]").click()
         settle(page)
@@ -304,7 +304,7 @@ def test_the_floor_and_the_bounces_change_the_picture(address, chromium):  # noq
         assert int((np.abs(final[..., :3] - green).max(axis=-1) < 30).sum()) == 0
 
 
-def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):  # noqa: F811
+def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):
     with opened(chromium, address) as page:
         before = pixels(page, ".panel[data-which=corrected] canvas")
         page.locator(".tree .node").nth(1).focus()
@@ -319,7 +319,7 @@ def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):
         assert page.locator("tbody tr.lit").count() == 1
 
 
-def test_everything_can_be_reached_and_has_a_name(address, chromium):  # noqa: F811
+def test_everything_can_be_reached_and_has_a_name(address, chromium):
     with opened(chromium, address) as page:
         nameless = page.evaluate(
             """() => Array.from(document.querySelectorAll('button, select, input, [tabindex="0"], canvas')).filter(
@@ -337,14 +337,14 @@ def test_everything_can_be_reached_and_has_a_name(address, chromium):  # noqa: F
         assert {"divider", "panel", "node", "mirror"} <= {word for name in seen for word in name.split()}
 
 
-def test_the_page_prints(address, chromium):  # noqa: F811
+def test_the_page_prints(address, chromium):
     with opened(chromium, address) as page:
         printed = page.pdf()
         assert printed.startswith(b"%PDF")
         assert len(printed) > 20_000
 
 
-def test_a_volume_turns_and_is_cut(volume, tmp_path, chromium):  # noqa: F811
+def test_a_volume_turns_and_is_cut(volume, tmp_path, chromium):
     path = mf.report(volume, tmp_path / "volume.html")
     with opened(chromium, path.as_uri()) as page:
         before = pixels(page, "#cloud")

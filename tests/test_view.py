@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from browser import chromium, number, opened, pixels, settle, to_screen  # noqa: F401
+from browser import number, opened, pixels, settle, to_screen
 from numpy.testing import assert_allclose
 from synthetic import diffuse, radar_image, together
 
@@ -218,7 +218,7 @@ def test_pieces_belong_to_the_line_they_lie_on():
     assert line_of([[0.5, 1.3], [1.0, 1.4]], lines) == 1
 
 
-def test_the_page_follows_a_switch_and_saves(file, view, chromium):  # noqa: F811
+def test_the_page_follows_a_switch_and_saves(file, view, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         canvas = ".panel[data-which=corrected] canvas"
         before = pixels(page, canvas)
@@ -254,7 +254,7 @@ def test_the_page_follows_a_switch_and_saves(file, view, chromium):  # noqa: F81
     assert np.array_equal(written["intensity"], mf.fold(view, mirrors=mirrors)["intensity"])
 
 
-def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):  # noqa: F811
+def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         start = lines_of(server.session.state["document"])
         handle = page.locator("[data-handle='0-2']").bounding_box()
@@ -288,7 +288,7 @@ def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):  # noqa: F811
         assert server.session._lines is None
 
 
-def test_settings_of_the_page_reach_the_fold(file, chromium):  # noqa: F811
+def test_settings_of_the_page_reach_the_fold(file, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         page.locator("#set-generations").select_option("0")
         page.wait_for_selector("html[data-folds='1']")
@@ -302,7 +302,7 @@ def test_settings_of_the_page_reach_the_fold(file, chromium):  # noqa: F811
 
 
 @pytest.mark.parametrize("content", [b"", b"not netCDF", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])
-def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, chromium, content):  # noqa: F811
+def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, chromium, content):
     path = tmp_path / "<b>bad<b>.nc"
     path.write_bytes(content)
     with served(path) as server, opened(chromium, server.address) as page:
@@ -313,7 +313,7 @@ def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, c
         page.wait_for_selector(".tree .node")
 
 
-def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, scene_file, tmp_path, chromium):  # noqa: F811
+def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, scene_file, tmp_path, chromium):
     path = tmp_path / "r.nc"
     reconstruction.attrs["title"] = "</script><img src=x onerror=alert(1)>"
     mf.save(reconstruction, path)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mirrorfold.simulation.fullwave.near_field import near_field
     from mirrorfold.solids import Scene3D
     from mirrorfold.sweep import add_noise, check_sweep, make_raster_sweep, make_sweep
+    from mirrorfold.viewing import view
 
 __version__ = "0.1.0"
 
@@ -58,6 +59,7 @@ _HOME = {
     "score": "metrics",
     "simulate": "simulation",
     "to_voxels": "focusing",
+    "view": "viewing",
 }
 """The module that each name of the flat face comes from."""
 
@@ -84,6 +86,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "score",
     "export",
     "report",
+    "view",
     "plot",
     "plot_volume",
     "InputError",

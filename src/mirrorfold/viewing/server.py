@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import sys
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -65,6 +66,11 @@ class Server(ThreadingHTTPServer):
         except OSError as error:
             raise InputError(f"port {port}: cannot be had ({error.strerror}); choose another, or 0 for any") from None
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that has hung up; all other mistakes are ours."""
+        if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
     @property
     def address(self) -> str:
         """The page's address."""
@@ -108,15 +114,16 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
             return
         try:
-            self._send_json(HTTPStatus.OK, action(request))
+            answer = action(request)
         except InputError as error:
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         except OSError as error:
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"reading or writing failed: {error}")
         except Exception as error:  # the page says it, and goes on
-            self._refuse(
-                HTTPStatus.INTERNAL_SERVER_ERROR, f"failed by a mistake of ours ({type(error).__name__}: {error})"
-            )
+            found = f"{type(error).__name__}: {error}"
+            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"failed by a mistake of ours ({found})")
+        else:
+            self._send_json(HTTPStatus.OK, answer)
 
     def _is_local(self) -> bool:
         """Whether the request names this machine and comes from this page; refused otherwise."""

@@ -176,16 +176,16 @@ class Session:
         with self._lock:
             found = self._plan.fold(**self._arguments(settings, lines), grid=self._grid)
             self._settings, self._lines = settings, lines
-            document = to_document(
-                found,
-                self.scene,
-                largest_image=LIVE_PIXELS,
-                extent=self._extent,
-                zero_db=self._zero_db,
-                effort=1,
-                images=("corrected",),
-                scored=request.get("score") is True,
-            )
+        document = to_document(
+            found,
+            self.scene,
+            largest_image=LIVE_PIXELS,
+            extent=self._extent,
+            zero_db=self._zero_db,
+            effort=1,
+            images=("corrected",),
+            scored=request.get("score") is True,
+        )
         document["line_of"] = (
             [] if lines is None else [line_of(mirror["ends"], lines) for mirror in document["mirrors"]]
         )
