@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from browser import chromium  # noqa: F401
 from scipy.constants import speed_of_light
 
 from mirrorfold.geometry import reflect, segment_normal

@@ -23,6 +23,8 @@ NEEDED = {
     "fold": ["image.nc", "-o", "out.nc"],
     "reconstruct": ["sweep.nc", "-o", "out"],
     "score": ["reconstruction.nc", "scene.toml"],
+    "view": ["sweep.nc"],
+    "report": ["reconstruction.nc", "-o", "out.html"],
     "info": ["sweep.nc"],
     "plan": ["--band", "270e9:300e9", "--points", "401", "--aperture", "0.08", "--pitch", "0.5e-3", "--range", "4"],
 }
@@ -246,8 +248,12 @@ def test_from_a_scene_to_a_score(folder, capsys):
 
 def test_reconstruct_leaves_the_reconstruction_and_its_picture(folder, capsys):
     found = parsed(capsys, "reconstruct", "sweep.nc", "-o", "out")
-    assert sorted(path.name for path in (folder / "out").iterdir()) == ["before_after.png", "reconstruction.nc"]
-    assert found["files"] == ["out/reconstruction.nc", "out/before_after.png"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "before_after.png",
+        "reconstruction.nc",
+        "report.html",
+    ]
+    assert found["files"] == ["out/reconstruction.nc", "out/before_after.png", "out/report.html"]
     assert (folder / "out" / "before_after.png").read_bytes().startswith(b"\x89PNG")
     result = mf.load(folder / "out" / "reconstruction.nc")
     assert isinstance(result, xr.DataTree)
@@ -267,7 +273,7 @@ def test_an_image_without_any_mirror_is_unfolded_with_a_remark(folder, capsys):
 @pytest.mark.slow
 def test_the_demonstration(folder, capsys):
     score = parsed(capsys, "demo", "--out", "shown")
-    expected = ["before_after.png", "hidden_corner.toml", "reconstruction.nc", "score.json", "sweep.nc"]
+    expected = ["before_after.png", "hidden_corner.toml", "reconstruction.nc", "report.html", "score.json", "sweep.nc"]
     assert sorted(path.name for path in (folder / "shown").iterdir()) == expected
     written = json.loads((folder / "shown" / "score.json").read_text())
     assert {**written, "files": score["files"]} == score

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
-from mirrorfold.plot import COLOURS, content_extent, decibels
+from mirrorfold.levels import COLOURS, decibels
+from mirrorfold.plot import content_extent
 
 
 @pytest.fixture

@@ -21,22 +21,25 @@ if TYPE_CHECKING:
     from mirrorfold import plot, plot_volume
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
-    from mirrorfold.folding import fold
+    from mirrorfold.folding import FoldPlan, fold
     from mirrorfold.inspection import info
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.metrics import score
     from mirrorfold.planning import plan
     from mirrorfold.reconstruction import reconstruct
+    from mirrorfold.reporting import report
     from mirrorfold.scene import Scene, load_scene
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
     from mirrorfold.solids import Scene3D
     from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
+    from mirrorfold.viewing import view
 
 __version__ = "0.1.0"
 
 _HOME = {
     "FocusPlan": "focusing",
+    "FoldPlan": "folding",
     "InputError": "errors",
     "Scene": "scene",
     "Scene3D": "solids",
@@ -57,11 +60,13 @@ _HOME = {
     "plan": "planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
+    "report": "reporting",
     "save": "io",
     "save_touchstone": "io",
     "score": "metrics",
     "simulate": "simulation",
     "to_voxels": "focusing",
+    "view": "viewing",
 }
 """The module that each name of the flat face comes from."""
 
@@ -92,9 +97,12 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "plan_view",
     "to_voxels",
     "fold",
+    "FoldPlan",
     "reconstruct",
     "score",
     "export",
+    "report",
+    "view",
     "plot",
     "plot_volume",
     "InputError",

@@ -12,17 +12,18 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
-from mirrorfold import __version__
 from mirrorfold.detection import THRESHOLD_DB, Echoes, find_echoes, find_pixels
 from mirrorfold.errors import InputError
-from mirrorfold.geometry import Isometry
-from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror
+from mirrorfold.folded import to_reconstruction
+from mirrorfold.given import check_lines
+from mirrorfold.mirrors import MINIMUM_LENGTH
 from mirrorfold.mixed import is_mixed
 from mirrorfold.polar import PolarImage, to_polar_image
 from mirrorfold.sweep import check_sweep, is_monostatic
-from mirrorfold.tree import ROOT, WALL_MARGIN, MirrorTree, Views, build_tree
+from mirrorfold.tree import WALL_MARGIN, MirrorTree, Views, build_tree
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -30,8 +31,8 @@ Progress = Callable[[int, int], None]
 MIXED_ROUNDS = 3
 """Each round uncovers little: mixed-path ghosts rarely stand behind one another."""
 
-LARGEST_GROWTH = 2.0
-"""The corrected grid grows to hold what folds to outside of the image, by at most this share of the image's size."""
+GHOST_CELLS = 0.5
+"""An echo this close, in resolution cells, to a known mixed-path ghost is that ghost."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Settings:
         Of a mirror.
     wall_margin : float [m]
         How far behind a mirror echoes still belong to the wall.
+    generations : int, optional
+        Largest number of mirrors in a chain; any number by default.
     opaque : bool
         Objects end the view.
     published : bool
@@ -58,6 +61,7 @@ class Settings:
     threshold_db: float = THRESHOLD_DB
     minimum_length: float = MINIMUM_LENGTH
     wall_margin: float = WALL_MARGIN
+    generations: int | None = None
     opaque: bool = True
     published: bool = False
 
@@ -70,25 +74,30 @@ PRESETS = {
 
 
 def fold(
-    image: xr.DataArray,
+    image: xr.DataArray | xr.DataTree,
     *,
     sweep: xr.Dataset | None = None,
+    mirrors: ArrayLike | None = None,
     preset: str = "default",
     normalization: str | None = None,
     threshold_db: float | None = None,
     minimum_length: float | None = None,
     wall_margin: float | None = None,
+    generations: int | None = None,
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Find the mirrors in an image, and fold what was seen through them back to where it stands.
 
     Parameters
     ----------
-    image : (y, x) or (range, azimuth, elevation) DataArray
-        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`.
+    image : (y, x) or (range, azimuth, elevation) DataArray, or DataTree
+        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`. The initial
+        image of a Reconstruction is folded again.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
+    mirrors : (mirrors, 2, 2) array [m], optional
+        The two ends of each mirror in the unfolded image, where they are known or drawn: no others are looked for.
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     normalization : {"r", "none", "r2"}, optional
@@ -99,6 +108,9 @@ def fold(
         Of a mirror; in a volume, of its width and height.
     wall_margin : float [m], optional
         How far behind a mirror echoes still belong to the wall.
+    generations : int, optional
+        Largest number of mirrors in a chain. Deeper ones count as objects, and hide what they show; with 0 the scene
+        stays unfolded.
     progress : callable (done, total), optional
 
     Returns
@@ -111,11 +123,14 @@ def fold(
     InputError
         If the image or a setting cannot be used.
     """
-    if getattr(image, "dims", None) == ("range", "azimuth", "elevation"):
+    if isinstance(image, xr.DataArray) and image.dims == ("range", "azimuth", "elevation"):
         from mirrorfold.volume_folding import fold_volume
 
         if preset != "default":
             raise InputError(f"preset is {preset!r}, but a volume is folded with the default one; fold its plan_view")
+        for name, value in (("mirrors", mirrors), ("generations", generations)):
+            if value is not None:
+                raise InputError(f"{name}: cannot be given for a volume; fold its plan_view, or leave {name} out")
         return fold_volume(
             image,
             normalization=normalization,
@@ -124,218 +139,188 @@ def fold(
             wall_margin=wall_margin,
             progress=progress,
         )
+    return FoldPlan(image, sweep=sweep).fold(
+        mirrors=mirrors,
+        preset=preset,
+        normalization=normalization,
+        threshold_db=threshold_db,
+        minimum_length=minimum_length,
+        wall_margin=wall_margin,
+        generations=generations,
+        progress=progress,
+    )
+
+
+class FoldPlan:
+    """An image that is folded again and again: what does not change is found once.
+
+    Parameters
+    ----------
+    image : (y, x) DataArray or DataTree
+        As for `fold`.
+    sweep : xarray.Dataset, optional
+        As for `fold`.
+    """
+
+    def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
+        self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
+        self._sweep = None if sweep is None else check_sweep(sweep)
+        if self._sweep is not None and is_monostatic(self._sweep):
+            self._sweep = None  # one antenna hears an echo from where it sent it to
+        self._left_out = np.empty((0, 2))
+        if isinstance(image, xr.DataTree) and sweep is None:
+            places = [np.ravel(image.attrs.get(f"mixed_{axis}", ())).astype(float) for axis in "xy"]
+            self._left_out = np.stack(places, axis=-1)
+        self._polar: dict[str, PolarImage] = {}
+        self._echoes: dict[tuple[str, float, bool], Echoes] = {}
+        self._ratio: dict[str, dict[tuple[float, float], float]] = {}
+
+    def fold(
+        self,
+        *,
+        mirrors: ArrayLike | None = None,
+        preset: str = "default",
+        normalization: str | None = None,
+        threshold_db: float | None = None,
+        minimum_length: float | None = None,
+        wall_margin: float | None = None,
+        generations: int | None = None,
+        grid: tuple[Array, Array] | None = None,
+        progress: Progress | None = None,
+    ) -> xr.DataTree:
+        """Fold the image, as `mirrorfold.fold` does.
+
+        Parameters
+        ----------
+        mirrors, preset, normalization, threshold_db, minimum_length, wall_margin, generations, progress
+            As for `mirrorfold.fold`.
+        grid : (x, y), optional
+            Pixel coordinates of the resulting pictures, equal rising steps [m]; the image's by default.
+
+        Returns
+        -------
+        xarray.DataTree
+            The Reconstruction.
+
+        Raises
+        ------
+        InputError
+            If the image or a setting cannot be used.
+        """
+        given = {
+            "normalization": normalization,
+            "threshold_db": threshold_db,
+            "minimum_length": minimum_length,
+            "wall_margin": wall_margin,
+            "generations": generations,
+        }
+        settings = _settings(preset, given)
+        lines = None if mirrors is None else check_lines(mirrors)
+        report = progress or (lambda done, total: None)
+        polar = self._view(settings)
+        report(1, 4)
+        echoes = self._find(settings, polar)
+        report(2, 4)
+
+        def arrange(echoes: Echoes) -> tuple[MirrorTree, Views]:
+            return build_tree(
+                echoes,
+                polar,
+                minimum_length=settings.minimum_length,
+                opaque=settings.opaque,
+                wall_margin=settings.wall_margin,
+                tested=not settings.published,
+                lines=lines,
+                generations=settings.generations,
+            )
+
+        tree, views = arrange(echoes)
+        ghosts = [self._left_out]
+        if self._sweep is not None and not settings.published:
+            ratio = self._ratio.setdefault(settings.normalization, {})
+            trusted = np.zeros(echoes.range.size, dtype=bool)
+            # What stands behind a mixed-path ghost comes into view, and is tested in its turn.
+            for _ in range(MIXED_ROUNDS):
+                new = ~trusted & views.clear(echoes.range, views.column(echoes.u), echoes.amplitude)
+                if not new.any():
+                    break
+                mixed = np.zeros_like(new)
+                mixed[new] = is_mixed(echoes.take(new), self._sweep, polar, ratio)
+                ghosts.append(echoes.position[mixed])
+                trusted = (trusted | new)[~mixed]
+                echoes = echoes.take(~mixed)
+                tree, views = arrange(echoes)
+        report(3, 4)
+        result = to_reconstruction(
+            self.image, polar, echoes, tree, views, asdict(settings), mixed=np.concatenate(ghosts), grid=grid
+        )
+        result.attrs |= {"preset": preset, "mirrors_given": lines is not None}
+        report(4, 4)
+        return result
+
+    def _view(self, settings: Settings) -> PolarImage:
+        """The radar's view of the image."""
+        name = settings.normalization
+        if name not in self._polar:
+            self._polar[name] = to_polar_image(self.image, normalization=name)
+        return self._polar[name]
+
+    def _find(self, settings: Settings, polar: PolarImage) -> Echoes:
+        """The echoes of the image, less those that are known for mixed-path ghosts; the latest are remembered."""
+        key = (settings.normalization, settings.threshold_db, settings.published)
+        if key not in self._echoes:
+            find = find_pixels if settings.published else find_echoes
+            echoes = find(polar, threshold_db=settings.threshold_db)
+            if len(self._left_out) and not settings.published:
+                range_, u = polar.to_polar(self._left_out)
+                cell = np.array([polar.range_cell, polar.u_cell])
+                known = cKDTree(np.stack([range_, u], axis=-1) / cell)
+                distance = known.query(np.stack([echoes.range, echoes.u], axis=-1) / cell)[0]
+                echoes = echoes.take(distance > GHOST_CELLS)
+            self._echoes = {key: echoes}
+        return self._echoes[key]
+
+
+def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
+    """The unfolded image of a Reconstruction, with what is known of the radar, to be folded again.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is that of a volume.
+    """
+    if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
+        raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
+    if "z" in reconstruction.children["objects"].variables:
+        raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
+    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore")
+    attrs = {str(name).removeprefix("image_"): value for name, value in reconstruction.attrs.items()
+             if str(name).startswith("image_")}  # fmt: skip
+    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    attrs = {"radar_position": radar, **attrs}
+    attrs["normalization"] = str(reconstruction.attrs.get("fold_normalization", "r"))
+    return image.rename("image").assign_attrs(attrs)
+
+
+def _settings(preset: str, given: dict[str, Any]) -> Settings:
+    """The settings of a preset, with those that are given.
+
+    Raises
+    ------
+    InputError
+        With the first that is wrong.
+    """
     if preset not in PRESETS:
         raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
-    given: dict[str, Any] = {
-        "normalization": normalization,
-        "threshold_db": threshold_db,
-        "minimum_length": minimum_length,
-        "wall_margin": wall_margin,
-    }
     settings = replace(PRESETS[preset], **{name: value for name, value in given.items() if value is not None})
     for name in ("minimum_length", "wall_margin", "threshold_db"):
         value = getattr(settings, name)
         if not np.isfinite(value) or (name == "minimum_length" and value <= 0) or (name == "wall_margin" and value < 0):
             raise InputError(f"{name} is {value}, expected a finite number{'' if name == 'threshold_db' else ' [m]'} "
                              "above zero; leave it out for the default")  # fmt: skip
-    if sweep is not None:
-        sweep = check_sweep(sweep)
-        if is_monostatic(sweep):  # one antenna hears an echo from where it sent it to
-            sweep = None
-    report = progress or (lambda done, total: None)
-
-    polar = to_polar_image(image, normalization=settings.normalization)
-    report(1, 4)
-    if settings.published:
-        echoes = find_pixels(polar, threshold_db=settings.threshold_db)
-    else:
-        echoes = find_echoes(polar, threshold_db=settings.threshold_db)
-    report(2, 4)
-
-    def arrange(echoes: Echoes) -> tuple[MirrorTree, Views]:
-        return build_tree(
-            echoes,
-            polar,
-            minimum_length=settings.minimum_length,
-            opaque=settings.opaque,
-            wall_margin=settings.wall_margin,
-            tested=not settings.published,
-        )
-
-    tree, views = arrange(echoes)
-    if sweep is not None and not settings.published:
-        trusted = np.zeros(echoes.range.size, dtype=bool)
-        # What stands behind a mixed-path ghost comes into view, and is tested in its turn.
-        for _ in range(MIXED_ROUNDS):
-            new = ~trusted & views.clear(echoes.range, views.column(echoes.u), echoes.amplitude)
-            if not new.any():
-                break
-            mixed = np.zeros_like(new)
-            mixed[new] = is_mixed(echoes.take(new), sweep, polar)
-            trusted = (trusted | new)[~mixed]
-            echoes = echoes.take(~mixed)
-            tree, views = arrange(echoes)
-    report(3, 4)
-    result = to_reconstruction(image, polar, echoes, tree, views, settings)
-    result.attrs["preset"] = preset
-    report(4, 4)
-    return result
-
-
-def to_reconstruction(
-    image: xr.DataArray, polar: PolarImage, echoes: Echoes, tree: MirrorTree, views: Views, settings: Settings
-) -> xr.DataTree:
-    """The folded scene with its origins, as a Reconstruction.
-
-    Parameters
-    ----------
-    image : (y, x) DataArray
-    polar : PolarImage
-    echoes : Echoes
-        All of the image; their threshold and reference are recorded.
-    tree : MirrorTree
-    views : Views
-    settings : Settings
-
-    Returns
-    -------
-    xarray.DataTree
-        ``/``: `intensity`; ``/initial``: `initial`; ``/objects`` and ``/mirrors``. Images share one grid, that of the
-        image, grown where something folds to outside of it.
-    """
-    folds = tree.folds()
-    objects = _objects(tree, folds, echoes.threshold)
-    mirrors = _mirrors(tree, folds)
-    x, y = _grid(image, objects)
-    attrs: dict[str, Any] = {
-        "mirrorfold_kind": "reconstruction",
-        "mirrorfold_version": __version__,
-        "radar_x": float(polar.radar[0]),
-        "radar_y": float(polar.radar[1]),
-        **{f"fold_{name}": value for name, value in asdict(settings).items()},
-        "threshold": echoes.threshold,
-        "reference": echoes.reference,
-        **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
-        "remark": "" if tree.mirrors else "no mirror was found; the scene is shown unfolded",
-    }
-    coords = {
-        "y": ("y", y, {"units": "m", "long_name": "range"}),
-        "x": ("x", x, {"units": "m", "long_name": "cross-range"}),
-    }
-    intensity, initial = _render(x, y, polar, views, folds, settings.wall_margin)
-    root = xr.Dataset({"intensity": (("y", "x"), intensity)}, coords=coords, attrs=attrs)
-    first = xr.Dataset({"initial": (("y", "x"), initial)}, coords=coords)
-    for variable in (root["intensity"], first["initial"]):
-        variable.attrs["long_name"] = "amplitude, range-normalised"
-    return xr.DataTree.from_dict({"/": root, "/initial": first, "/objects": objects, "/mirrors": mirrors})
-
-
-def _objects(tree: MirrorTree, folds: dict[tuple[int, ...], Isometry], threshold: float) -> xr.Dataset:
-    """Every echo at its folded place: objects by their node's chain, faces of mirrors by their parent's."""
-    columns: dict[str, list[Any]] = {
-        name: [] for name in ("position", "initial", "amplitude", "bounces", "chain", "surface", "confidence")
-    }
-    trust: dict[tuple[int, ...], float] = {}
-    for node in tree.walk():
-        trust[node.chain] = 1.0 if node.line is None else trust[node.chain[:-1]] * node.line.fill
-        parts = [(node.objects, node.chain, "object")]
-        if node.line is not None:
-            parts.append((node.face, node.chain[:-1], "mirror"))
-        for part, chain, surface in parts:
-            size = part.range.size
-            columns["position"].append(folds[chain](part.position))
-            columns["initial"].append(part.position)
-            columns["amplitude"].append(part.amplitude)
-            columns["bounces"].append(np.full(size, len(chain), dtype=np.int32))
-            columns["chain"].append(np.full(size, "/".join(map(str, chain)), dtype=object))
-            columns["surface"].append(np.full(size, surface, dtype=object))
-            excess = 1.0 - (threshold / np.maximum(part.amplitude, threshold)) ** 2 if threshold > 0 else np.ones(size)
-            columns["confidence"].append(excess * trust[chain])
-    joined = {name: np.concatenate(parts) for name, parts in columns.items()}
-    position = joined["position"].reshape(-1, 2)
-    initial = joined["initial"].reshape(-1, 2)
-    metre = {"units": "m"}
-    # As coordinates of their own, x and y of the points take precedence over the images' axes of the same names.
-    return xr.Dataset(
-        {
-            "x": ("point", position[:, 0], {**metre, "long_name": "folded position"}),
-            "y": ("point", position[:, 1], {**metre, "long_name": "folded position"}),
-            "x_initial": ("point", initial[:, 0], {**metre, "long_name": "position before folding"}),
-            "y_initial": ("point", initial[:, 1], {**metre, "long_name": "position before folding"}),
-            "amplitude": ("point", joined["amplitude"].astype(np.float32)),
-            "bounces": ("point", joined["bounces"], {"long_name": "mirrors on the way, 0 = line of sight"}),
-            "chain": ("point", joined["chain"].astype(str), {"long_name": "indices of the mirrors from the root"}),
-            "surface": ("point", joined["surface"].astype(str), {"long_name": "object, or face of a mirror"}),
-            "confidence": (
-                "point",
-                joined["confidence"].astype(np.float32),
-                {"long_name": "share of power above the threshold, times the filled share of each mirror on the way"},
-            ),
-        }
-    ).set_coords(["x", "y"])
-
-
-def _mirrors(tree: MirrorTree, folds: dict[tuple[int, ...], Isometry]) -> xr.Dataset:
-    """Every mirror in the unfolded image and at its true place."""
-    nodes: list[tuple[MirrorTree, Mirror]] = [(node, node.line) for node in tree.walk() if node.line is not None]
-    index = {node.chain: i for i, (node, _) in enumerate(nodes)}
-    ends = np.array([[line.start, line.end] for _, line in nodes], dtype=float).reshape(-1, 2, 2)
-    true = np.array(
-        [folds[node.chain[:-1]](np.stack([line.start, line.end])) for node, line in nodes], dtype=float
-    ).reshape(-1, 2, 2)
-    data: dict[str, Any] = {}
-    for prefix, points in (("", ends), ("folded_", true)):
-        for end in (0, 1):
-            for axis, name in enumerate("xy"):
-                data[f"{prefix}{name}{end}"] = ("mirror", points[:, end, axis], {"units": "m"})
-    data["parent"] = ("mirror", np.array([index.get(n.chain[:-1], -1) for n, _ in nodes], dtype=np.int32))
-    data["generation"] = ("mirror", np.array([node.generation for node, _ in nodes], dtype=np.int32))
-    data["chain"] = ("mirror", np.array(["/".join(map(str, node.chain)) for node, _ in nodes], dtype=str))
-    for name, unit in (("strength", "1"), ("angle_error", "degree"), ("offset_error", "m"), ("fill", "1")):
-        data[name] = ("mirror", np.array([getattr(line, name) for _, line in nodes], dtype=float), {"units": unit})
-    return xr.Dataset(data)
-
-
-def _grid(image: xr.DataArray, objects: xr.Dataset) -> tuple[Array, Array]:
-    """The image's coordinates, continued in the same steps as far as folded points lie."""
-    axes = []
-    for name in ("x", "y"):
-        axis = image[name].values.astype(float)
-        step = (axis[-1] - axis[0]) / (axis.size - 1)
-        position = objects[name].values
-        limit = int(LARGEST_GROWTH * axis.size)
-        below = above = 0
-        if position.size:
-            below = int(np.clip(np.ceil((axis[0] - position.min()) / step), 0, limit))
-            above = int(np.clip(np.ceil((position.max() - axis[-1]) / step), 0, limit))
-        before, after = axis[0] - step * np.arange(below, 0, -1), axis[-1] + step * np.arange(1, above + 1)
-        axes.append(np.concatenate([before, axis, after]))
-    return axes[0], axes[1]
-
-
-def _render(
-    x: Array, y: Array, polar: PolarImage, views: Views, folds: dict[tuple[int, ...], Isometry], wall_margin: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Folded and unfolded amplitude on the grid.
-
-    Every pixel of the true scene looks up the amplitude of the image where each chain of mirrors shows it: there are
-    no holes, as pushing pixels to their folded places would leave them.
-    """
-    grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
-    range_, u = polar.to_polar(grid)
-    initial = polar.at(range_, u)
-    intensity = np.where(views.shows(range_, u, initial, ROOT, wall_margin), initial, 0.0)
-    for index, chain in enumerate(views.chain):
-        if chain:
-            outline = folds[chain](polar.to_points(*views.region(index).T))
-            first, last = outline.min(axis=0), outline.max(axis=0)
-            rows, columns = (
-                slice(np.searchsorted(axis, first[i]), np.searchsorted(axis, last[i], side="right"))
-                for i, axis in ((1, y), (0, x))
-            )
-            range_, u = polar.to_polar(folds[chain].inverse(grid[rows, columns]))
-            amplitude = polar.at(range_, u)
-            seen = views.shows(range_, u, amplitude, index, wall_margin)
-            part = intensity[rows, columns]
-            part[seen] = np.maximum(part[seen], amplitude[seen])
-    return intensity.astype(np.float32), initial.astype(np.float32)
+    generations = settings.generations
+    if generations is not None and (
+        isinstance(generations, bool) or int(generations) != generations or generations < 0
+    ):
+        raise InputError(f"generations is {generations!r}, expected a whole number of mirrors from 0 on")
+    return settings

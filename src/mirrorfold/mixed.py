@@ -140,12 +140,15 @@ def direction_ratio(sweep: xr.Dataset, polar: PolarImage, range_: Array, u: Arra
     return ratio
 
 
-def is_mixed(echoes: Echoes, sweep: xr.Dataset, polar: PolarImage) -> Mask:
+def is_mixed(
+    echoes: Echoes, sweep: xr.Dataset, polar: PolarImage, known: dict[tuple[float, float], float] | None = None
+) -> Mask:
     """Which echoes arrive from another direction than they left in, (n,).
 
     Tested once in each resolution cell, at its brightest echo; a sweep with a single transmitter or receiver cannot
-    tell, and accuses none.
+    tell, and accuses none. `known` holds the ratios of echoes by range and u, and takes up those that are measured.
     """
+    known = {} if known is None else known
     if min(sweep.sizes["tx"], sweep.sizes["rx"]) < 2 or not echoes.range.size:
         return np.zeros(echoes.range.size, dtype=bool)
     cells = np.stack([echoes.range / polar.range_cell, echoes.u / polar.u_cell]).astype(np.intp)
@@ -153,5 +156,10 @@ def is_mixed(echoes: Echoes, sweep: xr.Dataset, polar: PolarImage) -> Mask:
     cell = cell.ravel()
     order = np.lexsort([-echoes.amplitude, cell])
     brightest = order[np.unique(cell[order], return_index=True)[1]]
-    ratio = direction_ratio(sweep, polar, echoes.range[brightest], echoes.u[brightest])
+    where = list(zip(echoes.range[brightest].tolist(), echoes.u[brightest].tolist(), strict=True))
+    new = brightest[[place not in known for place in where]]
+    if new.size:
+        measured = direction_ratio(sweep, polar, echoes.range[new], echoes.u[new])
+        known.update(zip(zip(echoes.range[new].tolist(), echoes.u[new].tolist(), strict=True), measured, strict=True))
+    ratio = np.array([known[place] for place in where])
     return np.asarray(ratio[cell] < SMALLEST_RATIO)

@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.errors import InputError
+from mirrorfold.levels import COLOURS, TRUTH_COLOUR, bounce_label, decibels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,16 +28,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
 
-COLOURS = ("#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#0072B2")
-"""By number of bounces; apart for the colour-blind too (Okabe and Ito, 2008)."""
-
 COLOUR_MAP = "gray_r"
 """Perceptually uniform, and without any hue that could be taken for one of `COLOURS`."""
-
-TRUTH_COLOUR = "#CC0000"
-
-REFERENCE_QUANTILE = 0.9995
-"""The amplitude shown as 0 dB, as a quantile over the pixels in view: glints above it are shown saturated."""
 
 MARGIN = 0.06
 """Space around the content of a picture, as a share of its larger side."""
@@ -113,19 +106,6 @@ def image(
         label = "amplitude x range" if normalization == "r" else "amplitude"
         ax.figure.colorbar(mesh, ax=ax, label=f"{label} [dB], floor {floor_db:g} dB", shrink=0.7, pad=0.02)
     return _frame(ax)
-
-
-def decibels(amplitude: Array, floor_db: float) -> Array:
-    """``20 log10`` of amplitudes over their reference, clipped to [floor, 0]; all floor where nothing is above zero.
-
-    The reference is the quantile `REFERENCE_QUANTILE` of the pixels that are above zero.
-    """
-    positive = amplitude[amplitude > 0]
-    if not positive.size:
-        return np.full(amplitude.shape, floor_db)
-    reference = float(np.quantile(positive, REFERENCE_QUANTILE))
-    level = 20.0 * np.log10(np.maximum(amplitude / reference, 10.0 ** (floor_db / 20.0)))
-    return np.asarray(np.minimum(level, 0.0))
 
 
 def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool = False) -> Axes:
@@ -378,16 +358,12 @@ def _legend(reconstruction: xr.DataTree, scene: Scene | None) -> list[Line2D]:
     bounces = {int(count) for count in np.unique(reconstruction.children["objects"].dataset["bounces"].values)}
     bounces |= {generation - 1 for _, generation in _mirror_lines(reconstruction, folded=False)}
     handles = [
-        Line2D([], [], color=_colour(count), linewidth=2.5, marker="o", markersize=4, label=_bounce_label(count))
+        Line2D([], [], color=_colour(count), linewidth=2.5, marker="o", markersize=4, label=bounce_label(count))
         for count in sorted(bounces)
     ]
     if scene is not None:
         handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.9, label="truth"))
     return handles
-
-
-def _bounce_label(count: int) -> str:
-    return "in line of sight" if count == 0 else "1 bounce" if count == 1 else f"{count} bounces"
 
 
 def _colour(bounces: int) -> str:

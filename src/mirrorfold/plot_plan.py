@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.constants import speed_of_light
 
+from mirrorfold.levels import COLOURS
 from mirrorfold.planning import shares
-from mirrorfold.plot import COLOURS
 
 FLOOR_DB = -60.0
 """Lowest level that is shown."""

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.plot import COLOURS
+from mirrorfold.levels import COLOURS
 
 if TYPE_CHECKING:
     from mirrorfold.solids import Scene3D

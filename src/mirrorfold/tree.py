@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.detection import Echoes, reference_echo
 from mirrorfold.geometry import Isometry
+from mirrorfold.given import given_mirrors
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror, find_mirrors, line_cell
 from mirrorfold.polar import PolarImage
 
@@ -207,6 +208,8 @@ def build_tree(
     opaque: bool = True,
     wall_margin: float = WALL_MARGIN,
     tested: bool = True,
+    lines: Array | None = None,
+    generations: int | None = None,
 ) -> tuple[MirrorTree, Views]:
     """Mirrors, their generations, and the objects seen through each.
 
@@ -222,6 +225,10 @@ def build_tree(
         How far behind a mirror echoes still belong to the wall.
     tested : bool
         Whether mirrors must pass the tests of `find_mirrors`.
+    lines : (mirrors, 2, 2) array [m], optional
+        The ends of mirrors that are given, in the place of those found.
+    generations : int, optional
+        Largest number of mirrors in a chain. Deeper ones count as objects, and hide what they show.
 
     Returns
     -------
@@ -231,8 +238,14 @@ def build_tree(
     """
     visible = np.ones(echoes.range.size, dtype=bool)
     for _ in range(MAXIMUM_ROUNDS):
-        mirrors = find_mirrors(echoes, polar, minimum_length=minimum_length, usable=visible, tested=tested)
+        if lines is None:
+            mirrors = find_mirrors(echoes, polar, minimum_length=minimum_length, usable=visible, tested=tested)
+        else:
+            mirrors = given_mirrors(lines, echoes, polar)
         mirrors, views, face = _arrange(mirrors, echoes, visible, polar, minimum_length, opaque, wall_margin)
+        if generations is not None and not all(shallow := _within(views.parent, generations)):
+            mirrors = [mirror for mirror, keep in zip(mirrors, shallow, strict=True) if keep]
+            mirrors, views, face = _arrange(mirrors, echoes, visible, polar, minimum_length, opaque, wall_margin)
         if not opaque:
             break
         column = views.column(echoes.u)
@@ -242,6 +255,17 @@ def build_tree(
             break
         visible, echoes = still, replace(echoes, strong=strong)
     return _assemble(mirrors, views, face, echoes, visible)
+
+
+def _within(parent: Index, generations: int) -> list[bool]:
+    """Whether each mirror is seen through fewer others than `generations`."""
+    depths = []
+    for mirror in parent:
+        depth = 1
+        while mirror >= 0 and depth <= generations:
+            mirror, depth = parent[mirror], depth + 1
+        depths.append(depth <= generations)
+    return depths
 
 
 def _strong(echoes: Echoes, objects: Mask, through: Index, mirrors: int, polar: PolarImage) -> Mask:

@@ -62,6 +62,14 @@ VERBS = {
         "Measure how far a reconstruction is from the truth.",
         "mirrorfold score out/reconstruction.nc scene.toml --json",
     ),
+    "report": Verb(
+        "Write a page that shows a reconstruction and answers questions about it, offline.",
+        "mirrorfold report out/reconstruction.nc -o report.html --scene scene.toml",
+    ),
+    "view": Verb(
+        "Look at a file in the browser, and fold it anew while you move its mirrors.",
+        "mirrorfold view out/reconstruction.nc",
+    ),
     "info": Verb(
         "Say what a file holds, what can be resolved with it, and what looks wrong.",
         "mirrorfold info sweep.nc",

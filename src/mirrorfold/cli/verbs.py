@@ -36,6 +36,7 @@ Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
+REPORT = "report.html"
 
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
@@ -61,6 +62,8 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
+    from mirrorfold.cli import looking  # noqa: F401  registers its verbs
+
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
@@ -94,7 +97,7 @@ def demo(
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
     file = DEMO_SCENES[scene]
-    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, "score.json"))
+    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
     text = package_files("mirrorfold").joinpath("scenes", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
         (directory / file).write_text(text, encoding="utf-8")
@@ -105,6 +108,7 @@ def demo(
         mf.save(sweep, directory / "sweep.nc")
         with progress("reconstructing") as report:
             reconstruction = mf.reconstruct(sweep, progress=report)
+        reconstruction.attrs["command"] = command.get()
         results = write_results(reconstruction, directory, scene=truth)
         score = mf.score(reconstruction, truth)
         write_json(score, directory / "score.json")
@@ -115,7 +119,7 @@ def demo(
     show_mirrors(mirror_table(reconstruction))
     show_score(score)
     show_files(paths)
-    print(f"look at {out / PICTURE}")
+    print(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
 
 
 def simulate(
@@ -275,9 +279,13 @@ def fold(
     *,
     output: Output,
     sweep: Path | None = None,
+    mirrors: Path | None = None,
     preset: Literal["default", "published"] = "default",
     threshold_db: float | None = None,
     minimum_length: float | None = None,
+    normalization: Literal["r", "none", "r2", "beam"] | None = None,
+    wall_margin: float | None = None,
+    generations: int | None = None,
     export: Path | None = None,
     json: Flag = False,
 ) -> None:
@@ -286,35 +294,49 @@ def fold(
     Parameters
     ----------
     image
-        Image to read (netCDF).
+        Image to read (netCDF), or a reconstruction, whose initial image is folded again.
     output
         Reconstruction to write (netCDF).
     sweep
         Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
+    mirrors
+        Mirrors that are known or drawn (JSON); found in the image by default.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
         Level that echoes must exceed [dB]; found from the data by default.
     minimum_length
         Of a mirror [m]; in a volume, of its width and height.
+    normalization
+        Power of range that undoes the spreading; for a volume, beam, r2 or none.
+    wall_margin
+        How far behind a mirror echoes still belong to the wall [m].
+    generations
+        Largest number of mirrors in a chain; any number by default.
     export
         Point cloud to write too (.ply, .pcd or .vtp).
     json
         Print mirrors and counts as one JSON object.
     """
+    from mirrorfold.given import read_lines
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[image] if sweep is None else [image, sweep])
+    check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
     check_export(export)
-    focused = read(image, "image")
+    lines = None if mirrors is None else read_lines(mirrors)
+    focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:
         reconstruction = mf.fold(
             focused,
             sweep=measured,
+            mirrors=lines,
             preset=preset,
             threshold_db=threshold_db,
             minimum_length=minimum_length,
+            normalization=normalization,
+            wall_margin=wall_margin,
+            generations=generations,
             progress=report,
         )
     reconstruction.attrs["command"] = command.get()
@@ -339,7 +361,7 @@ def reconstruct(
     sweep
         Sweep to read (netCDF).
     output
-        Directory for reconstruction.nc and before_after.png; of a raster scan, body.png and space.png too.
+        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too.
     preset
         The algorithm with all its tests, or as it was published.
     threshold_db
@@ -353,7 +375,7 @@ def reconstruct(
     """
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE), inputs=[sweep])
+    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=[sweep])
     check_export(export)
     measured = read(sweep, "sweep")
     remark(mf.info(measured)["remarks"])
@@ -431,8 +453,8 @@ def remove_directory(path: Path) -> None:
     shutil.rmtree(path, ignore_errors=True)
 
 
-def read(path: Path, kind: str) -> Any:
-    """A file that must hold a sweep, an image or a reconstruction.
+def read(path: Path, *expected: str) -> Any:
+    """A file that must hold a sweep, an image or a reconstruction, whichever of them is expected.
 
     Raises
     ------
@@ -443,9 +465,9 @@ def read(path: Path, kind: str) -> Any:
 
     found = mf.load(path)
     kinds = {xr.Dataset: "sweep", xr.DataArray: "image", xr.DataTree: "reconstruction"}
-    if kinds.get(type(found)) != kind:
-        held = kinds.get(type(found), "scene")
-        raise InputError(f"{path}: is of kind {held}, expected {kind}; give another file")
+    held = kinds.get(type(found), "scene")
+    if held not in expected:
+        raise InputError(f"{path}: is of kind {held}, expected {' or '.join(expected)}; give another file")
     return found
 
 
@@ -471,14 +493,15 @@ def parse_axis(text: str, name: str) -> Any:
 def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
     """Write a reconstruction and its pictures to a directory; returns the files' names."""
     mf.save(reconstruction, directory / RECONSTRUCTION)
+    mf.report(reconstruction, directory / REPORT, scene=scene)
     if "z" not in reconstruction.children["objects"].variables:
         mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
-        return [RECONSTRUCTION, PICTURE]
+        return [RECONSTRUCTION, PICTURE, REPORT]
     from mirrorfold import plot_volume
 
     mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
-    names = [RECONSTRUCTION, PICTURE, SPACE]
+    names = [RECONSTRUCTION, PICTURE, SPACE, REPORT]
     if plot_volume.has_body(reconstruction):
         plot_volume.body(reconstruction).savefig(directory / BODY)
         names.append(BODY)

@@ -1,0 +1,64 @@
+"""A reconstruction as one self-contained page that needs no network and no server."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+if TYPE_CHECKING:
+    from mirrorfold.scene import Scene
+    from mirrorfold.solids import Scene3D
+
+LARGEST_PAGE = 6_000_000
+"""Of the file [bytes]: it still goes as an attachment."""
+
+
+def report(
+    reconstruction: xr.DataTree,
+    path: str | Path,
+    *,
+    scene: Scene | Scene3D | str | Path | None = None,
+) -> Path:
+    """Write a page that shows a reconstruction and answers questions about it.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+    path : path
+        The HTML file to write.
+    scene : Scene, Scene3D or path of a scene file, optional
+        The truth: drawn thin, and the result scored against it.
+
+    Returns
+    -------
+    Path
+        Where it was written.
+
+    Raises
+    ------
+    InputError
+        If the reconstruction or the scene cannot be used, or nothing can be written there.
+    """
+    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.netcdf import check_reconstruction
+    from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
+    from mirrorfold.reporting.page import to_html
+    from mirrorfold.scene import load_scene
+
+    path = Path(path)
+    checked = check_reconstruction(reconstruction)
+    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    limit = LARGEST_IMAGE
+    while True:
+        page = to_html(to_document(checked, truth, largest_image=limit), title=title_of(checked, truth))
+        if len(page) <= LARGEST_PAGE or limit < LARGEST_IMAGE // 64:
+            break
+        limit //= 2
+    with written_whole(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+__all__ = ["report"]

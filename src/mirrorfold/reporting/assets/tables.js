@@ -1,0 +1,98 @@
+// Everything in words: what lies under the pointer, the mirrors, the score, the parameters, the command.
+
+function makeReadout() {
+  const list = el("dl", { class: "readout", id: "readout", "aria-live": "polite" });
+  painters.push(() => {
+    const { spot, content } = state;
+    if (!content) return;
+    const rows = [];
+    if (!spot) rows.push(["", "Point at a pixel, a mirror or a node of the tree."]);
+    else {
+      rows.push(["image", spot.which], ["position", `x ${metres(spot.place[0])}, y ${metres(spot.place[1])}`]);
+      rows.push(["amplitude", spot.level === undefined ? "outside" : decibel(spot.level, content.images[spot.which].lowest)]);
+      if (spot.world === null) rows.push(["seen", "through the edge of a mirror"]);
+      else if (spot.world !== undefined) {
+        const way = lineage(spot.world).reverse();
+        rows.push(["bounces", bouncesText(way.length)]);
+        rows.push(["chain", ["radar", ...way.map((mirror) => `mirror ${mirror.number}`)].join(" \u2192 ")]);
+        if (spot.seemed && spot.which === "corrected" && way.length) rows.push(["seemed at", spot.seemed.map((v) => fixed(v, 3)).join(", ") + " m"]);
+        if (spot.path && spot.which === "initial" && way.length) rows.push(["folds to", spot.path[spot.path.length - 1].map((v) => fixed(v, 3)).join(", ") + " m"]);
+      }
+      const { points } = content;
+      if (spot.point !== null && points.z) rows.push(["height", metres(points.z[spot.point])]);
+      rows.push(["confidence", spot.point === null ? "no point here" : fixed(points.confidence[spot.point], 2)]);
+    }
+    list.replaceChildren(...rows.flatMap(([name, text]) => [el("dt", {}, name), el("dd", {}, text)]));
+  });
+  return list;
+}
+
+function table(caption, headings, rows, attributes) {
+  const kind = (k) => (headings[k].startsWith("<") ? "text" : "");
+  return el("table", {}, el("caption", { class: "sr" }, caption),
+    el("thead", {}, el("tr", {}, headings.map((heading, k) => el("th", { scope: "col", class: kind(k) }, heading.replace("<", ""))))),
+    el("tbody", {}, rows.map((row, i) => el("tr", attributes ? attributes(i) : {}, row.map((cell, k) => el("td", { class: kind(k) }, cell))))));
+}
+
+function makeMirrors() {
+  const box = el("div", { class: "wide" });
+  let drawn = null;
+  painters.push(() => {
+    const { content } = state;
+    if (!content) return;
+    if (drawn !== content) {
+      drawn = content;
+      const solid = content.mirrors.some((mirror) => mirror.height !== undefined);
+      const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", "<ends [m]"];
+      const rows = content.mirrors.map((mirror) => [String(mirror.number), mirror.parent < 0 ? "radar" : `mirror ${mirror.parent}`,
+        fixed(mirror.length, 3), ...(solid ? [fixed(mirror.height, 2)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
+        fixed(mirror.offset_error === null ? null : 1000 * mirror.offset_error, 2), fixed(mirror.strength_db, 1), fixed(mirror.fill, 2),
+        mirror.folded_ends.map((end) => `(${end.map((v) => fixed(v, 3)).join(", ")})`).join(" \u2013 ")]);
+      box.replaceChildren(content.mirrors.length
+        ? table("Mirrors at their true places", headings, rows, (i) => ({ "data-number": String(i), onpointerenter: () => light(i), onpointerleave: () => light(null) }))
+        : el("p", {}, "No mirror was found; the scene is shown unfolded."));
+      content.mirrors.forEach((mirror, i) => {
+        box.querySelectorAll("tbody tr")[i].firstChild.replaceChildren(
+          el("span", { class: "swatch", style: { background: mirrorColour(mirror), marginRight: "9px" } }), String(mirror.number));
+      });
+    }
+    for (const row of box.querySelectorAll("tbody tr")) row.classList.toggle("lit", Number(row.dataset.number) === state.lit);
+  });
+  return box;
+}
+
+function makeScore() {
+  const box = el("section", { class: "card full" });
+  painters.push(() => {
+    const score = state.content && state.content.score;
+    box.hidden = !score;
+    if (!score || box.drawn === score) return;
+    box.drawn = score;
+    box.replaceChildren(el("h2", {}, "Against the truth"), el("div", { class: "space" },
+      el("div", {}, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
+      el("div", {}, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]"], score.mirrors))));
+  });
+  return box;
+}
+
+function makeParameters() {
+  const list = el("dl", { class: "parameters" });
+  painters.push(() => {
+    const { content } = state;
+    if (!content || list.drawn === content) return;
+    list.drawn = content;
+    list.replaceChildren(...content.parameters.map(([name, value]) => el("div", {}, el("dt", {}, name.replaceAll("_", " ")), el("dd", {}, value))));
+  });
+  return list;
+}
+
+function makeCommand() {
+  const code = el("code", { tabindex: "0" });
+  const copy = el("button", { type: "button", onclick: async () => {
+    try { await navigator.clipboard.writeText(code.textContent); copy.textContent = "copied"; }
+    catch { getSelection().selectAllChildren(code); copy.textContent = "selected"; }
+    setTimeout(() => { copy.textContent = "copy"; }, 1500);
+  } }, "copy");
+  painters.push(() => { if (state.content) code.textContent = state.content.command || "mirrorfold (from Python)"; });
+  return el("div", { class: "command" }, code, copy);
+}

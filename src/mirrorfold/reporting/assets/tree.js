@@ -1,0 +1,63 @@
+// The tree of mirrors: who is seen through whom. A node that is pointed at, or has the focus, lights its mirror.
+
+function makeTree() {
+  const layer = svg("svg", { class: "tree", role: "tree", "aria-label": "tree of mirrors" });
+  const WIDE = 216, HIGH = 44, ROW = 52, INDENT = 34;
+  let drawn = null;
+  painters.push(() => {
+    const { content } = state;
+    if (!content) return;
+    if (drawn !== content) {
+      drawn = content;
+      draw(content);
+    }
+    for (const node of layer.querySelectorAll(".node")) {
+      const number = Number(node.dataset.number);
+      node.classList.toggle("lit", number >= 0 && state.lit === number);
+      node.classList.toggle("off", state.off.has(number));
+    }
+  });
+
+  function draw({ mirrors, points }) {
+    const counts = new Map();
+    for (let i = 0; i < points.count; i++) {
+      if (points.face[i]) continue;
+      const way = points.ways[points.chain[i]], last = way.length ? way[way.length - 1] : -1;
+      counts.set(last, (counts.get(last) || 0) + 1);
+    }
+    const nodes = new Map(), links = [];
+    let row = 0, deepest = 0;
+    // Depth first, as a folder shows what is in it.
+    (function place(number, depth) {
+      deepest = Math.max(deepest, depth);
+      nodes.set(number, { x: depth * INDENT + 2, y: row++ * ROW + 3 });
+      for (const child of mirrors.filter((mirror) => mirror.parent === number)) {
+        links.push([number, child.number]);
+        place(child.number, depth + 1);
+      }
+    })(-1, 0);
+    const width = deepest * INDENT + WIDE + 4, height = row * ROW;
+    layer.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    layer.style.maxWidth = `${width}px`;
+    const parts = links.map(([from, to]) => {
+      const a = nodes.get(from), b = nodes.get(to), x = a.x + 18, y = b.y + HIGH / 2;
+      return svg("path", { class: "link", d: `M${x},${a.y + HIGH}V${y - 8}Q${x},${y} ${x + 8},${y}H${b.x}` });
+    });
+    for (const [number, { x, y }] of nodes) {
+      const mirror = mirrors[number], count = counts.get(number) || 0;
+      const seen = `${count} point${count === 1 ? "" : "s"}`;
+      const what = mirror ? `mirror ${number}` : "radar";
+      const more = mirror ? `${fixed(mirror.length, 2)} m \u00b7 ${seen} through it` : `${seen} in sight`;
+      const acts = mirror ? { onpointerenter: () => light(number), onpointerleave: () => light(null),
+        onfocus: () => light(number), onblur: () => light(null) } : {};
+      parts.push(svg("g", { class: "node", tabindex: mirror ? "0" : undefined, role: "treeitem", "data-number": String(number),
+        "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...acts },
+        svg("rect", { class: "pill", x, y, width: WIDE, height: HIGH, rx: 10 }),
+        svg("circle", { cx: x + 18, cy: y + HIGH / 2, r: 6.5, fill: mirror ? mirrorColour(mirror) : "currentColor" }),
+        svg("text", { class: "what", x: x + 33, y: y + 19 }, what),
+        svg("text", { class: "more", x: x + 33, y: y + 35 }, more)));
+    }
+    layer.replaceChildren(...parts);
+  }
+  return layer;
+}

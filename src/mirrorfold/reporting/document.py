@@ -1,0 +1,351 @@
+"""All that a page shows of a reconstruction, as plain numbers and strings: JSON is made of it, and nothing else.
+
+Images travel as levels of one byte: 0 stands for nothing, 1 to 255 for equal steps of dB. The differences along each
+row are compressed, which a browser undoes exactly.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mirrorfold import __version__
+from mirrorfold.levels import COLOURS, TRUTH_COLOUR, bounce_label, reference
+
+if TYPE_CHECKING:
+    from mirrorfold.scene import Scene
+    from mirrorfold.solids import Scene3D
+
+Array = NDArray[np.float64]
+
+LOWEST_DB = -60.0
+"""Level that the weakest pixels are shown with; the images' own side lobes end there."""
+
+LARGEST_IMAGE = 1_200_000
+"""Pixels of each image: more of them show no more on a screen, and two of them make 3 MB."""
+
+LARGEST_CLOUD = 40_000
+"""Points; beyond it the strongest are shown."""
+
+MARGIN = 0.18
+"""Space around everything that was found, as a share of its larger side."""
+
+CURVE_STEP = 0.01
+"""Length of the chords that true curves are drawn with [m]."""
+
+HIDDEN_ATTRS = ("mirrorfold_kind", "mixed_x", "mixed_y", "remark", "command", "title", "image_title")
+"""Attributes that are no parameters, or are shown elsewhere."""
+
+
+def to_document(
+    reconstruction: xr.DataTree,
+    scene: Scene | Scene3D | None = None,
+    *,
+    largest_image: int = LARGEST_IMAGE,
+    extent: tuple[float, float, float, float] | None = None,
+    zero_db: float | None = None,
+    effort: int = 9,
+    images: Sequence[str] = ("initial", "corrected"),
+    scored: bool = True,
+) -> dict[str, Any]:
+    """Everything to show of a reconstruction.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+        Checked.
+    scene : Scene or Scene3D, optional
+        The truth: drawn, and the result scored against it.
+    largest_image : int
+        Pixels of an image; larger ones are reduced, keeping the strongest of the pixels that become one.
+    extent : (x0, x1, y0, y1) [m], optional
+        What to show of the images; by default what was found, with a margin.
+    zero_db : float, optional
+        Amplitude to show as 0 dB; by default that of the brightest pixels of the initial image.
+    effort : int
+        Of compression, 1 to 9.
+    images : list of str
+        Which of the two to send.
+    scored : bool
+        Whether to score the result, where the truth is known.
+
+    Returns
+    -------
+    dict
+        Of what JSON has.
+    """
+    attrs = reconstruction.attrs
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    dimensions = 3 if "z" in objects.variables else 2
+    axes = "xyz"[:dimensions]
+    mirrors = mirror_rows(reconstruction)
+    truth = [] if scene is None else truth_lines(scene)
+    if extent is None:
+        extent = shown_extent(reconstruction, truth)
+    shown = {
+        "initial": reconstruction.children["initial"].dataset["initial"],
+        "corrected": reconstruction.dataset["intensity"],
+    }
+    shown = {name: _reduced(_cropped(image, extent), largest_image) for name, image in shown.items()}
+    zero = reference(shown["initial"].values) if zero_db is None else zero_db
+    x, y = (shown["corrected"][name].values.astype(float) for name in "xy")
+    document: dict[str, Any] = {
+        "version": __version__,
+        "dimensions": dimensions,
+        "title": title_of(reconstruction, scene),
+        "remark": str(attrs.get("remark", "")),
+        "command": str(attrs.get("command", "")),
+        "colours": list(COLOURS),
+        "truth_colour": TRUTH_COLOUR,
+        "grid": {"x0": x[0], "dx": _step(x), "nx": x.size, "y0": y[0], "dy": _step(y), "ny": y.size},
+        "extent": list(extent),
+        "zero_db": zero,
+        "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
+        "margin": float(attrs.get("fold_wall_margin", 0.0)),
+        "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
+        "mirrors": mirrors,
+        "points": _points(objects, axes, zero),
+        "truth": truth,
+        "parameters": [[str(name), _text(value)] for name, value in attrs.items() if name not in HIDDEN_ATTRS],
+        "facts": _facts(objects, mirrors),
+    }
+    if scene is not None and scored:
+        from mirrorfold.metrics import score
+
+        document["score"] = score_rows(score(reconstruction, scene))
+    return document
+
+
+def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) -> str:
+    """The name of what was measured, if any."""
+    for name in ("title", "image_title"):
+        if reconstruction.attrs.get(name):
+            return str(reconstruction.attrs[name])
+    return scene.name if scene is not None else "Reconstruction"
+
+
+def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
+    """The mirrors, one dict each; what a file does not tell is None."""
+    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
+    strengths = held["strength"].values.astype(float)
+    if not reference_echo > 0.0 and strengths.size:
+        reference_echo = float(strengths.max())
+    volume = "corner_x" in held
+    axes = "xyz" if "z0" in held else "xy"
+    rows: list[dict[str, Any]] = []
+    siblings: dict[int, int] = {}
+    for i in range(held.sizes.get("mirror", 0)):
+        one = held.isel(mirror=i)
+        parent = int(one["parent"])
+        place = siblings.setdefault(parent, 0)
+        siblings[parent] += 1
+        chain = str(place) if parent < 0 or parent >= i else f"{rows[parent]['chain']}/{place}"
+        ends = {
+            prefix: [[float(one[f"{prefix}{axis}{end}"]) for axis in axes] for end in (0, 1)]
+            for prefix in ("", "folded_")
+        }
+        way = np.subtract(ends["folded_"][1], ends["folded_"][0])
+        row: dict[str, Any] = {
+            "number": i,
+            "parent": parent,
+            "generation": int(one["generation"]),
+            "chain": str(one["chain"].values) if "chain" in held else chain,
+            "ends": ends[""],
+            "folded_ends": ends["folded_"],
+            "length": float(np.linalg.norm(way)),
+            "angle": float(np.degrees(np.arctan2(way[1], way[0])) % 180.0),
+            "strength_db": _decibel(strengths[i], reference_echo),
+            **{name: _known(one, name) for name in ("angle_error", "offset_error", "fill")},
+        }
+        if volume:
+            for prefix in ("", "folded_"):
+                row[f"{prefix}corners"] = np.stack(
+                    [one[f"{prefix}corner_{axis}"].values for axis in "xyz"], -1
+                ).tolist()
+            heights = one["folded_corner_z"].values
+            row["height"] = float(np.ptp(heights))
+        rows.append(row)
+    return rows
+
+
+def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
+    """True surfaces as polylines of points [m]; of a three-dimensional scene the outlines of its flat walls."""
+    if scene.dimensions == 2:
+        pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
+        return [np.round(piece, 4).tolist() for piece in pieces]
+    from mirrorfold.simulation.meshes import solids
+
+    around = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
+    return [
+        np.round(quad.center + around[:, :1] * quad.right + around[:, 1:] * quad.up, 4).tolist()
+        for solid in solids(scene)
+        for quad in solid.quads[::2]
+    ]
+
+
+def score_rows(score: dict[str, Any]) -> dict[str, Any]:
+    """The score as tables: headings, and rows of texts."""
+    mirrors = [
+        [str(i), mirror["surface"] or "-", _number(mirror["angle_error_deg"], ".3f"),
+         _number(mirror["offset_error_mm"], ".2f")]
+        for i, mirror in enumerate(score["mirrors"])
+    ]  # fmt: skip
+    hidden = score.get("hidden") or {}
+    points = [
+        [label, *(_number(part.get(name), form, scale) for part in (score, hidden))]
+        for label, name, form, scale in (
+            ("accuracy [mm]", "accuracy_m", ".1f", 1e3),
+            ("Chamfer distance [mm]", "chamfer_m", ".1f", 1e3),
+            ("precision at 2 cm", "precision_2cm", ".3f", 1.0),
+            ("completeness at 2 cm", "completeness_2cm", ".3f", 1.0),
+            ("F-score at 2 cm", "f_score_2cm", ".3f", 1.0),
+            ("F-score at 5 cm", "f_score_5cm", ".3f", 1.0),
+            ("invented share", "invented_fraction", ".3f", 1.0),
+        )
+    ]
+    return {"mirrors": mirrors, "points": points}
+
+
+def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
+    """What to show (x0, x1, y0, y1) [m]: all that was found, before and after folding, with a margin."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    grid = reconstruction.children["initial"].dataset
+    found = []
+    for axis in "xy":
+        values = [objects[axis].values, objects[f"{axis}_initial"].values]
+        values += [held[f"{prefix}{axis}{end}"].values for prefix in ("", "folded_") for end in (0, 1)]
+        values += [np.array(line)[:, "xy".index(axis)] for line in truth]
+        values += [np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0))])]
+        joined = np.concatenate([np.asarray(part, dtype=float).ravel() for part in values])
+        joined = joined[np.isfinite(joined)]
+        pixels = grid[axis].values.astype(float)
+        found.append((joined.min(), joined.max()) if joined.size > 1 else (pixels[0], pixels[-1]))
+    margin = MARGIN * max(high - low for low, high in found)
+    (low_x, high_x), (low_y, high_y) = found
+    return float(low_x - margin), float(high_x + margin), float(low_y - margin), float(high_y + margin)
+
+
+def shown_grid(image: xr.DataArray, extent: tuple[float, float, float, float], largest: int) -> tuple[Array, Array]:
+    """The pixel coordinates (x, y) [m] that `to_document` shows an image on."""
+    part = _reduced(_cropped(image, extent), largest)
+    return part["x"].values.astype(float), part["y"].values.astype(float)
+
+
+def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) -> dict[str, Any]:
+    """An image as bytes: `data` of the rows' differences, deflated, in base64; `lowest` dB of level 1, `step` in dB."""
+    with np.errstate(divide="ignore"):
+        level = 20.0 * np.log10(amplitude.astype(np.float32) / np.float32(zero))
+    top = float(level.max(initial=0.0))
+    step = (top - LOWEST_DB) / 254.0
+    count = np.where(amplitude > 0, np.clip(np.rint((level - LOWEST_DB) / step) + 1.0, 1.0, 255.0), 0.0)
+    bytes_ = count.astype(np.uint8)
+    difference = np.diff(bytes_, axis=1, prepend=np.uint8(0))
+    return {"data": _base64(zlib.compress(difference.tobytes(), effort)), "lowest": LOWEST_DB, "step": step}
+
+
+def unpacked_levels(packed: dict[str, Any], rows: int, columns: int) -> Array:
+    """The levels [dB] that `packed_levels` has packed, NaN for nothing, (rows, columns)."""
+    difference = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), dtype=np.uint8)
+    count = np.cumsum(difference.reshape(rows, columns), axis=1, dtype=np.uint8)
+    return np.where(count > 0, packed["lowest"] + (count - 1.0) * packed["step"], np.nan)
+
+
+def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
+    """The columns of the points, each in base64: float32 places, levels and confidence, and the chain's number."""
+    total = objects.sizes.get("point", 0)
+    chosen = np.arange(total)
+    if total > LARGEST_CLOUD:
+        chosen = np.sort(np.argsort(-objects["amplitude"].values, kind="stable")[:LARGEST_CLOUD])
+    names, number = np.unique(objects["chain"].values[chosen].astype(str), return_inverse=True)
+    surface = objects["surface"].values[chosen] if "surface" in objects else np.full(chosen.size, "object")
+    with np.errstate(divide="ignore"):
+        level = 20.0 * np.log10(np.maximum(objects["amplitude"].values[chosen], 1e-30) / zero)
+    columns = {
+        **{
+            f"{axis}{suffix}": objects[f"{axis}{suffix}"].values[chosen] for axis in axes for suffix in ("", "_initial")
+        },
+        "level": level,
+        "confidence": objects["confidence"].values[chosen],
+        "bounces": objects["bounces"].values[chosen],
+        "chain": number.ravel(),
+        "face": surface == "mirror",
+    }
+    return {
+        "total": int(total),
+        "count": int(chosen.size),
+        "chains": names.tolist(),
+        **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
+    }
+
+
+def _facts(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
+    """What was found, in a few words."""
+    bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
+    hidden = int(counts[bounces > 0].sum())
+    rows = [
+        ["mirrors", str(len(mirrors))],
+        ["points", str(int(counts.sum()))],
+        ["seen around a corner", str(hidden)],
+        ["generations", str(max((mirror["generation"] for mirror in mirrors), default=0))],
+    ]
+    return rows + [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
+
+
+def _cropped(image: xr.DataArray, extent: tuple[float, float, float, float]) -> xr.DataArray:
+    """The pixels inside an extent; all of them where it holds fewer than two a side."""
+    part = image.sel(x=slice(*extent[:2]), y=slice(*extent[2:]))
+    return part if min(part.sizes.values()) > 1 else image
+
+
+def _reduced(image: xr.DataArray, largest: int) -> xr.DataArray:
+    """The image with at most so many pixels, each the strongest of a square of the original ones."""
+    image = image.transpose("y", "x")
+    factor = int(np.ceil(np.sqrt(image.size / largest))) if image.size > largest else 1
+    if factor == 1:
+        return image
+    rows, columns = (size // factor for size in image.shape)
+    values = image.values[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor).max(axis=(1, 3))
+    axes = {
+        name: image[name].values[: size * factor].reshape(size, factor).mean(axis=1)
+        for name, size in (("y", rows), ("x", columns))
+    }
+    return xr.DataArray(values, dims=("y", "x"), coords=axes)
+
+
+def _step(axis: Array) -> float:
+    return float((axis[-1] - axis[0]) / max(axis.size - 1, 1)) or 1.0
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def _known(one: xr.Dataset, name: str) -> float | None:
+    """A variable of one mirror; None where it is missing or not known."""
+    value = float(one[name]) if name in one else np.nan
+    return value if np.isfinite(value) else None
+
+
+def _decibel(value: float, zero: float) -> float | None:
+    return float(20.0 * np.log10(value / zero)) if value > 0.0 and zero > 0.0 else None
+
+
+def _number(value: float | None, form: str, scale: float = 1.0) -> str:
+    return "-" if value is None or not np.isfinite(value) else format(value * scale, form)
+
+
+def _text(value: Any) -> str:
+    """A parameter in words; floats so that they read back the same."""
+    if isinstance(value, np.ndarray | list | tuple):
+        return "[" + ", ".join(_text(item) for item in np.asarray(value).ravel().tolist()) + "]"
+    if isinstance(value, np.generic):
+        return _text(value.item())
+    return "default" if value is None else str(value)

@@ -1,0 +1,86 @@
+"""The page: one HTML file with its style, its program and its content inside."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import re
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+STYLES = ("page.css",)
+PROGRAMS = ("basics.js", "maps.js", "tree.js", "tables.js", "space.js")
+MAIN, LIVE = "main.js", "live.js"
+
+
+def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None = None) -> str:
+    """The whole page.
+
+    Everything that comes from files is in one JSON element, with no character in it that HTML gives a meaning, and
+    reaches the page as text. The page forbids itself all programs but its own, and every connection; a live page may
+    call the server that it came from.
+
+    Parameters
+    ----------
+    document : dict
+        What `to_document` returns.
+    title : str
+    live : dict, optional
+        What the page's program is to know of the server.
+
+    Returns
+    -------
+    str
+    """
+    style = "\n".join(_asset(name) for name in STYLES)
+    names = (*PROGRAMS, *((LIVE,) if live is not None else ()), MAIN)
+    program = '"use strict";\n(() => {\n' + "\n".join(_asset(name) for name in names) + "\n})();\n"
+    policy = "; ".join(
+        (
+            "default-src 'none'",
+            "img-src data: blob:",
+            f"style-src '{_hash(style)}'",
+            f"script-src '{_hash(program)}'",
+            "connect-src 'none'" if live is None else "connect-src 'self'",
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+    parts = {
+        "policy": escape(policy),
+        "title": escape(title),
+        "style": style,
+        "content": to_json(document),
+        "live": to_json(live),
+        "program": program,
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda mark: parts[mark[1]], _asset("page.html"))
+
+
+def to_json(content: Any) -> str:
+    """JSON that may stand inside a script element: without <, >, & and what is not ASCII."""
+    text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {str(name): _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value.item() if hasattr(value, "item") else value
+
+
+def _asset(name: str) -> str:
+    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8").strip("\n")
+
+
+def _hash(text: str) -> str:
+    """The name by which a content security policy knows an inline element."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

@@ -1,0 +1,61 @@
+"""The live page: look at a file in the browser, and fold it anew while its mirrors are moved.
+
+A server of the standard library sends the program of the report, and folds what it asks for: no further package is
+needed, a fold is on the screen in a fraction of a second, and a test can drive it as a person would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mirrorfold.scene import Scene
+    from mirrorfold.solids import Scene3D
+
+
+def view(
+    path: str | Path,
+    *,
+    scene: Scene | Scene3D | str | Path | None = None,
+    port: int = 0,
+    open_browser: bool = True,
+    announce: Callable[[str], None] | None = None,
+) -> None:
+    """Serve a live page of a file to the browser on this machine, until interrupted.
+
+    Parameters
+    ----------
+    path : path
+        Sweep, image or reconstruction (netCDF). A file that cannot be read is told of in the page.
+    scene : Scene, Scene3D or path of a scene file, optional
+        The truth, drawn thin; the result is scored against it.
+    port : int
+        0 for any that is free.
+    open_browser : bool
+        Whether to open the page.
+    announce : callable (address), optional
+        Told the address when the page can be had.
+
+    Raises
+    ------
+    InputError
+        If the port cannot be had, or the scene is wrong.
+    """
+    from mirrorfold.scene import load_scene
+    from mirrorfold.viewing.server import Server
+    from mirrorfold.viewing.session import Session
+
+    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    with Server(Session(path, truth), port) as server:
+        if announce is not None:
+            announce(server.address)
+        if open_browser:
+            import webbrowser
+
+            webbrowser.open(server.address)
+        server.serve_forever(poll_interval=0.2)
+
+
+__all__ = ["view"]

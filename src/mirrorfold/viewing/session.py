@@ -1,0 +1,289 @@
+"""What the live page works on: one file, its latest fold, and how to save it so that it can be had again."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.focusing import focus
+from mirrorfold.folding import PRESETS, FoldPlan, fold, initial_image
+from mirrorfold.given import check_lines, write_lines
+from mirrorfold.io import load, save
+from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
+from mirrorfold.sweep import is_raster
+
+if TYPE_CHECKING:
+    from mirrorfold.scene import Scene
+    from mirrorfold.solids import Scene3D
+
+Array = NDArray[np.float64]
+
+LIVE_PIXELS = 480_000
+"""Of the pictures in the page, 600 x 800: more would follow the hand late. What is saved has all pixels."""
+
+FOCUS_TOLERANCE = 1e-3
+"""Of the image of a sweep, as `mirrorfold.reconstruct` has it: 60 dB below the image."""
+
+CHANGEABLE = ("threshold_db", "minimum_length", "wall_margin", "generations")
+"""The settings that the page has controls for."""
+
+NAME = re.compile(r"[\w][\w .-]{0,80}\.nc")
+"""A file's plain name: it can lead to no other directory."""
+
+
+class Session:
+    """One file, opened in the background, folded on request.
+
+    Parameters
+    ----------
+    path : path
+        Sweep, image or reconstruction.
+    scene : Scene or Scene3D, optional
+        The truth.
+    """
+
+    def __init__(self, path: str | Path, scene: Scene | Scene3D | None = None) -> None:
+        self.path = Path(path)
+        self.scene = scene
+        self._lock = threading.Lock()
+        self._state: dict[str, Any] = {}
+        self.open()
+
+    def open(self) -> threading.Thread:
+        """Read the file, and focus and fold it as far as it is not; `state` tells how it goes."""
+        self._state = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
+        worker = threading.Thread(target=self._open, daemon=True)
+        worker.start()
+        return worker
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Status "busy", "ready" or "failed", with the step, a message or the document."""
+        return self._state
+
+    def _open(self) -> None:
+        try:
+            with self._lock:
+                document = self._first(load(self.path))
+            self._state = {"status": "ready", "document": document}
+        except InputError as error:
+            self._state = {"status": "failed", "message": str(error)}
+        except MemoryError:
+            self._state = {"status": "failed", "message": f"{self.path}: there is not enough memory to open it"}
+        except Exception as error:  # a page that says nothing would be worse
+            found = f"{type(error).__name__}: {error}"
+            self._state = {
+                "status": "failed",
+                "message": f"{self.path}: opening it failed by a mistake of ours ({found})",
+            }
+
+    def _report(self, step: str) -> Any:
+        def report(done: int, total: int) -> None:
+            self._state = {"status": "busy", "step": step, "done": int(done), "total": int(total)}
+
+        report(0, 1)
+        return report
+
+    def _first(self, found: Any) -> dict[str, Any]:
+        """The plan and the first document."""
+        self._sweep = self._image_command = None
+        preset = "default"
+        source: xr.DataArray | xr.DataTree
+        if isinstance(found, xr.DataTree):
+            reconstruction = source = found
+            preset = str(found.attrs.get("preset", "default"))
+            preset = preset if preset in PRESETS else "default"
+        elif isinstance(found, xr.Dataset | xr.DataArray):
+            if isinstance(found, xr.Dataset):
+                image = focus(found, tolerance=FOCUS_TOLERANCE, progress=self._report("focusing"))
+                self._sweep = None if is_raster(found) else found
+                self._image_command = f"{self.path.stem}.image.nc"
+            else:
+                image = found
+            source = image
+            report = self._report("folding")
+            if image.dims == ("y", "x"):
+                self._plan = FoldPlan(image, sweep=self._sweep)
+                reconstruction = self._plan.fold(progress=report)
+            else:
+                reconstruction = fold(image, progress=report)
+        else:
+            raise InputError(
+                f"{self.path}: is a scene, expected a sweep, an image or a reconstruction; simulate it first"
+            )
+        self.editable = "z" not in reconstruction.children["objects"].variables
+        defaults = PRESETS[preset]
+        held = {name: reconstruction.attrs.get(f"fold_{name}", getattr(defaults, name)) for name in CHANGEABLE}
+        self._preset = preset
+        self._normalization = str(reconstruction.attrs.get("fold_normalization", defaults.normalization))
+        self._settings = {name: value.item() if hasattr(value, "item") else value for name, value in held.items()}
+        self._lines: Array | None = None
+        truth = [] if self.scene is None else truth_lines(self.scene)
+        self._extent = shown_extent(reconstruction, truth)
+        document = to_document(reconstruction, self.scene, largest_image=LIVE_PIXELS, extent=self._extent, effort=1)
+        self._zero_db = document["zero_db"]
+        if self.editable:
+            if isinstance(source, xr.DataTree):
+                self._plan = FoldPlan(source)
+            self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
+            # The first fold finds what all others share.
+            self._plan.fold(**self._arguments(self._settings, None), grid=self._grid)
+        return {**document, **self._edit_state()}
+
+    def _edit_state(self) -> dict[str, Any]:
+        """What the controls start from."""
+        lines = None if self._lines is None else self._lines.tolist()
+        return {
+            "editable": self.editable,
+            "settings": {**self._settings},
+            "lines": lines,
+            "file": self.path.name,
+            "save_as": f"{self.path.stem}.edited.nc",
+        }
+
+    def fold(self, request: Any) -> dict[str, Any]:
+        """Fold with other settings or mirrors.
+
+        Parameters
+        ----------
+        request : dict
+            `settings`: some of `CHANGEABLE`; `mirrors`: (mirrors, 2, 2) [m], or None to find them; `score`: whether
+            to score the result too, which takes its time.
+
+        Returns
+        -------
+        dict
+            The document of the result, without the initial image; `line_of` tells for every mirror which of the given
+            ones it is (part of); `milliseconds` what it took.
+
+        Raises
+        ------
+        InputError
+            If the request cannot be met.
+        """
+        settings, lines = self._checked(request)
+        start = time.perf_counter()
+        with self._lock:
+            found = self._plan.fold(**self._arguments(settings, lines), grid=self._grid)
+            self._settings, self._lines = settings, lines
+        document = to_document(
+            found,
+            self.scene,
+            largest_image=LIVE_PIXELS,
+            extent=self._extent,
+            zero_db=self._zero_db,
+            effort=1,
+            images=("corrected",),
+            scored=request.get("score") is True,
+        )
+        document["line_of"] = (
+            [] if lines is None else [line_of(mirror["ends"], lines) for mirror in document["mirrors"]]
+        )
+        document["milliseconds"] = 1e3 * (time.perf_counter() - start)
+        return {**document, **self._edit_state()}
+
+    def save(self, request: Any) -> dict[str, Any]:
+        """Save the latest fold, with all its pixels, beside the file that is viewed.
+
+        Parameters
+        ----------
+        request : dict
+            `name`: of the file; `settings` and `mirrors` as for `fold`.
+
+        Returns
+        -------
+        dict
+            `files`, and the `command` that makes the same again.
+
+        Raises
+        ------
+        InputError
+            If the name or the request is wrong, or nothing can be written there.
+        """
+        settings, lines = self._checked(request)
+        name = request.get("name")
+        if not isinstance(name, str) or not NAME.fullmatch(name) or ".." in name:
+            raise InputError(f"the name to save under is {name!r}, expected a plain name that ends in .nc")
+        output = check_output(self.path.parent / name, inputs=[self.path])
+        mirrors = output.with_suffix(".mirrors.json")
+        files = [output] if lines is None else [output, mirrors]
+        with self._lock:
+            result = self._plan.fold(**self._arguments(settings, lines))
+            if lines is not None:
+                with written_whole(mirrors) as temporary:
+                    write_lines(lines, temporary)
+            command = self.command(settings, None if lines is None else mirrors, output)
+            result.attrs["command"] = command
+            save(result, output)
+        return {"files": [str(file) for file in files], "command": command}
+
+    def command(self, settings: dict[str, Any], mirrors: Path | None, output: Path) -> str:
+        """The command line that folds the same again."""
+        words = ["mirrorfold", "fold"]
+        before = ""
+        if self._image_command is not None:
+            image = str(self.path.parent / self._image_command)
+            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(FOCUS_TOLERANCE)]
+            before = shlex.join(steps) + " && "
+            words += [image, *(["--sweep", str(self.path)] if self._sweep is not None else [])]
+        else:
+            words.append(str(self.path))
+        words += ["-o", str(output)]
+        if mirrors is not None:
+            words += ["--mirrors", str(mirrors)]
+        defaults = PRESETS[self._preset]
+        if self._preset != "default":
+            words += ["--preset", self._preset]
+        given = {**settings, "normalization": self._normalization}
+        for name, value in given.items():
+            if value is not None and value != getattr(defaults, name):
+                words += [f"--{name.replace('_', '-')}", str(value)]
+        return before + shlex.join(words)
+
+    def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
+        return {"mirrors": lines, "preset": self._preset, "normalization": self._normalization, **settings}
+
+    def _checked(self, request: Any) -> tuple[dict[str, Any], Array | None]:
+        """Settings and mirrors of a request.
+
+        Raises
+        ------
+        InputError
+            If it is not a request, or the file cannot be folded anew.
+        """
+        if self._state.get("status") != "ready":
+            raise InputError(f"{self.path.name}: is not open")
+        if not self.editable:
+            raise InputError(f"{self.path.name}: is a volume, whose mirrors cannot be changed in the page")
+        if not isinstance(request, dict) or not isinstance(request.get("settings", {}), dict):
+            raise InputError("the request is no object with 'settings' and 'mirrors'")
+        settings = dict(self._settings)
+        for name, value in request.get("settings", {}).items():
+            if name not in CHANGEABLE:
+                raise InputError(f"there is no setting {str(name)!r}, expected one of {', '.join(CHANGEABLE)}")
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number and not (name == "generations" and value is None):
+                raise InputError(f"{name} is {value!r}, expected a number")
+            settings[name] = value
+        mirrors = request.get("mirrors")
+        return settings, None if mirrors is None else check_lines(mirrors)
+
+
+def line_of(ends: Any, lines: Array) -> int:
+    """Which of the lines (n, 2, 2) a mirror with those ends is part of: the one that both ends are nearest to."""
+    points = np.asarray(ends, dtype=float)
+    way = lines[:, 1] - lines[:, 0]
+    length = np.linalg.norm(way, axis=1)
+    along = np.einsum("nd,pnd->pn", way, points[:, None] - lines[:, 0]) / length**2
+    nearest = lines[:, 0] + np.clip(along, 0.0, 1.0)[..., None] * way
+    return int(np.argmin(np.linalg.norm(points[:, None] - nearest, axis=-1).max(axis=0)))
