@@ -17,7 +17,7 @@ from cyclopts import App, CycloptsError, Parameter
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
 from mirrorfold.cli.calibration import calibrate
-from mirrorfold.cli.importing import export_scan, import_
+from mirrorfold.cli.importing import export, import_
 from mirrorfold.cli.planning import plan
 from mirrorfold.cli.terminal import (
     progress,
@@ -430,8 +430,8 @@ def info(file: Path, *, json: Flag = False) -> None:
         show_info(found)
 
 
-for verb in (demo, simulate, import_, export_scan, calibrate, focus, fold, reconstruct, score, info, plan):
-    verb_name = {import_: "import", export_scan: "export"}.get(verb, verb.__name__)
+for verb in (demo, simulate, import_, export, calibrate, focus, fold, reconstruct, score, info, plan):
+    verb_name = verb.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
         verb,
         name=verb_name,
