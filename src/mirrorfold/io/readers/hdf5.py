@@ -145,7 +145,8 @@ def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | 
         return Variable.of(np.array(entry["text"]))
     name, shape, stored = entry["name"], tuple(entry["shape"]), max(entry["stored"], 1)
     descr: Any = entry["descr"]
-    dtype = np.lib.format.descr_to_dtype(descr if isinstance(descr, str) else [_field(field) for field in descr])
+    known: Any = descr if isinstance(descr, str) else [_field(field) for field in descr]
+    dtype = np.lib.format.descr_to_dtype(known)
     fields = complex_fields(dtype)
     if fields is None and dtype.kind not in "fciub":
         return None
