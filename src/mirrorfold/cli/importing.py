@@ -136,7 +136,7 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
     show_files(written)
 
 
-def export_scan(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
+def export(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
     """Export a sweep.
 
     Parameters

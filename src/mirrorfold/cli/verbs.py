@@ -16,7 +16,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
-from mirrorfold.cli.importing import export_scan, import_
+from mirrorfold.cli.importing import export, import_
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -239,7 +239,8 @@ def focus(
     output
         Image to write (netCDF).
     x
-        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005; chosen from the sweep by default.
+        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005, or one number; chosen from the sweep
+        by default.
     y
         Range of the pixels, likewise.
     z
@@ -403,8 +404,8 @@ def info(file: Path, *, json: Flag = False) -> None:
         show_info(found)
 
 
-for verb in (demo, simulate, import_, export_scan, focus, fold, reconstruct, score, info):
-    verb_name = {import_: "import", export_scan: "export"}.get(verb, verb.__name__)
+for verb in (demo, simulate, import_, export, focus, fold, reconstruct, score, info):
+    verb_name = verb.__name__.rstrip("_")  # import is a keyword
     app.command(
         verb,
         name=verb_name,
@@ -445,16 +446,18 @@ def read(path: Path, kind: str) -> Any:
 
 
 def parse_axis(text: str, name: str) -> Any:
-    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it.
+    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
     Raises
     ------
     InputError
-        If it is not three numbers, or the steps lead nowhere.
+        If it is not one number or three, or the steps lead nowhere.
     """
     import numpy as np
 
     try:
+        if ":" not in text and np.isfinite(float(text)):
+            return np.array([float(text)])
         start, stop, step = map(float, text.split(":"))
     except ValueError:
         raise InputError(f"--{name} is {text!r}, expected START:STOP:STEP in metres, for example -2:2:0.005") from None

@@ -111,7 +111,9 @@ def is_foreign(path: Path) -> bool:
         return False
     try:
         with h5py.File(path, "r") as content:
-            return not ({"mirrorfold_kind"} & set(content.attrs)) and not ({"s", "image"} & set(content))
+            if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
+                return False
+            return any(isinstance(item, h5py.Dataset) and len(item.shape or ()) >= 2 for item in content.values())
     except Exception:  # whoever reads it says what is wrong
         return False
 
