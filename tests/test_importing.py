@@ -270,6 +270,47 @@ def test_beams_of_a_raster_scan_in_any_order_become_a_grid(tmp_path):
         mf.import_data(tmp_path / "b.npz", mapping=mapping)
 
 
+def test_columns_of_real_and_imaginary_parts_beside_the_frequency(tmp_path, measured):
+    f, tx, rx, s = measured
+    columns = np.stack([s.real, s.imag], axis=-1).reshape(21, -1)
+    np.savetxt(tmp_path / "d.csv", np.column_stack([f / 1e9, columns]), delimiter=",", fmt="%.17g")
+    np.savetxt(tmp_path / "tx.csv", tx, delimiter=",")
+    mapping = {
+        "s": {"variable": "table", "skip": 1, "shape": [21, 5, 7, 2], "dims": ["frequency", "tx", "rx", "re_im"]},
+        "frequency": {"file": "d.csv", "column": 0, "unit": "GHz"},
+        "tx": {"file": "tx.csv"},
+        "rx": {"position": rx.tolist()},
+    }
+    same(mf.import_data(tmp_path / "d.csv", mapping=mapping), f, tx, rx, s)
+    mapping["s"]["shape"] = [21, 5, 8, 2]
+    with pytest.raises(InputError, match="makes no"):
+        mf.import_data(tmp_path / "d.csv", mapping=mapping)
+
+
+def test_the_cube_of_a_chirped_radar_becomes_a_sweep(tmp_path):
+    slope, rate, samples, start = 60e12, 8e6, 128, 77e9
+    tx, rx = np.zeros((3, 3)), np.zeros((4, 3))
+    tx[:, 0], rx[:, 0] = 7.8e-3 * np.arange(3), 1.95e-3 * np.arange(4)
+    target = np.array([1.0, 4.0, 0.0])
+    d = np.linalg.norm(tx - target, axis=1)[:, None] + np.linalg.norm(rx - target, axis=1)
+    t = np.arange(samples) / rate
+    beat = np.exp(2j * np.pi * (start + slope * t) * d[..., None] / speed_of_light)  # the phase rises with range
+    np.savez(tmp_path / "cube.npz", adc=np.stack([np.zeros_like(beat), beat]))
+    mapping = {
+        "s": {"variable": "adc", "dims": ["chirp", "tx", "rx", "frequency"], "select": {"chirp": 1}},
+        "frequency": {"start": start, "step": slope / rate, "points": samples},
+        "tx": {"x": {"values": (1e3 * tx[:, 0]).tolist(), "unit": "mm"}},
+        "rx": {"x": {"start": 0.0, "step": 1.95, "points": 4}, "unit": "mm"},
+        "time_convention": "exp(-jwt)",
+    }
+    sweep = mf.import_data(tmp_path / "cube.npz", mapping=mapping)
+    x, y = np.arange(-2.0, 2.01, 0.05), np.arange(3.0, 5.0, 0.02)
+    image = mf.focus(sweep, x=x, y=y)
+    peak = np.unravel_index(np.abs(image.values).argmax(), image.shape)
+    assert x[peak[1]] == pytest.approx(1.0, abs=0.2)
+    assert y[peak[0]] == pytest.approx(4.0, abs=0.08)
+
+
 # --- what does not fit -----------------------------------------------------------------------------------------------
 
 GOOD = {

@@ -383,6 +383,27 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     refused(tmp_path, "is a directory")
 
 
+@pytest.mark.parametrize(
+    ("suffix", "head"),
+    [
+        (".mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"),
+        (".csv", b"1,2\n"),
+        (".s2p", b"# Hz S RI R 50\n"),
+        (".cti", b"CITIFILE A.01.00\n"),
+        (".npy", b"\x93NUMPY\x01\x00"),
+        (".npz", b"PK\x03\x04"),
+        (".nc", b"CDF\x01"),
+        (".ply", b"ply\nformat ascii 1.0\n"),
+    ],
+)
+def test_files_larger_than_the_memory_are_refused_unread(tmp_path, suffix, head):
+    path = tmp_path / f"huge{suffix}"
+    with path.open("wb") as file:
+        file.write(head * 2000 if suffix in (".csv", ".s2p", ".cti", ".ply") else head)
+        file.truncate(1 << 42)  # takes no room on the disk
+    refused(path, "memory")
+
+
 class Bomb:
     """A pickle that would leave a file behind."""
 
