@@ -64,8 +64,7 @@ def test_gotcha_files_join_to_one_flight(gotcha):
 
 def test_gotcha_shows_vehicles_with_the_brightest_point_where_it_is_known(gotcha):
     x = np.arange(-50.0, 50.01, 0.25)
-    with pytest.warns(UserWarning, match="ambiguous") if ambiguous_range(gotcha) < 100.0 else _nothing():
-        image = mf.focus(gotcha, x=x, y=x, tolerance=1e-3)
+    image = mf.focus(gotcha, x=x, y=x, tolerance=1e-3)
     y0, x0 = brightest(image)
     assert (x0, y0) == (pytest.approx(-15.5, abs=0.26), pytest.approx(21.5, abs=0.26))
     level = 20 * np.log10(np.abs(image.values) / np.median(np.abs(image.values)))
@@ -73,12 +72,6 @@ def test_gotcha_shows_vehicles_with_the_brightest_point_where_it_is_known(gotcha
     # Rows of vehicles: many echoes well above the ground, in many places.
     rows, columns = np.nonzero(level > 25.0)
     assert len({(i // 20, k // 20) for i, k in zip(rows, columns, strict=True)}) > 20
-
-
-def _nothing():
-    from contextlib import nullcontext
-
-    return nullcontext()
 
 
 def test_gotcha_has_a_default_grid_about_the_scene(gotcha):
@@ -89,14 +82,24 @@ def test_gotcha_has_a_default_grid_about_the_scene(gotcha):
 
 
 def test_gotcha_needs_no_mapping_but_the_name_on_the_command_line(shared_data, tmp_path, capsys):
-    files = [str(path) for path in sorted((shared_data / "gotcha").glob("*.mat"))[:2]]
+    files = [str(path) for path in sorted((shared_data / "gotcha").glob("*.mat"))]
     assert main(["import", *files, "--mapping", "gotcha", "-o", str(tmp_path / "g.nc")]) == 0
     found = mf.load(tmp_path / "g.nc")
-    assert found.sizes["position"] == 234
-    assert main(
-        ["focus", str(tmp_path / "g.nc"), "-o", str(tmp_path / "i.nc"), "-x", "-20:-10:0.25", "-y", "15:25:0.25"]
-    ) in (0, 2)
-    assert "Traceback" not in capsys.readouterr().err
+    assert found.sizes["position"] == 469
+    capsys.readouterr()
+    arguments = [
+        "focus",
+        str(tmp_path / "g.nc"),
+        "-o",
+        str(tmp_path / "i.nc"),
+        "--x",
+        "-20:-10:0.5",
+        "--y",
+        "16:26:0.5",
+    ]
+    assert main(arguments) == 0
+    y0, x0 = brightest(mf.load(tmp_path / "i.nc"))
+    assert np.hypot(x0 + 15.5, y0 - 21.5) < 0.8
 
 
 def test_the_aluminium_block_shows_its_notch_and_its_back_wall(shared_data):
@@ -104,7 +107,7 @@ def test_the_aluminium_block_shows_its_notch_and_its_back_wall(shared_data):
     assert sweep["s"].shape[1:] == (64, 64)
     assert sweep.attrs["wave_speed"] == 6300.0
     assert "measured" not in sweep.coords  # the half matrix became a full one
-    x, y = np.arange(-15e-3, 15.01e-3, 0.2e-3), np.arange(15e-3, 48e-3, 0.1e-3)
+    x, y = np.arange(-12e-3, 12.01e-3, 0.4e-3), np.arange(15e-3, 46e-3, 0.1e-3)
     image = mf.focus(sweep, x=x, y=y, tolerance=1e-3)
     wall_y, _ = brightest(image.sel(y=slice(35e-3, 48e-3)))
     assert wall_y == pytest.approx(40.8e-3, abs=0.2e-3)

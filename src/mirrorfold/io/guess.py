@@ -168,6 +168,11 @@ BESIDE = "|"
 MOST_TABLES = 20
 
 
+def _plain(text: str) -> str:
+    """The same with names of what lies in other files as people write them."""
+    return re.sub(r"'\|([^'|]+)(?:\|(\d+))?'", lambda m: f"{m[1]} column {m[2]}" if m[2] else m[1], text)
+
+
 def _source(name: str) -> Any:
     """What a mapping says for a row of numbers."""
     if not name.startswith(BESIDE):
@@ -212,7 +217,7 @@ class _Search:
         self._found("the time convention exp(+jwt)", 2, "the file does not say; `mirrorfold info` tests it on the data")
 
     def _found(self, what: str, level: int, why: str) -> None:
-        self.guess.findings.append(Finding(what, LISTED[level], why))
+        self.guess.findings.append(Finding(_plain(what), LISTED[level], why))
 
     def _samples(self) -> Variable | None:
         """Complex samples, or two parts of them, or the largest real array."""

@@ -102,7 +102,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
         )
     raise InputError(
         f"{contents.path}: does not say what its variables are; give --mapping FILE, which `mirrorfold import --guess "
-        f"{contents.path}` proposes"
+        f"{contents.path}` proposes, or --image NAME where it holds an image"
     )
 
 
