@@ -445,6 +445,36 @@ def test_a_proposal_for_a_plain_file_makes_the_right_sweep(tmp_path, measured, n
     same(mf.import_data(tmp_path / "d.mat", mapping=tmp_path / "m.toml"), f, tx, rx, s)
 
 
+def test_proposals_recognise_magnitudes_and_phases_millimetres_and_coordinates_one_by_one(tmp_path, measured):
+    f, tx, rx, s = measured
+    content = {
+        "S21_dB": 20 * np.log10(2 * np.abs(s)),
+        "S21_phase": np.degrees(np.angle(s)),
+        "f_start": 290.0,
+        "f_stop": 300.0,
+    }
+    content |= {"tx_x": tx[:, 0] * 1e3, "rx_x": rx[:, 0] * 1e3, "tx_y": tx[:, 1], "rx_y": rx[:, 1]}
+    savemat(tmp_path / "d.mat", content)
+    guess = guess_mapping(tmp_path / "d.mat")
+    assert guess.works, guess.to_toml()
+    same(mf.import_data(tmp_path / "d.mat", mapping=guess.entries), f, tx, rx, 2 * s)
+
+
+@pytest.mark.parametrize("unit", ["degree", "radian"])
+def test_proposals_recognise_raster_scans(tmp_path, unit):
+    rng = np.random.default_rng(1)
+    azimuth, elevation, f = np.linspace(-15, 15, 7), np.linspace(-10, 10, 5), np.linspace(270e9, 300e9, 9)
+    s = rng.standard_normal((7, 5, 9)) + 1j * rng.standard_normal((7, 5, 9))
+    turn = np.radians if unit == "radian" else np.asarray
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["raw/s11"], file["raw/az"], file["raw/el"], file["raw/frequencies"] = s, turn(azimuth), turn(elevation), f
+    guess = guess_mapping(tmp_path / "d.h5")
+    assert guess.works, guess.to_toml()
+    sweep = mf.import_data(tmp_path / "d.h5", mapping=guess.entries)
+    np.testing.assert_allclose(sweep["azimuth"], azimuth)
+    np.testing.assert_allclose(sweep["s"].values, s.transpose(2, 0, 1), rtol=1e-5)
+
+
 def test_a_proposal_says_what_it_does_not_know(tmp_path, measured):
     _, _, _, s = measured
     np.savez(tmp_path / "d.npz", s=s)

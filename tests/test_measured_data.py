@@ -152,3 +152,13 @@ def test_enclosed_scenes_have_echoes_throughout(shared_data):
     peaks = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:]) & (level[1:-1] > 2.0 * floor)
     assert np.count_nonzero(peaks) > 5
     assert y[1:-1][peaks].max() > 4.0  # from the far end of the container
+
+
+def test_a_session_becomes_a_range_profile_on_the_command_line(shared_data, tmp_path, capsys):
+    session = str(shared_data / "acconeer/corner-reflector.h5")
+    assert main(["import", session, "--frame", "mean", "-o", str(tmp_path / "s.nc")]) == 0
+    arguments = ["focus", str(tmp_path / "s.nc"), "--x", "0", "--y", "0.1:0.8:0.005", "-o", str(tmp_path / "i.nc")]
+    assert main(arguments) == 0
+    assert brightest(mf.load(tmp_path / "i.nc"))[0] == pytest.approx(0.22, abs=0.015)
+    assert main(["import", session, "--frame", "500", "-o", str(tmp_path / "s.nc")]) == 2
+    assert "0 to 112" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
 from mirrorfold.io.mapping import Mapping, load_mapping
 from mirrorfold.io.readers import Contents, read_contents
+from mirrorfold.sweep import check_sweep
 
 Progress = Callable[[int, int], None]
 
@@ -23,6 +24,7 @@ def import_data(
     positions: str | Path | None = None,
     parameter: str | None = None,
     reader: str | None = None,
+    frame: int | str | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """A sweep from measured data of whatever origin.
@@ -39,6 +41,8 @@ def import_data(
         Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
     reader : str, optional
         Format of the files; by default it is recognised.
+    frame : int or "mean", optional
+        Of a recording with several frames the one to keep, or their mean; by default all.
     progress : callable (done, total), optional
 
     Returns
@@ -53,6 +57,32 @@ def import_data(
         where there is one, and the remedy.
     """
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    sweep = _import(paths, mapping, positions, parameter, reader, progress)
+    return sweep if frame is None else _one_frame(sweep, frame)
+
+
+def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
+    """One frame of a recording, or the mean of all."""
+    if "frame" not in sweep["s"].dims:
+        raise InputError(f"frame is {frame!r}, and the samples have the dimensions {sweep['s'].dims}; leave it out")
+    count = sweep.sizes["frame"]
+    if frame == "mean":
+        s = sweep["s"].mean("frame").astype("complex64")
+        return check_sweep(sweep.drop_vars("s").assign(s=s))
+    if not isinstance(frame, int) or not -count <= frame < count:
+        raise InputError(f"frame is {frame!r}, expected a number from 0 to {count - 1}, or 'mean'")
+    return sweep.isel(frame=frame)
+
+
+def _import(
+    paths: list[Path],
+    mapping: str | Path | dict[str, Any] | Mapping | None,
+    positions: str | Path | None,
+    parameter: str | None,
+    reader: str | None,
+    progress: Progress | None,
+) -> xr.Dataset:
+    """The sweep with all its frames."""
     if not paths:
         raise InputError("no files are given; name the files to import")
     if positions is not None or _has_metafile(paths):
