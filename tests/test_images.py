@@ -135,7 +135,7 @@ def wall_and_ghosts():
     return wall, body, ghost
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".npz"])
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".h5"])
 def test_the_command_folds_what_other_tools_have_made(wall_and_ghosts, tmp_path, suffix, capsys):
     wall, body, ghost = wall_and_ghosts
     points = np.concatenate([wall, ghost])
@@ -147,7 +147,13 @@ def test_the_command_folds_what_other_tools_have_made(wall_and_ghosts, tmp_path,
         distance = np.full((y.size, x.size), np.inf)
         for place in points:
             np.minimum(distance, np.hypot(x - place[0], y[:, None] - place[1]), out=distance)
-        np.savez(path, image=np.exp(-((distance / 0.015) ** 2)) + 1e-4, x=x, y=y)
+        image = np.exp(-((distance / 0.015) ** 2)) + 1e-4
+        if suffix == ".npz":
+            np.savez(path, image=image, x=x, y=y)
+        else:  # a volume whose middle holds the scene
+            with h5py.File(path, "w") as file:
+                file["volume"], file["x"], file["y"] = np.stack([1e-4 + 0 * image, image, 0.3 * image]), x, y
+                file["z"] = np.array([0.0, 0.1, 0.2])
     out = tmp_path / "r.nc"
     assert main(["fold", str(path), "-o", str(out)]) == 0, capsys.readouterr().err
     found = mf.load(out)

@@ -180,6 +180,10 @@ def test_a_complex_table_comes_back(tmp_path, samples):
         ("Freq(Hz),S21 Log Mag(dB),S21 Phase(deg)", "db", ","),
         ("Frequency (Hz),Re(S21),Im(S21)", "ri", ","),
         ("frequency\tS21_mag\tS21_phase_rad", "mr", "\t"),
+        ("freq_Hz,S21_re,S21_im", "ri", ","),
+        ("Frequency/Hz,dB(S(2,1)),ang(S(2,1))", "db", ","),
+        ("Stimulus [Hz];Trc1_S21[re];Trc1_S21[im]", "ri", ";"),
+        ("# Freq,Real,Imag\nFreq. [Hz],Real(S21),Imag(S21)", "ri", ","),
     ],
 )
 def test_tables_of_network_analysers_describe_themselves(tmp_path, rng, heading, parts, delimiter):

@@ -54,7 +54,7 @@ def test_a_random_sweep_written_as_a_scan_comes_back_exactly(tmp_path_factory, k
     sweep = random_sweep(kind, seed)
     folder = tmp_path_factory.mktemp("scan") / "scan"
     positions = mf.save_touchstone(sweep, folder)
-    back = mf.import_data(folder, positions=positions)
+    back = mf.import_data(folder, positions=positions if seed % 3 else None)  # it is found in the folder
     assert back["s"].dims == sweep["s"].dims
     for name in ("s", "frequency", "tx_position", "rx_position", "antenna_position", "azimuth", "elevation"):
         if name in sweep.variables:

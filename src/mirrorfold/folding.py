@@ -85,7 +85,8 @@ def fold(
     Parameters
     ----------
     image : (y, x) or (range, azimuth, elevation) DataArray
-        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`.
+        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`; of voxels
+        (z, y, x) the plan view is folded.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
@@ -124,6 +125,8 @@ def fold(
             wall_margin=wall_margin,
             progress=progress,
         )
+    if getattr(image, "dims", None) == ("z", "y", "x"):  # the plan view: the strongest voxel of each column
+        image = abs(image).max("z", skipna=False, keep_attrs=True)
     if preset not in PRESETS:
         raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
     given: dict[str, Any] = {

@@ -14,6 +14,9 @@ from mirrorfold.io.mapping import Mapping, load_mapping
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.sweep import check_sweep
 
+POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
+"""Where the positions are looked for in the folder of a scan."""
+
 Progress = Callable[[int, int], None]
 
 
@@ -36,7 +39,8 @@ def import_data(
     mapping : path, name or dict, optional
         What the variables are: a mapping file, the name of one that comes along, or its content.
     positions : path, optional
-        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files.
+        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files; in a folder found by itself
+        where it is called ``positions.csv`` or ``scan.toml``.
     parameter : str, optional
         Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
     reader : str, optional
@@ -85,6 +89,8 @@ def _import(
     """The sweep with all its frames."""
     if not paths:
         raise InputError("no files are given; name the files to import")
+    if positions is None and mapping is None and len(paths) == 1 and paths[0].is_dir():
+        positions = next((paths[0] / name for name in POSITIONS if (paths[0] / name).is_file()), None)
     if positions is not None or _has_metafile(paths):
         if mapping is not None:
             raise InputError("mapping and positions are both given; a scan of files needs positions alone")
