@@ -19,6 +19,8 @@ NEEDED = {
     "demo": [],
     "simulate": ["scene.toml", "-o", "out.nc"],
     "calibrate": ["sweep.nc", "-o", "out.nc"],
+    "import": ["sweep.nc", "-o", "out.nc"],
+    "export": ["sweep.nc", "-o", "out"],
     "focus": ["sweep.nc", "-o", "out.nc"],
     "fold": ["image.nc", "-o", "out.nc"],
     "reconstruct": ["sweep.nc", "-o", "out"],

@@ -245,7 +245,8 @@ def focus(
     output
         Image to write (netCDF).
     x
-        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005; chosen from the sweep by default.
+        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005, or one number; chosen from the sweep
+        by default.
     y
         Range of the pixels, likewise.
     z
@@ -472,16 +473,18 @@ def read(path: Path, *expected: str) -> Any:
 
 
 def parse_axis(text: str, name: str) -> Any:
-    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it.
+    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
     Raises
     ------
     InputError
-        If it is not three numbers, or the steps lead nowhere.
+        If it is not one number or three, or the steps lead nowhere.
     """
     import numpy as np
 
     try:
+        if ":" not in text and np.isfinite(float(text)):
+            return np.array([float(text)])
         start, stop, step = map(float, text.split(":"))
     except ValueError:
         raise InputError(f"--{name} is {text!r}, expected START:STOP:STEP in metres, for example -2:2:0.005") from None
