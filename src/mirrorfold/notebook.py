@@ -2,13 +2,14 @@
 
 A Reconstruction is an `xarray.DataTree` like any other, and stays one on disk and through every operation. So it is not
 the object that knows how to show itself, but the notebook that is told: IPython asks a formatter by type.
-`import mirrorfold` tells it where IPython runs, and ``%load_ext mirrorfold`` at any time later.
+`import mirrorfold` tells it where IPython runs, and ``%load_ext mirrorfold`` does at any time later.
 """
 
 from __future__ import annotations
 
 import base64
 import io
+from html import escape
 
 import xarray as xr
 
@@ -30,7 +31,7 @@ def to_html(tree: xr.DataTree) -> str:
     str
     """
     if tree.attrs.get("mirrorfold_kind") != "reconstruction" or tree.parent is not None:
-        return str(tree._repr_html_())
+        return _plain(tree)
     from mirrorfold.errors import InputError
     from mirrorfold.io.netcdf import check_reconstruction
     from mirrorfold.reporting.document import _facts, mirror_rows, title_of
@@ -38,7 +39,7 @@ def to_html(tree: xr.DataTree) -> str:
     try:
         checked = check_reconstruction(tree)
     except InputError:  # under construction, or taken apart
-        return str(tree._repr_html_())
+        return _plain(tree)
     mirrors = mirror_rows(checked)
     facts = [(row[0], row[1]) for row in _facts(checked.children["objects"].to_dataset(inherit=False), mirrors)]
     for mirror in mirrors[:LONGEST_LIST]:
@@ -53,6 +54,14 @@ def to_html(tree: xr.DataTree) -> str:
 
 LONGEST_LIST = 8
 """Mirrors that are listed."""
+
+
+def _plain(tree: xr.DataTree) -> str:
+    """What xarray shows; its text where it cannot show a group whose coordinates hide the root's of the same name."""
+    try:
+        return str(tree._repr_html_())
+    except ValueError:
+        return f"<pre>{escape(str(tree.to_dataset(inherit=False)))}</pre>"
 
 
 def _picture(reconstruction: xr.DataTree) -> str:
