@@ -25,6 +25,7 @@ NEEDED = {
     "fold": ["image.nc", "-o", "out.nc"],
     "reconstruct": ["sweep.nc", "-o", "out"],
     "score": ["reconstruction.nc", "scene.toml"],
+    "show": ["image.nc", "-o", "out.png"],
     "view": ["sweep.nc"],
     "report": ["reconstruction.nc", "-o", "out.html"],
     "info": ["sweep.nc"],

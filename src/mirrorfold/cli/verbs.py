@@ -62,8 +62,6 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
-    from mirrorfold.cli import looking  # noqa: F401  registers its verbs
-
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
@@ -551,3 +549,6 @@ def report_reconstruction(reconstruction: Any, files: Sequence[Path], *, json: b
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found["points_by_bounces"].items())
     print(f"{found['points']} points, by bounces: {counts or 'none'}")
     show_files(files)
+
+
+from mirrorfold.cli import looking  # noqa: E402, F401  registers its verbs with the app of this module
