@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import os
 import struct
 import tracemalloc
 import warnings
@@ -18,6 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat, netcdf_file, savemat
 
+import mirrorfold as mf
 from mirrorfold.errors import InputError
 from mirrorfold.io import readers
 from mirrorfold.io.readers import Reader, read_contents, touchstone
@@ -385,6 +387,15 @@ def test_empty_and_mislabelled_files_are_refused(tmp_path, suffix):
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     refused(tmp_path / "none.mat", "cannot be read")
     refused(tmp_path, "is a directory")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("suffix", [".mat", ".h5", ".csv", ".s2p"])
+def test_pipes_and_devices_are_not_waited_for(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    refused(tmp_path / f"pipe{suffix}", "pipe")
+    with pytest.raises(InputError, match="no file"):
+        mf.import_data(tmp_path, positions=tmp_path / f"pipe{suffix}")
 
 
 @pytest.mark.parametrize(
