@@ -76,7 +76,7 @@ def follow_a_path(page: Page) -> None:
     page.wait_for_timeout(300)
     box = page.locator(".panel[data-which=initial]").bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + 0.186 * box["width"], box["y"] + 0.195 * box["height"])
+    page.mouse.move(box["x"] + 0.206 * box["width"], box["y"] + 0.195 * box["height"])
 
 
 def move_a_mirror(page: Page) -> None:
