@@ -37,7 +37,7 @@ extensions = [
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["_build", "_templates", "pictures", "**/README.md", "gallery/**/*.ipynb", "gallery/**/*.py"]
 templates_path = ["_templates"]
-nitpicky = False
+default_role = "code"  # backticks mean names, in docstrings and in the gallery
 suppress_warnings = [
     "config.cache",  # the gallery's scraper is a function
 ]
@@ -59,6 +59,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
     "remove_config_comments": True,
+    "capture_repr": (),
     "show_signature": False,
     "show_memory": False,
     "min_reported_time": 1e9,
@@ -74,6 +75,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "mirrorfold"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

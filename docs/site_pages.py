@@ -7,6 +7,7 @@ the picture of the dependencies is drawn from the imports. None of them is kept 
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -75,7 +76,7 @@ def python_reference() -> str:
     lines = [*_title("Python"), "", "Everything below is a name of ``import mirrorfold as mf``.", ""]
     for title, members in groups.items():
         if members:
-            lines += [*_title(title, "-"), "", *_summary("mirrorfold", members), ""]
+            lines += [*_title(title, "-"), "", *_summary("mirrorfold", list(map(_described, members))), ""]
     for module in modules:
         face = next(name for name in mf.__all__ if getattr(mf, name) is module)
         lines += [*_title(f"mf.{face}", "-"), "", _first_line(module), "", *_summary(module.__name__, _public(module))]
@@ -144,6 +145,12 @@ def _heading(model: type) -> str:
     from mirrorfold.cli.schema import type_name
 
     return type_name(model)
+
+
+def _described(name: str) -> str:
+    """Where a name is described: itself, or what it stands for, where its docstring says no more than that."""
+    found = re.search(r"see `(mirrorfold\.[\w.]+)`", inspect.getdoc(getattr(mf, name)) or "")
+    return f"~{found[1]}" if found else name
 
 
 def _public(module: ModuleType) -> list[str]:

@@ -5,6 +5,7 @@ Waves between walls
 The full-wave solver knows nothing of mirrors: it solves Maxwell's equations on the surfaces. At 300 GHz a wave is too
 short to be seen in a picture of a room, so here is the same room at 4 GHz.
 """
+# sphinx_gallery_thumbnail_number = 2
 
 from dataclasses import replace
 from importlib.resources import files

@@ -5,6 +5,7 @@ A body around a drywall
 A scanner with a focused beam looks at a drywall at an oblique angle. Out of its field of view stands a mannequin with
 an L of foil under the shirt. The wall shows it; the scan, folded, shows it where it stands.
 """
+# sphinx_gallery_thumbnail_number = 2
 
 from dataclasses import replace
 from importlib.resources import files

@@ -5,6 +5,7 @@ A corridor, as a floor plan
 A corridor turns off to the left. A scan from its entrance sees the outer wall, and by way of it the inner wall, an
 extinguisher box and a mannequin. A plan view is often all one wants: what stands where.
 """
+# sphinx_gallery_thumbnail_number = 2
 
 from dataclasses import replace
 from importlib.resources import files

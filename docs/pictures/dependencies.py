@@ -26,10 +26,10 @@ CHARACTER = 0.115
 
 WIDTH = 13.0
 
-COLUMNS = {BLIND: 2.3, BOTH: 6.5, TRUTH: 10.7}
+COLUMNS = {BLIND: 2.4, BOTH: 6.75, TRUTH: 10.9}
 """Middles of the columns: no arrow goes from the left one to the right one."""
 
-SPAN = 2.1
+SPAN = 2.12
 """Half the width of a column."""
 
 SHIFTS = (0.0, 0.5, -0.5, 0.3)
@@ -102,7 +102,11 @@ def draw(path: Path) -> Path:
             members = [name for name in row if (BLIND if name in blind else TRUTH if name in truth else BOTH) == colour]
             widths = [0.4 + CHARACTER * len(name) for name in members]
             # Neighbouring rows are shifted against each other, so that arrows pass between the boxes.
-            left = middle - (sum(widths) + GAP * (len(members) - 1)) / 2 + SHIFTS[index % len(SHIFTS)]
+            left = (
+                middle
+                - (sum(widths) + GAP * (len(members) - 1)) / 2
+                + (SHIFTS[index % len(SHIFTS)] if len(members) < 3 else 0.0)
+            )
             for name, width in zip(members, widths, strict=True):
                 place[name] = (left + width / 2, -ROW * index, width)
                 left += width + GAP
