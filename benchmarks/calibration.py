@@ -3,8 +3,8 @@
     python benchmarks/calibration.py [--draws 40]
 
 Each draw is another array, band, place and size of the sphere, at 20 dB SNR per sample, with delays of up to 2 mm on
-every element. With multipath, four more echoes of up to the sphere's strength arrive from elsewhere; with outliers, a
-tenth of the transmitters measures noise; with phases, each element has a random constant phase too.
+every element. With multipath, four more echoes of up to half the sphere's strength arrive from elsewhere; with
+outliers, a tenth of the transmitters measures noise; with phases, each element has a random constant phase too.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def draw(kind: str, seed: int) -> tuple[float, float]:
     if kind == "multipath":
         for _ in range(4):
             away = centre + random.uniform([-0.5, 0.1], [0.5, 1.0])
-            s += random.uniform(0.2, 1.0) * np.exp(-1j * k * sphere_paths(tx, rx, away))
+            s += random.uniform(0.1, 0.5) * np.exp(-1j * k * sphere_paths(tx, rx, away))
     s *= np.exp(-1j * k * (tx_delay[:, None] + rx_delay))
     if kind == "random phases":
         s *= np.exp(2j * np.pi * (random.random(n_tx)[:, None] + random.random(n_rx)))

@@ -35,7 +35,9 @@ CABLE = 1.7
 
 def scene() -> Scene:
     """The shipped scene."""
-    return load_scene(Path(str(files("mirrorfold").joinpath("scenes", "synthetic_aperture.toml"))))
+    found = load_scene(Path(str(files("mirrorfold").joinpath("scenes", "synthetic_aperture.toml"))))
+    assert isinstance(found, Scene)
+    return found
 
 
 def sphere_alone(truth: Scene) -> Scene:

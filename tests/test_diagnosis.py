@@ -214,3 +214,24 @@ def test_a_scan_of_which_nothing_is_known_is_not_judged():
     silent = sweep.drop_attrs().assign_attrs(mirrorfold_kind="sweep")
     assert isinstance(silent, xr.Dataset)
     assert diagnose(silent) == ([], {"waves": False, "exchange": False})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", ["none", "conjugated", "reversed"])
+def test_mistakes_in_a_measured_ultrasonic_array(shared_data, mistake):
+    """Aluminium, some centimetres: another wave speed and another scale, and a back wall that mirrors."""
+    from scipy.io import loadmat
+
+    data = loadmat(shared_data / "arim" / "contact_notch_aluminium.mat", squeeze_me=True, struct_as_record=False)
+    data = data["exp_data"]
+    step = data.time[1] - data.time[0]
+    frequency = np.fft.fftfreq(data.time.size, step)
+    used = (frequency > 1e6) & (frequency < 9e6)
+    spectrum = np.fft.fft(data.time_data, axis=0)[used]
+    spectrum *= np.exp(-2j * np.pi * frequency[used] * data.time[0])[:, None]
+    s = np.zeros((used.sum(), 64, 64), dtype=complex)
+    s[:, data.tx - 1, data.rx - 1] = s[:, data.rx - 1, data.tx - 1] = spectrum
+    place = np.outer(data.array.el_xc, [1.0, 0.0, 0.0])
+    sweep = mf.make_sweep(s, frequency=frequency[used], tx_position=place, rx_position=place, wave_speed=6300.0)
+    waves = [finding.name for finding in diagnose(wrong(sweep, mistake))[0] if finding.name in str(MISTAKES)]
+    assert tuple(waves) == MISTAKES[mistake]

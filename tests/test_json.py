@@ -162,7 +162,6 @@ def test_the_demonstration(folder, capsys):
 
 def test_options_have_the_same_names_everywhere(capsys):
     """What is written is -o, --output (of demo --out, a folder); flags have no opposite; all options are explained."""
-    from mirrorfold.cli import looking, shell  # noqa: F401  register their verbs
     from mirrorfold.cli.verbs import app
 
     for verb in VERBS:

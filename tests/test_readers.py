@@ -180,6 +180,10 @@ def test_a_complex_table_comes_back(tmp_path, samples):
         ("Freq(Hz),S21 Log Mag(dB),S21 Phase(deg)", "db", ","),
         ("Frequency (Hz),Re(S21),Im(S21)", "ri", ","),
         ("frequency\tS21_mag\tS21_phase_rad", "mr", "\t"),
+        ("freq_Hz,S21_re,S21_im", "ri", ","),
+        ("Frequency/Hz,dB(S(2,1)),ang(S(2,1))", "db", ","),
+        ("Stimulus [Hz];Trc1_S21[re];Trc1_S21[im]", "ri", ";"),
+        ("# Freq,Real,Imag\nFreq. [Hz],Real(S21),Imag(S21)", "ri", ","),
     ],
 )
 def test_tables_of_network_analysers_describe_themselves(tmp_path, rng, heading, parts, delimiter):
@@ -381,6 +385,27 @@ def test_empty_and_mislabelled_files_are_refused(tmp_path, suffix):
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     refused(tmp_path / "none.mat", "cannot be read")
     refused(tmp_path, "is a directory")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "head"),
+    [
+        (".mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"),
+        (".csv", b"1,2\n"),
+        (".s2p", b"# Hz S RI R 50\n"),
+        (".cti", b"CITIFILE A.01.00\n"),
+        (".npy", b"\x93NUMPY\x01\x00"),
+        (".npz", b"PK\x03\x04"),
+        (".nc", b"CDF\x01"),
+        (".ply", b"ply\nformat ascii 1.0\n"),
+    ],
+)
+def test_files_larger_than_the_memory_are_refused_unread(tmp_path, suffix, head):
+    path = tmp_path / f"huge{suffix}"
+    with path.open("wb") as file:
+        file.write(head * 2000 if suffix in (".csv", ".s2p", ".cti", ".ply") else head)
+        file.truncate(1 << 42)  # takes no room on the disk
+    refused(path, "memory")
 
 
 class Bomb:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.constants import speed_of_light
 
+import mirrorfold as mf
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import (
     add_noise,
     ambiguous_range,
     check_sweep,
     frequency_step,
+    is_monostatic,
+    make_monostatic_sweep,
     make_sweep,
     radar_position,
     range_resolution,
@@ -105,3 +110,76 @@ def test_noise_is_reproducible_and_leaves_the_sweep_alone(sweep):
     assert_array_equal(first, again)
     assert (first != other).any()
     assert_array_equal(sweep["s"].values, before)
+
+
+def moving(positions=24, **attrs):
+    """The sweep of a target at (0.1, 1.0) m from one moving antenna."""
+    place = np.zeros((positions, 3))
+    place[:, 0] = 2e-3 * (np.arange(positions) - positions / 2)
+    frequency = np.linspace(60e9, 64e9, 41)
+    speed = attrs.get("wave_speed", speed_of_light)
+    d = np.linalg.norm(place - [0.1, 1.0, 0.0], axis=1)
+    s = np.exp(-4j * np.pi * frequency[:, None] / speed * d)
+    return make_monostatic_sweep(s, frequency=frequency, antenna_position=place, **attrs)
+
+
+def test_a_moving_antenna_makes_a_sweep_that_is_saved_described_and_imaged(tmp_path):
+    sweep = moving()
+    assert is_monostatic(sweep)
+    xr.testing.assert_identical(mf.load(mf.save(sweep, tmp_path / "m.nc")), sweep)
+    assert mf.info(sweep)["dimensions"] == {"frequency": 41, "position": 24}
+    x, y = np.arange(0.0, 0.2, 0.01), np.arange(0.9, 1.1, 0.01)
+    image = mf.focus(sweep, x=x, y=y)
+    peak = np.unravel_index(np.abs(image.values).argmax(), image.shape)
+    assert (x[peak[1]], y[peak[0]]) == (pytest.approx(0.1, abs=0.011), pytest.approx(1.0, abs=0.011))
+    np.testing.assert_allclose(radar_position(sweep), sweep["antenna_position"].mean("position"))
+    assert mf.reconstruct(sweep.isel(position=slice(0, 12))).attrs["mirrorfold_kind"] == "reconstruction"
+
+
+def test_the_other_time_convention_is_conjugated_for_a_moving_antenna_too():
+    sweep = moving()
+    other = sweep.assign(s=np.conj(sweep["s"])).assign_attrs(time_convention="exp(-jwt)")
+    xr.testing.assert_identical(check_sweep(other), sweep)
+
+
+def test_the_wave_speed_of_a_sweep_is_that_of_its_image():
+    sweep = moving(wave_speed=2e8)
+    x, y = np.arange(0.0, 0.2, 0.01), np.arange(0.9, 1.1, 0.01)
+    image = mf.focus(sweep, x=x, y=y)
+    assert image.attrs["wave_speed"] == 2e8
+    assert ambiguous_range(sweep) == pytest.approx(2e8 / (2 * 0.1e9))
+    np.testing.assert_array_equal(image, mf.focus(sweep, x=x, y=y, wave_speed=2e8))
+    peak = np.unravel_index(np.abs(image.values).argmax(), image.shape)
+    assert y[peak[0]] == pytest.approx(1.0, abs=0.011)
+
+
+def test_one_element_sees_ranges_and_nothing_else():
+    sweep = moving(positions=1)
+    y = np.arange(0.5, 1.4, 0.002)
+    profile = np.abs(mf.focus(sweep, x=0.0, y=y).values[:, 0])
+    assert y[profile.argmax()] == pytest.approx(np.hypot(0.101, 1.0), abs=0.006)
+    with pytest.raises(InputError, match="one element"):
+        mf.focus(sweep, x=[0.0, 0.1], y=y)
+    with pytest.raises(InputError, match="one element"):
+        mf.focus(sweep)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"wave_speed": -1.0}, "wave_speed is -1.0"),
+        ({"wave_speed": "fast"}, "wave_speed is 'fast'"),
+        ({"scene_center": [1.0, 2.0]}, "scene_center"),
+        ({"scene_center": "here"}, "scene_center"),
+    ],
+)
+def test_attrs_that_make_no_sense_are_refused(change, words):
+    with pytest.raises(InputError, match=words):
+        check_sweep(moving().assign_attrs(change))
+
+
+def test_a_moving_antenna_without_places_is_refused():
+    with pytest.raises(InputError, match="antenna_position"):
+        check_sweep(moving().drop_vars("antenna_position"))
+    with pytest.raises(InputError, match="shapes"):
+        make_monostatic_sweep(np.ones((3, 4)), frequency=np.arange(1.0, 4.0), antenna_position=np.zeros((5, 3)))

@@ -326,6 +326,8 @@ def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, s
 def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys):
     assert main(["view", str(file), "--port", "99999", "--no-open"]) == 2
     assert "port is 99999" in capsys.readouterr().err
+    assert main(["view", "absent.nc", "--no-open"]) == 2
+    assert "absent.nc: is no file" in capsys.readouterr().err
     with served(file) as server:
         assert main(["view", str(file), "--port", str(server.server_port), "--no-open"]) == 2
     assert "cannot be had" in capsys.readouterr().err

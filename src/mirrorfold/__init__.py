@@ -14,6 +14,7 @@ Nothing heavy is imported before it is used.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -122,3 +123,19 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+def load_ipython_extension(shell: Any) -> None:
+    """Show reconstructions in a notebook with a picture and facts; ``%load_ext mirrorfold`` calls it.
+
+    Where a notebook runs already, importing mirrorfold does so at once.
+    """
+
+    def show(tree: Any) -> str:
+        return importlib.import_module("mirrorfold.notebook").to_html(tree)
+
+    shell.display_formatter.formatters["text/html"].for_type_by_name("xarray.core.datatree", "DataTree", show)
+
+
+if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:
+    load_ipython_extension(_shell)

@@ -91,8 +91,8 @@ def fold(
     Parameters
     ----------
     image : (y, x) or (range, azimuth, elevation) DataArray, or DataTree
-        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`. The initial
-        image of a Reconstruction is folded again.
+        Complex or amplitude, not normalised with range. For a volume see also `mirrorfold.volume_folding`; of voxels
+        (z, y, x) the plan view is folded. The initial image of a Reconstruction is folded again.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
@@ -139,6 +139,8 @@ def fold(
             wall_margin=wall_margin,
             progress=progress,
         )
+    if isinstance(image, xr.DataArray) and image.dims == ("z", "y", "x"):  # the strongest voxel of each column
+        image = abs(image).max("z", skipna=False, keep_attrs=True)
     return FoldPlan(image, sweep=sweep).fold(
         mirrors=mirrors,
         preset=preset,

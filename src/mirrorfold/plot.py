@@ -8,6 +8,7 @@ of one mirror, of two, and so on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.patheffects as patheffects
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.errors import InputError
 from mirrorfold.levels import COLOURS, TRUTH_COLOUR, bounce_label, decibels
+from mirrorfold.plot_measurements import channel_map, range_profile, score, sweep, tree
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -252,7 +254,13 @@ def corrected(
     return _frame(ax)
 
 
-def before_after(reconstruction: xr.DataTree, scene: Scene | None = None, *, floor_db: float = -40.0) -> Figure:
+def before_after(
+    reconstruction: xr.DataTree,
+    scene: Scene | None = None,
+    *,
+    floor_db: float = -40.0,
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
     """One figure: the initial image with mirrors and shadows, and beside it the corrected scene.
 
     Parameters
@@ -261,6 +269,8 @@ def before_after(reconstruction: xr.DataTree, scene: Scene | None = None, *, flo
     scene : Scene, optional
         The truth, drawn thin in both.
     floor_db : float [dB], default -40
+    axes : two of matplotlib.axes.Axes, optional
+        To draw into, of one figure; without colour bar and legend then. New ones by default.
 
     Returns
     -------
@@ -272,7 +282,11 @@ def before_after(reconstruction: xr.DataTree, scene: Scene | None = None, *, flo
     after = content_extent(reconstruction, scene, folded=True)
     bottom, top = min(before[2], after[2]), max(before[3], after[3])
     before, after = (*before[:2], bottom, top), (*after[:2], bottom, top)
-    figure, (left, right, bar) = _panels(before[1] - before[0], after[1] - after[0], top - bottom)
+    if axes is None:
+        figure, (left, right, bar) = _panels(before[1] - before[0], after[1] - after[0], top - bottom)
+    else:
+        (left, right), bar = axes, None
+        figure = left.figure.figure
 
     initial = reconstruction.children["initial"].dataset["initial"]
     image(initial, left, floor_db=floor_db, normalization="none", extent=before, colorbar=False)
@@ -289,6 +303,8 @@ def before_after(reconstruction: xr.DataTree, scene: Scene | None = None, *, flo
         _draw_scene(scene, right, alpha=1.0)
     for panel in (left, right):
         panel.locator_params(axis="x", nbins=6)
+    if bar is None:
+        return figure
     right.set(ylabel="", yticklabels=[])
     figure.colorbar(right.images[0], cax=bar, label=f"amplitude [dB], floor {floor_db:g} dB")
     figure.legend(handles=_legend(reconstruction, scene), loc="lower center", ncols=6, frameon=False)
@@ -395,6 +411,21 @@ def _edges(centres: Array) -> tuple[float, float]:
     half = 0.5 * (centres[-1] - centres[0]) / max(centres.size - 1, 1)
     return float(centres[0] - half), float(centres[-1] + half)
 
+
+__all__ = [
+    "before_after",
+    "channel_map",
+    "content_extent",
+    "corrected",
+    "image",
+    "mirrors",
+    "range_profile",
+    "scene",
+    "score",
+    "shadows",
+    "sweep",
+    "tree",
+]
 
 _draw_scene = scene
 """`scene`, where a parameter has taken its name."""

@@ -13,9 +13,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.levels import COLOURS
+from mirrorfold.levels import COLOURS, TRUTH_COLOUR
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
@@ -184,6 +186,34 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: 
     axes.set_title("corrected: every echo folded back" if folded else "as the radar sees it, ghosts behind the walls")
     axes.legend(loc="upper left", fontsize=8, markerscale=1.5, frameon=False)
     return figure
+
+
+def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
+    """The floor plan of a scene: the outline of everything in it as seen from above, thin, and the radar as a triangle.
+
+    Parameters
+    ----------
+    scene : Scene3D
+    ax : matplotlib.axes.Axes, optional
+        New ones by default.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    from mirrorfold.simulation.meshes import solids
+
+    ax = Figure(figsize=(7.0, 6.0), layout="constrained", dpi=150).subplots() if ax is None else ax
+    for solid in solids(scene):
+        flat = solid.vertices[:, :2]
+        try:
+            outline = flat[ConvexHull(flat).vertices]
+        except QhullError:  # an upright panel has no area from above
+            order = np.argsort(flat @ np.linalg.svd(flat - flat.mean(axis=0))[2][0])
+            outline = flat[order[[0, -1]]]
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color=TRUTH_COLOUR, linewidth=0.9)
+    ax.plot(*scene.scanner.origin[:2], marker="^", markersize=9, color="black", markeredgecolor="white",
+            linestyle="none", zorder=5)  # fmt: skip
+    ax.set(xlabel="cross-range x [m]", ylabel="range y [m]", aspect="equal")
+    return ax
 
 
 def _draw_walls(axes: Any, scene: Scene3D) -> None:

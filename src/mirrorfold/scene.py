@@ -20,6 +20,8 @@ from pydantic.dataclasses import dataclass
 from mirrorfold import materials
 from mirrorfold.arrays import STRICT, LinearArray
 from mirrorfold.errors import InputError
+from mirrorfold.levels import TRUTH_COLOUR
+from mirrorfold.sketch import Stroke, card, picture
 
 if TYPE_CHECKING:
     from mirrorfold.solids import Scene3D
@@ -266,6 +268,22 @@ class Scene:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+
+    def _repr_html_(self) -> str:
+        """The floor plan and the facts, for notebooks."""
+        strokes = [
+            Stroke(piece, TRUTH_COLOUR, label=surface.name)
+            for surface in self.surface
+            for piece in surface.pieces(0.02)
+        ]
+        positions = np.concatenate([self.array.tx_position, self.array.rx_position])
+        facts = [
+            ("surfaces", ", ".join(surface.name for surface in self.surface) or "none"),
+            ("antennas", f"{len(self.array.tx_position)} transmitters, {len(self.array.rx_position)} receivers"),
+            ("aperture", f"{np.ptp(positions, axis=0).max() * 1e3:.3g} mm"),
+            ("band", f"{self.band.start / 1e9:g} to {self.band.stop / 1e9:g} GHz, {self.band.points} frequencies"),
+        ]
+        return card(self.name, picture(strokes, positions.mean(axis=0), title=f"floor plan of {self.name}"), facts)
 
 
 def load_scene(path: str | Path) -> Scene | Scene3D:

@@ -17,8 +17,10 @@ from pydantic.dataclasses import dataclass
 from mirrorfold import materials
 from mirrorfold.arrays import STRICT
 from mirrorfold.geometry import Isometry, unit
+from mirrorfold.levels import TRUTH_COLOUR
 from mirrorfold.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
 from mirrorfold.scene import Band, NonNegative, Roughness
+from mirrorfold.sketch import Stroke, card, picture
 
 Array = NDArray[np.float64]
 Point2 = tuple[Finite, Finite]
@@ -308,6 +310,27 @@ class Scene3D:
         for surface in self.surface:
             if isinstance(surface, Patch) and surface.on not in solids:
                 raise ValueError(f"patch {surface.name!r} lies on {surface.on!r}, expected one of {', '.join(solids)}")
+
+    def _repr_html_(self) -> str:
+        """The floor plan of the panels, with dots where other things stand, and the facts, for notebooks."""
+        strokes = []
+        for surface in self.surface:
+            if isinstance(surface, Patch):
+                continue
+            frame = surface.frame
+            if isinstance(surface, Panel):
+                half = 0.5 * surface.width * frame.linear[:2, 0]
+                ends = np.array([frame.shift[:2] - half, frame.shift[:2] + half])
+                strokes.append(Stroke(ends, TRUTH_COLOUR, label=surface.name))
+            else:
+                strokes.append(Stroke(frame.shift[None, :2], TRUTH_COLOUR, 9.0, dots=True, label=surface.name))
+        azimuth, elevation = self.scanner.angles
+        facts = [
+            ("surfaces", ", ".join(surface.name for surface in self.surface) or "none"),
+            ("beams", f"{azimuth.size} x {elevation.size}"),
+            ("band", f"{self.band.start / 1e9:g} to {self.band.stop / 1e9:g} GHz, {self.band.points} frequencies"),
+        ]
+        return card(self.name, picture(strokes, self.scanner.origin, title=f"floor plan of {self.name}"), facts)
 
     def patches(self, name: str) -> list[tuple[int, Patch]]:
         """The patches on the surface of that name with their index; where they overlap, the later one covers."""

@@ -22,6 +22,7 @@ from mirrorfold.geometry import Isometry
 from mirrorfold.given import given_mirrors
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror, find_mirrors, line_cell
 from mirrorfold.polar import PolarImage
+from mirrorfold.sketch import tree_card
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -111,6 +112,10 @@ class MirrorTree:
             "objects": int(self.objects.range.size),
             "mirrors": [mirror._plain() for mirror in self.mirrors],
         }
+
+    def _repr_html_(self) -> str:
+        """The unfolded image's mirrors and objects, and who is seen through whom, for notebooks."""
+        return tree_card(self)
 
     def __repr__(self) -> str:
         rows = []

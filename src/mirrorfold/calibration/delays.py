@@ -21,7 +21,7 @@ is then exact to a few micrometres, and Newton's method does the rest."""
 ITERATIONS = 8
 """Alternations between transmitters and receivers; each gains an order of magnitude."""
 
-SEARCHES = 2
+SEARCHES = 3
 """Of these, the first ones that search for delays and trust no phase yet; the others only refine."""
 
 MISFIT = 3.0
@@ -92,7 +92,7 @@ def fit_delays(s: NDArray[np.complexfloating], frequency: Array, length: Array, 
     weight = _pair_weights(delay - tx_delay[:, None] - rx_delay, strength)
     tx_gain, rx_gain = np.ones(s.shape[1], complex), np.ones(s.shape[2], complex)
     for iteration in range(ITERATIONS):
-        reach = 0.5 * cell if iteration < SEARCHES else 0.0
+        reach = max(0.5 * cell, largest_error) if iteration < SEARCHES else 0.0
         # Least squares: divided by the power of the weights, or an element of little weight would seem to be silent.
         own = _without(aligned, k, np.zeros_like(tx_delay), rx_delay) * (weight * np.conj(rx_gain))
         own = own.sum(axis=2) / (weight @ np.abs(rx_gain) ** 2)

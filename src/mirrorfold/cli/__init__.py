@@ -70,6 +70,10 @@ VERBS = {
         "Look at a file in the browser, and fold it anew while you move its mirrors.",
         "mirrorfold view out/reconstruction.nc",
     ),
+    "show": Verb(
+        "Draw what a file holds, for a paper or a talk.",
+        "mirrorfold show out/reconstruction.nc -o figure.pdf",
+    ),
     "info": Verb(
         "Say what a file holds, what can be resolved with it, and what looks wrong.",
         "mirrorfold info sweep.nc",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,7 @@ def import_(
     positions: Path | None = None,
     parameter: str | None = None,
     reader: str | None = None,
+    frame: int | Literal["mean"] | None = None,
     guess: Flag = False,
     image: str | None = None,
     x: str | None = None,
@@ -50,6 +51,8 @@ def import_(
         Scattering parameter to take from files with several, such as S21.
     reader
         Format of the files, where it is not recognised.
+    frame
+        Of a recording with several frames the one to keep, or their mean.
     guess
         Propose a mapping: print what was inferred, how sure, and the text.
     image
@@ -95,7 +98,7 @@ def import_(
             with progress("importing") as report:
                 found = mf.import_data(
                     list(files), mapping=mapping, positions=positions, parameter=parameter, reader=reader,
-                    progress=report,
+                    frame=frame, progress=report,
                 )  # fmt: skip
     from mirrorfold.cli.verbs import command
 
@@ -136,7 +139,7 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
     show_files(written)
 
 
-def export_scan(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
+def export(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
     """Export a sweep.
 
     Parameters

@@ -5,11 +5,16 @@ from __future__ import annotations
 import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
 from mirrorfold.cli.terminal import show_files, show_json
 from mirrorfold.cli.verbs import Flag, Output, app, read
+from mirrorfold.errors import InputError
+
+FORMATS = (".png", ".pdf", ".svg")
+"""Of figures: for screens, for papers, and for both."""
 
 
 def report(reconstruction: Path, *, output: Output, scene: Path | None = None, json: Flag = False) -> None:
@@ -73,7 +78,54 @@ def view(
         serve(file, scene=scene, port=port, open_browser=not no_open, announce=announce)
 
 
-for verb in (report, view):
+def show(
+    file: Path,
+    *,
+    output: Output,
+    what: Literal["before-after", "initial", "corrected", "mirrors", "tree", "space", "body", "score"] | None = None,
+    scene: Path | None = None,
+    floor_db: float = -40.0,
+    dpi: int = 300,
+    json: Flag = False,
+) -> None:
+    """Draw a figure.
+
+    Parameters
+    ----------
+    file
+        Sweep, image, reconstruction (netCDF) or scene (TOML).
+    output
+        Figure to write (.png, .pdf or .svg).
+    what
+        What of a reconstruction: by default before-after, of a folded scan space.
+    scene
+        Scene file with the truth (TOML), drawn thin; needed for score.
+    floor_db
+        Level below which images are blank [dB].
+    dpi
+        Of a PNG, and of the images in the others [1/inch].
+    json
+        Print what was drawn as one JSON object.
+    """
+    from mirrorfold.cli.figures import draw
+    from mirrorfold.io.files import check_output, written_whole
+
+    if output.suffix.lower() not in FORMATS:
+        raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
+    if not 10 <= dpi <= 2400:
+        raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
+    check_output(output, inputs=[path for path in (file, scene) if path is not None])
+    truth = None if scene is None else mf.load_scene(scene)
+    drawn, figure = draw(mf.load(file), what, truth, floor_db, str(file))
+    with written_whole(output) as temporary:
+        figure.savefig(temporary, dpi=dpi, bbox_inches="tight")
+    if json:
+        show_json({"kind": "figure", "what": drawn, "files": [str(output)]})
+        return
+    show_files([output])
+
+
+for verb in (report, view, show):
     app.command(
         verb,
         name=verb.__name__,

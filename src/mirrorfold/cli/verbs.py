@@ -18,7 +18,7 @@ from cyclopts import App, CycloptsError, Parameter
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
 from mirrorfold.cli.calibration import calibrate
-from mirrorfold.cli.importing import export_scan, import_
+from mirrorfold.cli.importing import export, import_
 from mirrorfold.cli.planning import plan
 from mirrorfold.cli.terminal import (
     progress,
@@ -69,8 +69,6 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
-    from mirrorfold.cli import looking, shell  # noqa: F401  register their verbs
-
     app.help_formatter = "default" if sys.stdout.isatty() else "plain"
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
@@ -253,7 +251,8 @@ def focus(
     output
         Image to write (netCDF).
     x
-        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005; chosen from the sweep by default.
+        Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005, or one number; chosen from the sweep
+        by default.
     y
         Range of the pixels, likewise.
     z
@@ -438,8 +437,8 @@ def info(file: Path, *, json: Flag = False) -> None:
         show_info(found)
 
 
-for verb in (demo, simulate, import_, export_scan, calibrate, focus, fold, reconstruct, score, info, plan):
-    verb_name = {import_: "import", export_scan: "export"}.get(verb, verb.__name__)
+for verb in (demo, simulate, import_, export, calibrate, focus, fold, reconstruct, score, info, plan):
+    verb_name = verb.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
         verb,
         name=verb_name,
@@ -480,16 +479,18 @@ def read(path: Path, *expected: str) -> Any:
 
 
 def parse_axis(text: str, name: str) -> Any:
-    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it.
+    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
     Raises
     ------
     InputError
-        If it is not three numbers, or the steps lead nowhere.
+        If it is not one number or three, or the steps lead nowhere.
     """
     import numpy as np
 
     try:
+        if ":" not in text and np.isfinite(float(text)):
+            return np.array([float(text)])
         start, stop, step = map(float, text.split(":"))
     except ValueError:
         raise InputError(f"--{name} is {text!r}, expected START:STOP:STEP in metres, for example -2:2:0.005") from None
@@ -556,3 +557,6 @@ def report_reconstruction(reconstruction: Any, files: Sequence[Path], *, json: b
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found["points_by_bounces"].items())
     print(f"{found['points']} points, by bounces: {counts or 'none'}")
     show_files(files)
+
+
+from mirrorfold.cli import looking, shell  # noqa: E402, F401  register their verbs with the app of this module

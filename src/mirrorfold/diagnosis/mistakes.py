@@ -26,11 +26,12 @@ SUREST = 0.99
 SURE_ENOUGH = 0.6
 """Mistakes of which one is less sure are not named."""
 
-OFFSET_STEP = 0.02
-"""Steps of the search for a range offset [m]."""
+OFFSET_STEPS = 300
+"""Steps of the search for a range offset in the ambiguous range."""
 
-SMALLEST_OFFSET = 0.1
-"""Range offsets below this [m] are not told from an inexact delay reference, nor from the depth of focus."""
+SMALLEST_OFFSET = (0.1, 0.05)
+"""Range offsets below the smaller of a length [m] and a share of the ambiguous range are not told from an inexact delay
+reference, nor from the depth of focus."""
 
 OFFSET_SURE = 0.75
 """Share of the draws that must agree on an offset; echoes are few in some scenes."""
@@ -69,7 +70,8 @@ class Explanation:
 
 def explain(waves: Wavefronts) -> Explanation:
     """The fewest mistakes that explain how the waves arrive."""
-    reach = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], OFFSET_STEP / waves.ambiguous_range) * waves.ambiguous_range
+    reach = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
+    smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     offsets = np.concatenate([[0.0], reach])
     cases = list(_cases(waves.fit.shape[0] == 2))
     fits = np.stack([_fit(waves, *case, offsets) for case in cases])  # (cases, gates, offsets)
@@ -83,9 +85,9 @@ def explain(waves: Wavefronts) -> Explanation:
     away = np.array(found)
     low, high = np.quantile(away, [0.1, 0.9])
     offset = float(offsets[int(fits[best].mean(axis=0).argmax())])
-    same_side = np.mean(away * np.sign(offset) > SMALLEST_OFFSET) if offset else 0.0
+    same_side = np.mean(away * np.sign(offset) > smallest) if offset else 0.0
     better = fits[best][:, int(np.argmin(np.abs(offsets - offset)))] - fits[best][:, 0]
-    certain = abs(offset) > 2.0 * SMALLEST_OFFSET and same_side >= OFFSET_SURE and float(np.mean(better > 0)) > 0.6
+    certain = abs(offset) > 2.0 * smallest and same_side >= OFFSET_SURE and float(np.mean(better > 0)) > 0.6
     return Explanation(
         *cases[best],
         offset=offset if certain else 0.0,

@@ -44,8 +44,9 @@ FEWEST_GATES = 10
 OVERSAMPLING = 4
 """Points of the range profile in a cell, between which it is linear to a few percent."""
 
-NEAREST = 0.3
-"""Distance of the strongest curvature looked for [m], or two apertures where that is more."""
+NEAREST = (0.3, 0.05)
+"""Distance of the strongest curvature looked for: the smaller of a length [m] and a share of the ambiguous range, or
+the aperture where that is more."""
 
 CURVATURE_STEP = 1.5
 """Phase at the edge of the array from one curvature to the next [rad]."""
@@ -121,7 +122,8 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
         ahead = np.array([0.0, 1.0, 0.0])
     ahead = ahead / np.linalg.norm(ahead) * (1.0 if ahead[1] >= 0 else -1.0)
     u = np.linspace(-WIDEST, WIDEST, directions)
-    strongest = 1.0 / max(NEAREST, 2.0 * reach)
+    farthest = np.pi * (pairs.wavenumber.size - 1) / float(pairs.wavenumber[-1] - pairs.wavenumber[0])
+    strongest = 1.0 / max(min(NEAREST[0], NEAREST[1] * farthest), 2.0 * reach)
     most = min(MOST_CURVATURES, LARGEST_WORK / (2.0 * u.size * FEWEST_GATES * PAIRS[0]))
     curvatures = int(np.ceil(min(strongest * centre * reach**2 / CURVATURE_STEP, most)))
     curvature = np.linspace(-strongest, strongest, 2 * curvatures + 1)

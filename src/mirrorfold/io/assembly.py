@@ -118,6 +118,7 @@ def _samples(quantities: Quantities, samples: Samples) -> tuple[NDArray, list[st
     if any(part.dtype.kind not in "fciu" for part in parts):
         raise quantities.fail(f"{name} has type {parts[0].dtype}, expected numbers")
     dims = list(samples.dims)
+    parts = [_shaped(quantities, part, samples, name) for part in parts]
     parts = [_squeezed(quantities, part, dims, name) for part in parts]
     check_memory(contents.path, 3.0 * 16 * parts[0].size, name)
     s = parts[0]
@@ -145,6 +146,20 @@ def _samples(quantities: Quantities, samples: Samples) -> tuple[NDArray, list[st
     if s.size == 0:
         raise quantities.fail(f"{name} is empty, its shape is {parts[0].shape}; measure it again")
     return s, dims
+
+
+def _shaped(quantities: Quantities, values: NDArray, samples: Samples, name: str) -> NDArray:
+    """The array without the columns to skip, in the shape that is asked for."""
+    if samples.skip:
+        if values.ndim != 2 or values.shape[1] <= samples.skip:
+            raise quantities.fail(f"{name} has the shape {values.shape}, of which {samples.skip} columns are skipped")
+        values = values[:, samples.skip :]
+    if samples.shape is None:
+        return values
+    try:
+        return values.reshape(samples.shape)
+    except ValueError:
+        raise quantities.fail(f"{name} has the shape {values.shape}, which makes no {samples.shape}") from None
 
 
 def _squeezed(quantities: Quantities, values: NDArray, dims: list[str], name: str) -> NDArray:

@@ -12,6 +12,10 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
 from mirrorfold.io.mapping import Mapping, load_mapping
 from mirrorfold.io.readers import Contents, read_contents
+from mirrorfold.sweep import check_sweep
+
+POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
+"""Where the positions are looked for in the folder of a scan."""
 
 Progress = Callable[[int, int], None]
 
@@ -23,6 +27,7 @@ def import_data(
     positions: str | Path | None = None,
     parameter: str | None = None,
     reader: str | None = None,
+    frame: int | str | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """A sweep from measured data of whatever origin.
@@ -34,11 +39,14 @@ def import_data(
     mapping : path, name or dict, optional
         What the variables are: a mapping file, the name of one that comes along, or its content.
     positions : path, optional
-        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files.
+        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files; in a folder found by itself
+        where it is called ``positions.csv`` or ``scan.toml``.
     parameter : str, optional
         Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
     reader : str, optional
         Format of the files; by default it is recognised.
+    frame : int or "mean", optional
+        Of a recording with several frames the one to keep, or their mean; by default all.
     progress : callable (done, total), optional
 
     Returns
@@ -53,8 +61,36 @@ def import_data(
         where there is one, and the remedy.
     """
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    sweep = _import(paths, mapping, positions, parameter, reader, progress)
+    return sweep if frame is None else _one_frame(sweep, frame)
+
+
+def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
+    """One frame of a recording, or the mean of all."""
+    if "frame" not in sweep["s"].dims:
+        raise InputError(f"frame is {frame!r}, and the samples have the dimensions {sweep['s'].dims}; leave it out")
+    count = sweep.sizes["frame"]
+    if frame == "mean":
+        s = sweep["s"].mean("frame").astype("complex64")
+        return check_sweep(sweep.drop_vars("s").assign(s=s))
+    if not isinstance(frame, int) or not -count <= frame < count:
+        raise InputError(f"frame is {frame!r}, expected a number from 0 to {count - 1}, or 'mean'")
+    return sweep.isel(frame=frame)
+
+
+def _import(
+    paths: list[Path],
+    mapping: str | Path | dict[str, Any] | Mapping | None,
+    positions: str | Path | None,
+    parameter: str | None,
+    reader: str | None,
+    progress: Progress | None,
+) -> xr.Dataset:
+    """The sweep with all its frames."""
     if not paths:
         raise InputError("no files are given; name the files to import")
+    if positions is None and mapping is None and len(paths) == 1 and paths[0].is_dir():
+        positions = next((paths[0] / name for name in POSITIONS if (paths[0] / name).is_file()), None)
     if positions is not None or _has_metafile(paths):
         if mapping is not None:
             raise InputError("mapping and positions are both given; a scan of files needs positions alone")
@@ -102,7 +138,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
         )
     raise InputError(
         f"{contents.path}: does not say what its variables are; give --mapping FILE, which `mirrorfold import --guess "
-        f"{contents.path}` proposes"
+        f"{contents.path}` proposes, or --image NAME where it holds an image"
     )
 
 

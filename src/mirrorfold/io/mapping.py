@@ -117,6 +117,10 @@ class Samples(Strict):
         length two; any other name needs a `select`.
     select : dict
         Index, or list of indices, to keep along an axis.
+    skip : int
+        First columns of a table that are no samples, such as one with the frequencies.
+    shape : list of int
+        What to make of the array before its axes are named, the last axis running fastest; -1 for what is left.
     """
 
     variable: str | None = None
@@ -128,6 +132,8 @@ class Samples(Strict):
     phase_unit: Literal["degree", "radian"] = "radian"
     dims: Annotated[list[str], Field(min_length=1)]
     select: dict[str, int | list[int]] = {}
+    skip: Annotated[int, Field(ge=0)] = 0
+    shape: Annotated[list[int], Field(min_length=1, max_length=10)] | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> Samples:

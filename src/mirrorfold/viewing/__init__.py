@@ -41,12 +41,15 @@ def view(
     Raises
     ------
     InputError
-        If the port cannot be had, or the scene is wrong.
+        If there is no such file, the port cannot be had, or the scene is wrong.
     """
+    from mirrorfold.errors import InputError
     from mirrorfold.scene import load_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 
+    if not Path(path).is_file():
+        raise InputError(f"{path}: is no file; give a sweep, an image or a reconstruction (netCDF)")
     truth = load_scene(scene) if isinstance(scene, str | Path) else scene
     with Server(Session(path, truth), port) as server:
         if announce is not None:

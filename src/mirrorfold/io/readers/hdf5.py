@@ -10,11 +10,9 @@ import atexit
 import contextlib
 import json
 import os
-import select
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -54,21 +52,18 @@ class _Library:
             If the library dies of the file twice, or takes too long.
         """
         with self._lock:
-            for attempt in range(2):  # a process that an earlier file has harmed is no reason to refuse this one
+            for _ in range(2):  # a process that an earlier file has harmed is no reason to refuse this one
                 try:
-                    return self._ask(question, time.monotonic() + PATIENCE + expected / SLOWEST)
+                    return self._ask(question, PATIENCE + expected / SLOWEST)
                 except TimeoutError:
-                    self._stop()
                     raise InputError(
                         f"{question['path']}: is damaged: reading it does not end; copy it again"
                     ) from None
                 except (OSError, EOFError, ValueError):
                     self._stop()
-                    if attempt:
-                        break
         raise InputError(f"{question['path']}: is damaged so that it stops the HDF5 library; copy or export it again")
 
-    def _ask(self, question: dict[str, str], deadline: float) -> tuple[dict[str, Any], bytearray]:
+    def _ask(self, question: dict[str, str], patience: float) -> tuple[dict[str, Any], bytearray]:
         if self._process is None:
             # What this process may import, that one may too.
             environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
@@ -76,33 +71,42 @@ class _Library:
                 [sys.executable, "-m", "mirrorfold.io.readers.hdf5_process"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
-        assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(question).encode() + b"\n")
-        self._process.stdin.flush()
-        received = bytearray()
-        while b"\n" not in received:
-            received += self._some(deadline)
-        head, _, body = received.partition(b"\n")
-        answer = json.loads(head)
+        process, late = self._process, threading.Event()
+
+        def end() -> None:
+            late.set()
+            process.kill()
+
+        clock = threading.Timer(patience, end)
+        clock.start()
+        try:
+            return self._talk(process, question)
+        except (OSError, EOFError, ValueError):
+            if not late.is_set():
+                raise
+            self._stop()
+            raise TimeoutError from None
+        finally:
+            clock.cancel()
+
+    @staticmethod
+    def _talk(process: subprocess.Popen[bytes], question: dict[str, str]) -> tuple[dict[str, Any], bytearray]:
+        """Ask and listen, for as long as the process lives."""
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(question).encode() + b"\n")
+        process.stdin.flush()
+        answer = json.loads(process.stdout.readline())  # of a process that has died: an empty line, no JSON
         if not isinstance(answer, dict):
             raise ValueError("the answer is no object")
-        size = int(answer.get("bytes", 0))
-        while len(body) < size:
-            body += self._some(deadline)
+        body = bytearray(int(answer.get("bytes", 0)))
+        view, at = memoryview(body), 0
+        while at < len(body):
+            found = process.stdout.readinto(view[at:])  # type: ignore[attr-defined]
+            if not found:
+                raise EOFError
+            at += found
         return answer, body
-
-    def _some(self, deadline: float) -> bytes:
-        """Some bytes of the answer."""
-        assert self._process is not None
-        assert self._process.stdout is not None
-        pipe = self._process.stdout.fileno()
-        left = deadline - time.monotonic()
-        if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
-            raise TimeoutError
-        part = os.read(pipe, 1 << 20)
-        if not part:
-            raise EOFError
-        return part
 
     def _stop(self) -> None:
         process, self._process = self._process, None

@@ -32,7 +32,9 @@ UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECAS
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
 
-FREQUENCY = re.compile(r"^\W*f(req(uency)?)?\.?\s*([\[(]\s*([kmgt]?hz)\s*[\])])?\W*$", re.IGNORECASE)
+FREQUENCY = re.compile(
+    r"^\W*(?:f|freq|frequency|frequencies|stimulus)\.?\s*(?:[\[(/_]?\s*([kmgt]?hz)\s*[\])]?)?\W*$", re.IGNORECASE
+)
 
 KINDS = (
     ("db", r"db|log\s*mag|dbmag"),
@@ -110,7 +112,7 @@ def read_table(path: Path) -> Table:
         if len(values) != columns:
             raise InputError(f"{path}: line {number} has {len(values)} columns, expected {columns} as before")
         rows.append(values)
-    headings = split(lines[first - 1][1], delimiter) if first else []
+    headings = _headings(lines[first - 1][1], delimiter) if first else []
     headings = headings if len(headings) == columns else []
     return Table([heading.strip("\"' ") for heading in headings], np.array(rows, complex if is_complex else float))
 
@@ -134,6 +136,14 @@ def split(line: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return line.split()
     return [cell.strip().strip('"') for cell in line.rstrip(delimiter + " ").split(delimiter)]
+
+
+def _headings(line: str, delimiter: str) -> list[str]:
+    """The cells of a line of headings, where marks within parentheses, as in ``S(2,1)``, end no cell."""
+    if delimiter == " ":
+        return line.split()
+    pieces = re.split(rf"{re.escape(delimiter)}(?![^()\[\]]*[)\]])", line.rstrip(delimiter + " "))
+    return [piece.strip().strip('"') for piece in pieces]
 
 
 def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex | None:
@@ -167,7 +177,7 @@ def _spectra(path: Path, table: Table) -> Spectra | None:
         return None
     if np.iscomplexobj(table.values) and np.any(table.values[:, 0].imag):
         raise InputError(f"{path}: the frequencies are complex; put them into a column of their own")
-    frequency = table.values[:, 0].real * UNITS[(match[4] or "hz").lower()]
+    frequency = table.values[:, 0].real * UNITS[(match[1] or "hz").lower()]
     if table.values.shape[1] > 1 and np.iscomplexobj(table.values):
         names = [_name(heading) for heading in table.headings[1:]]
         return Spectra(frequency, {name: table.values[:, n] for n, name in enumerate(names, 1)})

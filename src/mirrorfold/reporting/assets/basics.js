@@ -108,7 +108,9 @@ function changed() {
 }
 function light(number) { if (state.lit !== number) { state.lit = number; changed(); } }
 const colourOf = (bounces) => state.content.colours[bounces % state.content.colours.length];
-const truthColour = () => (state.dark ? "#ff7a70" : state.content.truth_colour);
+// All colour maps but grey are dark at their floor, whatever the paper.
+const darkStage = () => state.dark || state.map !== "grey";
+const truthColour = () => (darkStage() ? "#ff7a70" : state.content.truth_colour);
 const mirrorColour = (mirror) => colourOf(mirror.generation - 1);
 
 function pointShown(points, i) {

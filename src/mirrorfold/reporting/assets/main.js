@@ -99,7 +99,7 @@ function compose(page) {
       el("main", { class: "card" }, makeBar(), stage, makeLegend(), note,
         el("p", { class: "hint noprint" }, "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
       el("aside", {}, extra ? extra.card : null,
-        el("section", { class: "card" }, el("h2", {}, "Under the pointer"), makeReadout()),
+        el("section", { class: "card noprint" }, el("h2", {}, "Under the pointer"), makeReadout()),
         el("section", { class: "card" }, el("h2", {}, "Mirrors, by who is seen through whom"), makeTree()),
         el("section", { class: "card noprint" }, el("h2", {}, "Display"), makeControls()))),
     el("div", { class: "below" }, state.content ? makeSpace() : "",
@@ -109,8 +109,8 @@ function compose(page) {
       el("section", { class: "card full" }, el("h2", {}, "Parameters"), makeParameters())),
     el("footer", {}, `Made by mirrorfold ${state.content ? state.content.version : ""}. Amplitudes are relative to the brightest pixels of the initial image. Lengths in metres, x across, y away from the radar.`));
   window.addEventListener("resize", changed);
-  window.addEventListener("beforeprint", () => { state.printing = { mode: state.mode, dark: state.dark }; state.mode = "side"; state.view = null; theme(false); for (const paint of painters) paint(); });
-  window.addEventListener("afterprint", () => { const { mode, dark } = state.printing; state.printing = null; state.mode = mode; state.view = null; theme(dark); });
+  window.addEventListener("beforeprint", () => { state.printing = { mode: state.mode, dark: state.dark }; state.mode = "side"; state.view = null; document.documentElement.dataset.printing = "true"; theme(false); for (const paint of painters) paint(); });
+  window.addEventListener("afterprint", () => { const { mode, dark } = state.printing; state.printing = null; delete document.documentElement.dataset.printing; state.mode = mode; state.view = null; theme(dark); });
   changed();
   document.documentElement.dataset.ready = "true";
 }

@@ -156,7 +156,7 @@ class Panel {
     this.width = this.node.clientWidth;
     this.height = this.node.clientHeight;
     if (!this.width || !state.content) return;
-    const ratio = Math.min(window.devicePixelRatio || 1, 3);
+    const ratio = state.printing ? 3 : Math.min(window.devicePixelRatio || 1, 3);
     this.canvas.width = Math.round(this.width * ratio);
     this.canvas.height = Math.round(this.height * ratio);
     const context = this.canvas.getContext("2d");
@@ -193,6 +193,8 @@ class Panel {
   polyline(points) { return points.map((p) => this.toScreen(p).map((v) => v.toFixed(1)).join(",")).join(" "); }
   drawLayer() {
     const { content } = state, parts = [], old = document.activeElement, held = old && this.layer.contains(old) ? old.dataset : null;
+    // On paper the picture is one with what is drawn over it: printing may scale a canvas by itself.
+    if (state.printing) parts.push(svg("image", { href: this.canvas.toDataURL(), width: this.width, height: this.height }));
     if (state.show.truth)
       for (const line of content.truth)
         parts.push(svg("polyline", { class: "truth", points: this.polyline(line), stroke: truthColour() }));
@@ -224,7 +226,7 @@ class Panel {
     });
     let area = [mirror.ends[0], mirror.ends[1], far[1], far[0]];
     if (this.which === "corrected") area = area.map((p) => fold(p, mirror.number));
-    context.globalAlpha = (state.dark ? 0.22 : 0.14) * (lit ? 1.8 : 0.9);
+    context.globalAlpha = (darkStage() ? 0.22 : 0.14) * (lit ? 1.8 : 0.9);
     context.fillStyle = mirrorColour(mirror);
     context.beginPath();
     for (const p of area) context.lineTo(...this.toScreen(p));
@@ -321,7 +323,7 @@ function makeStage() {
     if (!state.content) return;
     const [left, right, low, top] = state.content.extent, side = state.mode === "side", across = stage.clientWidth / (side ? 2 : 1);
     const wide = right - left, high = top - low;
-    const height = Math.round(Math.min(Math.max((across * high) / wide, 300), state.printing ? 420 : 0.8 * window.innerHeight));
+    const height = Math.round(Math.min(Math.max((across * high) / wide, 300), state.printing ? 440 : 0.8 * window.innerHeight));
     stage.className = `stage ${state.mode}`;
     divider.hidden = side;
     for (const panel of panels) panel.node.style.height = `${height}px`;
@@ -335,6 +337,7 @@ function makeStage() {
     }
     const share = `${(100 * state.swipe).toFixed(2)}%`, percent = Math.round(100 * (state.flip ? 1 - state.swipe : state.swipe));
     panels[1].node.style.clipPath = side ? "none" : state.flip ? `inset(0 calc(100% - ${share}) 0 0)` : `inset(0 0 0 ${share})`;
+    stage.classList.toggle("dark", darkStage());
     stage.classList.toggle("flip", !side && state.flip);
     divider.style.left = share;
     divider.setAttribute("aria-valuenow", String(Math.round(100 * state.swipe)));

@@ -4,7 +4,7 @@ function makeSpace() {
   const { content } = state;
   const section = el("section", { class: "card full" });
   if (content.dimensions !== 3) { section.hidden = true; return section; }
-  const turn = { azimuth: -0.9, elevation: 0.42, zoom: 1.3, folded: true };
+  const turn = { azimuth: -0.9, elevation: 0.42, zoom: 1.15, folded: true };
   const cloud = el("canvas", { tabindex: "0", role: "img", id: "cloud",
     "aria-label": "Cloud of points coloured by bounces. Drag or use the arrow keys to turn it, plus and minus to zoom." });
   const cut = el("canvas", { role: "img", id: "section", "aria-label": "Vertical cross-section: points in the chosen slice of range" });
@@ -111,7 +111,7 @@ function makeSpace() {
     for (let i = 0; i < points.count; i++) {
       if (!pointShown(points, i) || Math.abs(place(i, 1) - slice.at) > slice.thick / 2) continue;
       inside++;
-      const [x, y] = to(place(i, 0), place(i, 2)), strength = Math.min(1, Math.max(0.12, 1 - points.level[i] / state.floor));
+      const [x, y] = to(place(i, 0), place(i, 2)), strength = Math.min(1, Math.max(0.4, 1 - points.level[i] / state.floor));
       context.globalAlpha = (pointLit(points, i) ? 1 : 0.1) * strength;
       context.fillStyle = colourOf(points.bounces[i]);
       context.beginPath(); context.arc(x, y, 2.3, 0, 7); context.fill();

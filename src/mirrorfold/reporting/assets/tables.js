@@ -6,7 +6,7 @@ function makeReadout() {
     const { spot, content } = state;
     if (!content) return;
     const rows = [];
-    if (!spot) rows.push(["", "Point at a pixel, a mirror or a node of the tree."]);
+    if (!spot) rows.push([null, "Point at a pixel of the images."]);
     else {
       rows.push(["image", spot.which], ["position", `x ${metres(spot.place[0])}, y ${metres(spot.place[1])}`]);
       rows.push(["amplitude", spot.level === undefined ? "outside" : decibel(spot.level, content.images[spot.which].lowest)]);
@@ -22,7 +22,7 @@ function makeReadout() {
       if (spot.point !== null && points.z) rows.push(["height", metres(points.z[spot.point])]);
       rows.push(["confidence", spot.point === null ? "no point here" : fixed(points.confidence[spot.point], 2)]);
     }
-    list.replaceChildren(...rows.flatMap(([name, text]) => [el("dt", {}, name), el("dd", {}, text)]));
+    list.replaceChildren(...rows.flatMap(([name, text]) => (name === null ? [el("dd", { class: "hint" }, text)] : [el("dt", {}, name), el("dd", {}, text)])));
   });
   return list;
 }

@@ -1,0 +1,98 @@
+"""The figure of a file: the right function of `mirrorfold.plot` for what it holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import xarray as xr
+
+import mirrorfold as mf
+from mirrorfold.errors import InputError
+
+
+def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str) -> tuple[str, Any]:
+    """What is drawn, and the figure.
+
+    Parameters
+    ----------
+    found : sweep, image, reconstruction or scene
+    what : str, optional
+        Of a reconstruction.
+    truth : Scene or Scene3D, optional
+    floor_db : float [dB]
+    source : str
+        Names the file in messages.
+
+    Raises
+    ------
+    InputError
+        If that cannot be drawn of it.
+    """
+    if isinstance(found, xr.DataTree):
+        return _reconstruction(found, what, truth, floor_db, source)
+    if what is not None:
+        raise InputError(f"--what is {what!r}, but {source} is no reconstruction; leave it out")
+    if isinstance(found, xr.Dataset):
+        return "sweep", mf.plot.sweep(found)
+    if isinstance(found, xr.DataArray):
+        return "image", _image(found, truth, floor_db, source).figure
+    if found.dimensions == 3:
+        return "scene", mf.plot_volume.scene(found).figure
+    return "scene", mf.plot.scene(found).figure
+
+
+def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any:
+    """The floor plan of an image; of a volume its plan view."""
+    normalization, radar = "r", (0.0, 0.0)
+    if image.dims == ("range", "azimuth", "elevation"):
+        image, normalization = mf.plan_view(image), "none"
+    elif image.dims == ("z", "y", "x"):
+        image, normalization = abs(image).max("z"), "none"
+    else:
+        place = image.attrs.get("radar_position", radar)
+        radar = (float(place[0]), float(place[1]))
+        if str(image.attrs.get("normalization", "none")) != "none":
+            normalization = "none"
+    axes = mf.plot.image(image, floor_db=floor_db, normalization=normalization, radar=radar)
+    if truth is not None:
+        _flat(truth, source)
+        mf.plot.scene(truth, axes)
+    return axes
+
+
+def _reconstruction(found: xr.DataTree, what: str | None, truth: Any, floor_db: float, source: str) -> tuple[str, Any]:
+    volume = "z" in found.children["objects"].variables
+    what = what or ("space" if volume else "before-after")
+    if what in ("space", "body"):
+        if what == "space":
+            return what, mf.plot_volume.space(found, truth)
+        return what, mf.plot_volume.body(found)
+    if what == "score":
+        if truth is None:
+            raise InputError("--what score needs --scene, the truth to compare with")
+        return what, mf.plot.score(mf.score(found, truth)).figure
+    if what == "tree":
+        return what, mf.plot.tree(found).figure
+    if truth is not None and not volume:
+        _flat(truth, source)
+    flat_truth = None if volume else truth
+    if what == "before-after":
+        return what, mf.plot.before_after(found, flat_truth, floor_db=floor_db)
+    extent = mf.plot.content_extent(found, flat_truth, folded=what == "corrected")
+    if what == "corrected":
+        axes = mf.plot.corrected(found, floor_db=floor_db, extent=extent)
+    else:
+        initial = found.children["initial"].dataset["initial"]
+        axes = mf.plot.image(initial, floor_db=floor_db, normalization="none", extent=extent)
+        if what == "mirrors":
+            mf.plot.shadows(found, axes)
+            mf.plot.mirrors(found, axes)
+    if flat_truth is not None:
+        mf.plot.scene(flat_truth, axes)
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    return what, axes.figure
+
+
+def _flat(truth: Any, source: str) -> None:
+    if truth.dimensions != 2:
+        raise InputError(f"{source}: has 2 dimensions and the scene {truth.dimensions}; give its own scene")

@@ -1,0 +1,414 @@
+"""What the variables of a file probably are: by their names, sizes and values."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from mirrorfold.io.mapping import UNITS
+from mirrorfold.io.readers import Contents, Variable
+from mirrorfold.io.spectral import STEP_TOLERANCE
+
+LARGEST_LOOKED_AT = 1 << 20
+"""Rows of numbers with more values are not looked into."""
+
+FREQUENCY = re.compile(r"^f$|^fr|freq|^f_?axis|^(k|m|g|t)?hz$")
+TIME = re.compile(r"^t$|^time|^t_?axis|_time$")
+RANGE = re.compile(r"^r$|^rng|^range|^distance|^dist")
+REFERENCE = re.compile(r"^r_?0$|ref(erence)?_?range|range_?ref|^rref|scene_?range|^r_?ref")
+SPEED = re.compile(r"velocity|speed|^c$|^c_?0$|^v$")
+REAL = re.compile(r"(^|[_.])(re|real)($|[_.])|_re$|real$", re.IGNORECASE)
+IMAGINARY = re.compile(r"(^|[_.])(im|imag|imaginary)($|[_.])|_im$|imag$", re.IGNORECASE)
+MAGNITUDE = re.compile(r"^(s\d\d_?)?(mag(nitude)?|amp(l(itude)?)?|abs|db)(_?db)?$|_(mag|magnitude|abs|amp|db)$")
+PHASE = re.compile(r"phase|angle|^arg|_ph(_?deg)?$|_deg$")
+AZIMUTH, ELEVATION = re.compile(r"^az"), re.compile(r"^el(ev|$)|^el_")
+START, STOP = (
+    re.compile(r"^f.*(start|min|low|begin)|^f_?(0|1|lo)$"),
+    re.compile(r"^f.*(stop|end|max|high)|^f_?(2|n|hi)$"),
+)
+PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
+TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
+CHANNELS = re.compile(r"chan|pair")
+COORDINATE = re.compile(r"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis|m|mm)?$")
+TX_COORDINATE = re.compile(
+    r"^(?:tx|trans(?:mitter)?|t)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:tx|t)(?:_?m{1,2})?$"
+)
+RX_COORDINATE = re.compile(r"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:rx|r)(?:_?m{1,2})?$")
+
+LISTED = ("sure", "likely", "a guess")
+"""How sure a finding is: by name, size and values; by two of them; by one."""
+
+LARGEST_PITCH_MM = 100.0
+"""Antennas farther apart than so many units are not given in mm: an aeroplane's are in metres."""
+
+DOUBTFUL_PITCH = 100.0
+"""Antennas farther apart than so many wavelengths, where a thousandth of it would be usual, are given in mm."""
+
+GIGAHERTZ_BELOW = 3e3
+"""Frequencies that all lie below this are given in GHz, if they are those of a radar."""
+
+
+@dataclass
+class Finding:
+    """One thing that was inferred: what, how sure, and why."""
+
+    what: str
+    sure: str
+    why: str
+
+
+@dataclass
+class Guess:
+    """A proposed mapping.
+
+    Attributes
+    ----------
+    path : Path
+    findings : list of Finding
+    entries : dict
+        The mapping, as its TOML file would hold it.
+    missing : list of str
+        What has to be added by hand.
+    works : str
+        The sweep that the mapping makes, in words; empty where it makes none yet.
+    """
+
+    path: Path
+    findings: list[Finding] = field(default_factory=list)
+    entries: dict[str, Any] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    works: str = ""
+
+    def to_toml(self) -> str:
+        """The text of the mapping file, ready to be saved."""
+        lines = [f"# Proposed for {self.path.name}; check it before you trust the image."]
+        lines += [f"# {finding.sure}: {finding.what} ({finding.why})" for finding in self.findings]
+        lines += [f"# TO DO: {sentence}" for sentence in self.missing]
+        lines += [f"{name} = {_toml(value)}" for name, value in self.entries.items()]
+        return "\n".join([*lines, ""])
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name} = {_toml(item)}" for name, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+BESIDE = "|"
+"""Marks the names of what lies in other files."""
+
+
+def _plain(text: str) -> str:
+    """The same with names of what lies in other files as people write them."""
+    return re.sub(r"'\|([^'|]+)(?:\|(\d+))?'", lambda m: f"{m[1]} column {m[2]}" if m[2] else m[1], text)
+
+
+def _source(name: str) -> Any:
+    """What a mapping says for a row of numbers."""
+    if not name.startswith(BESIDE):
+        return name
+    file, _, column = name[1:].partition(BESIDE)
+    return {"file": file, "column": int(column)} if column else {"file": file}
+
+
+class Search:
+    """The search for samples, axes and places, one after the other; each takes what it needs off the list."""
+
+    def __init__(self, contents: Contents, guess: Guess) -> None:
+        self.contents, self.guess = contents, guess
+        self.free = {
+            name: variable
+            for name, variable in contents.variables.items()
+            if variable.dtype.kind in "fciub" and prod(variable.shape) > 0
+        }
+
+    def run(self) -> None:
+        """Fill in the guess."""
+        samples = self._samples()
+        if samples is None:
+            self.guess.missing.append("no array of samples was recognised; write s = {variable = ..., dims = [...]}")
+            return
+        shape = [length for length in samples.shape if length > 1] or [1]
+        dims = list(samples.dims) if len(samples.dims) == len(samples.shape) else [""] * len(shape)
+        known = {"frequency", "time", "range", "tx", "rx", "position", "azimuth", "elevation", "frame", "polarization"}
+        dims = [name if name in known else "" for name in dims] if len(dims) == len(shape) else [""] * len(shape)
+        self._spectral(shape, dims)
+        self._channels(shape, dims)
+        self._extras(shape, dims)
+        for at, name in enumerate(dims):
+            if not name:
+                dims[at] = f"axis{at}"
+                self.guess.missing.append(
+                    f"the axis {at} of the samples (length {shape[at]}) was not recognised; name it in dims and say "
+                    "where its places or angles are"
+                )
+        self.guess.entries["s"]["dims"] = dims
+        self.guess.entries = {"time_convention": "exp(+jwt)", "s": self.guess.entries.pop("s"), **self.guess.entries}
+        self._found("the time convention exp(+jwt)", 2, "the file does not say; `mirrorfold info` tests it on the data")
+
+    def _found(self, what: str, level: int, why: str) -> None:
+        self.guess.findings.append(Finding(_plain(what), LISTED[level], why))
+
+    def _samples(self) -> Variable | None:
+        """Complex samples, or two parts of them, or the largest real array."""
+        complexes = {name: v for name, v in self.free.items() if v.dtype.kind == "c"}
+        if complexes:
+            name = max(complexes, key=lambda key: prod(complexes[key].shape))
+            self._found(f"the samples are {name!r} {complexes[name].shape}", 0 if len(complexes) == 1 else 1,
+                        "the largest complex array")  # fmt: skip
+            self.guess.entries["s"] = {"variable": name, "dims": []}
+            return self.free.pop(name)
+        for real in [name for name in self.free if REAL.search(name)]:
+            for imaginary in [name for name in self.free if IMAGINARY.search(name)]:
+                if self.free[real].shape == self.free[imaginary].shape and prod(self.free[real].shape) > 1:
+                    self._found(f"the samples are {real!r} + j {imaginary!r}", 1, "names and equal shapes")
+                    self.guess.entries["s"] = {"real": real, "imaginary": imaginary, "dims": []}
+                    self.free.pop(imaginary)
+                    return self.free.pop(real)
+        for size in [name for name in self.free if MAGNITUDE.search(_last(name))]:
+            for angle in [name for name in self.free if PHASE.search(_last(name))]:
+                if self.free[size].shape == self.free[angle].shape and prod(self.free[size].shape) > 1:
+                    return self._polar(size, angle)
+        reals = {name: v for name, v in self.free.items() if sum(n > 1 for n in v.shape) >= 2 and v.dtype.kind in "fiu"}
+        if not reals:
+            return None
+        name = max(reals, key=lambda key: prod(reals[key].shape))
+        self._found(f"the samples are {name!r} {reals[name].shape}", 1, "the largest array; real, so time traces")
+        self.guess.entries["s"] = {"variable": name, "dims": []}
+        return self.free.pop(name)
+
+    def _polar(self, size: str, angle: str) -> Variable:
+        """Magnitudes and phases, with their units by name and value."""
+        values, turns = (np.asarray(self.contents.array(name), dtype=float) for name in (size, angle))
+        decibel = "db" in _last(size) or bool(np.nanmin(values) < 0.0)
+        degrees = "deg" in _last(angle) or bool(np.nanmax(np.abs(turns)) > 2.0 * np.pi + 0.01)
+        units = {"magnitude_unit": "dB" if decibel else "linear", "phase_unit": "degree" if degrees else "radian"}
+        said = f"{'dB' if decibel else 'linear'}, {units['phase_unit']}"
+        self._found(f"the samples are magnitude {size!r} and phase {angle!r}, {said}", 1, "names, shapes and values")
+        self.guess.entries["s"] = {"magnitude": size, "phase": angle, **units, "dims": []}
+        self.free.pop(angle)
+        return self.free.pop(size)
+
+    def _rows(self, pattern: re.Pattern[str], lengths: Iterable[int]) -> list[tuple[str, NDArray]]:
+        """Rows of finite numbers whose name fits, of one of the lengths."""
+        found = []
+        for name, variable in self.free.items():
+            size = prod(variable.shape)
+            if size != max(variable.shape, default=1) or size > LARGEST_LOOKED_AT or size not in set(lengths):
+                continue
+            if variable.dtype.kind in "fiu" and pattern.search(_last(name)):
+                values = np.asarray(self.contents.array(name), dtype=float).ravel()
+                if np.isfinite(values).all():
+                    found.append((name, values))
+        return found
+
+    def _spectral(self, shape: list[int], dims: list[str]) -> None:
+        """The axis of frequency or time."""
+        is_real = "variable" in self.guess.entries["s"] and self._is_real()
+        for kind, pattern in (("time", TIME), ("frequency", FREQUENCY)) if is_real else (("frequency", FREQUENCY),):
+            for name, values in self._rows(pattern, [n for n in shape if n > 1]):
+                step = np.diff(values)
+                if np.abs(step - step.mean()).max() > STEP_TOLERANCE * abs(step.mean()):
+                    continue
+                at = dims.index(kind) if kind in dims else shape.index(values.size)
+                dims[at] = kind
+                unit = self._unit(kind, name, values)
+                level = 0 if shape.count(values.size) == 1 else 1
+                self._found(f"axis {at} is {kind}, {name!r} in {unit}", level, "name, length and equal steps")
+                source = _source(name)
+                self.guess.entries[kind] = {"variable": name} if source == name else source
+                self.guess.entries[kind] |= {"unit": unit}
+                self.free.pop(name)
+                return
+        kind = "time" if is_real else "frequency"
+        if kind in dims:
+            dims[dims.index(kind)] = ""
+        at = int(np.argmax(shape))
+        dims[at] = kind
+        self._found(f"axis {at} is {kind}", 2, "the longest one")
+        ends = [self._rows(pattern, [1]) for pattern in (START, STOP)]
+        if kind == "frequency" and all(ends) and 0 < ends[0][0][1][0] < ends[1][0][1][0]:
+            names, limits = [row[0][0] for row in ends], [float(row[0][1][0]) for row in ends]
+            unit = self._unit(kind, names[1], np.array(limits))
+            self.guess.entries[kind] = {"start": limits[0], "stop": limits[1], "points": shape[at], "unit": unit}
+            self._found(f"the band is {limits[0]:g} to {limits[1]:g} {unit}, {names[0]!r} and {names[1]!r}", 1, "names")
+        elif kind == "time":
+            self.guess.missing.append('give the times: time = {start = 0.0, step = ..., points = ..., unit = "s"}')
+        else:
+            self.guess.missing.append(
+                'give the band: frequency = {start = ..., stop = ..., points = ..., unit = "GHz"}'
+            )
+
+    def _is_real(self) -> bool:
+        name = self.guess.entries["s"]["variable"]
+        return self.contents.variables[name].dtype.kind != "c"
+
+    def _unit(self, kind: str, name: str, values: NDArray) -> str:
+        """The unit of a row, by the file, by its name, or by its size."""
+        said = str(self.contents.variables[name].attrs.get("units", ""))
+        units = ("Hz", "kHz", "MHz", "GHz", "THz") if kind == "frequency" else ("s", "ms", "us", "ns", "ps")
+        for unit in units:
+            if said == unit or re.search(rf"(?<![a-z]){unit.lower()}$", _last(name)):
+                return unit
+        if kind == "frequency":
+            return "GHz" if np.abs(values).max() < GIGAHERTZ_BELOW else "Hz"
+        return "s"
+
+    def _channels(self, shape: list[int], dims: list[str]) -> None:
+        """The axes of antennas: pairs, transmitters and receivers, or positions."""
+        open_ = [at for at, name in enumerate(dims) if name in ("", "tx", "rx", "position")]
+        if len(open_) == 1:
+            at = open_[0]
+            if self._pairs(shape[at]):
+                dims[at] = "pair"
+            elif self._places("antenna", PLACES, shape[at]) or self._places("antenna", None, shape[at]):
+                dims[at] = "position"
+                self._found(f"axis {at} is the position of one moving antenna", 1, "places of the same number")
+            return
+        if len(open_) < 2 or self._directions(shape, dims, open_):
+            return
+        first, second = open_[-2:]
+        for order in ((first, second), (second, first)):
+            if self._places("tx", TRANSMIT, shape[order[0]]) and self._places("rx", RECEIVE, shape[order[1]]):
+                dims[order[0]], dims[order[1]] = "tx", "rx"
+                level = 0 if shape[first] != shape[second] else 1
+                self._found(f"axis {order[0]} is tx and axis {order[1]} rx", level, "names and lengths of the places")
+                return
+            for name in ("tx", "rx"):
+                self.guess.entries.pop(name, None)
+        if len({shape[first], shape[second]}) == 1 and self._places("elements", PLACES, shape[first]):
+            dims[first], dims[second] = "tx", "rx"
+            self._found(f"the axes {first} and {second} are tx and rx", 1, "as many places as elements; order assumed")
+
+    def _directions(self, shape: list[int], dims: list[str], open_: list[int]) -> bool:
+        """The axes of a raster scan."""
+        for first, second in (open_[-2:], open_[-2:][::-1]):
+            rows = [self._rows(AZIMUTH, [shape[first]]), self._rows(ELEVATION, [shape[second]])]
+            if all(rows):
+                for at, name, row in ((first, "azimuth", rows[0][0]), (second, "elevation", rows[1][0])):
+                    small = bool(np.abs(row[1]).max() <= 0.5 * np.pi) and np.ptp(row[1]) < 0.5 * np.pi
+                    unit = "radian" if "rad" in _last(row[0]) or (small and "deg" not in _last(row[0])) else "degree"
+                    dims[at] = name
+                    self.guess.entries[name] = {"variable": row[0], "unit": unit}
+                    self._found(f"axis {at} is {name}, {row[0]!r} in {unit}", 1, "name, length and size of the values")
+                return True
+        return False
+
+    def _pairs(self, count: int) -> bool:
+        """Two rows of whole numbers that say the antennas of each channel."""
+        found: dict[str, str] = {}
+        columns = [name for name, _ in self._rows(CHANNELS, [count]) if name.count(BESIDE) == 2]
+        for n, (side, pattern) in enumerate((("tx", TRANSMIT), ("rx", RECEIVE))):
+            rows = self._rows(pattern, [count]) or [
+                (name, np.asarray(self.contents.array(name))) for name in columns[n:]
+            ]
+            for name, values in rows:
+                if np.array_equal(values, np.rint(values)) and values.min() >= 0 and name not in found.values():
+                    found[side] = name
+                    break
+        if len(found) < 2:
+            return False
+        numbers = [np.asarray(self.contents.array(name), dtype=float) for name in found.values()]
+        base = 0 if min(float(row.min()) for row in numbers) == 0.0 else 1
+        elements = int(max(row.max() for row in numbers)) + 1 - base
+        if not (self._places("elements", PLACES, elements) or self._places("elements", None, elements)):
+            return False
+        self.guess.entries["pairs"] = {**{side: _source(name) for side, name in found.items()}, "base": base}
+        self._found(f"channels are pairs of {elements} elements, {found['tx']!r} and {found['rx']!r}", 0,
+                    f"whole numbers from {base}")  # fmt: skip
+        half = bool(np.all(numbers[0] <= numbers[1]) or np.all(numbers[0] >= numbers[1]))
+        if half:
+            self.guess.entries["reciprocal"] = True
+            self._found("the other half of the matrix is the same", 1, "only one order of each pair is there")
+        return True
+
+    def _places(self, entry: str, pattern: re.Pattern[str] | None, count: int) -> bool:
+        """Positions as one array, or as coordinates one by one."""
+        for name, variable in self.free.items():
+            lengths = [n for n in variable.shape if n > 1]
+            fits = sorted(lengths) in (sorted((count, 3)), sorted((count, 2))) and variable.dtype.kind in "fiu"
+            if fits and pattern is not None and pattern.search(name.lower()):
+                unit = self._length_unit(name)
+                source = _source(name)
+                self.guess.entries[entry] = {"position": name} if source == name else {"file": source["file"]}
+                self.guess.entries[entry] |= {"unit": unit}
+                self._found(f"{name!r} {variable.shape} are the places of {entry}, in {unit}", 1, "name and shape")
+                return True
+        coordinates: dict[str, Any] = {}
+        form = {"tx": TX_COORDINATE, "rx": RX_COORDINATE}.get(entry, COORDINATE)
+        for name, variable in self.free.items():
+            match = form.match(_last(name))
+            size = prod(variable.shape)
+            if match and size == max(variable.shape, default=1) == count and variable.dtype.kind in "fiu":
+                coordinates.setdefault(next(axis for axis in match.groups() if axis), name)
+        if "x" not in coordinates:
+            return False
+        unit = self._length_unit(coordinates["x"], list(coordinates.values()))
+        self.guess.entries[entry] = {**coordinates, "unit": unit}
+        self._found(f"{', '.join(map(repr, coordinates.values()))} are the places of {entry}, in {unit}", 1,
+                    "names and lengths")  # fmt: skip
+        return True
+
+    def _length_unit(self, name: str, coordinates: list[str] | None = None) -> str:
+        """The unit of places: by the file, by the name, or by their distance in wavelengths."""
+        said = str(self.contents.variables[name].attrs.get("units", ""))
+        for unit in ("mm", "cm", "um", "m"):
+            if said == unit or re.search(rf"(?<![a-z]){unit}$", _last(name)):
+                return unit
+        frequency = self.guess.entries.get("frequency", {})
+        if "unit" not in frequency or not ({"variable", "stop"} & set(frequency)):
+            return "m"
+        top = frequency.get("stop") or np.max(np.asarray(self.contents.array(frequency["variable"]), dtype=float))
+        rows = [np.asarray(self.contents.array(row), dtype=float) for row in coordinates or [name]]
+        places = np.unique(np.stack([row.ravel() for row in rows], -1) if coordinates else _tall(rows[0]), axis=0)
+        if len(places) < 2 or not np.isfinite(places).all():
+            return "m"
+        pitch = float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
+        wavelengths = pitch * float(top) * UNITS[frequency["unit"]] / speed_of_light
+        if DOUBTFUL_PITCH < wavelengths < 1e3 * DOUBTFUL_PITCH and pitch < LARGEST_PITCH_MM:
+            self._found(
+                f"{name!r} is in millimetres", 2, f"in metres neighbours were {wavelengths:.0f} wavelengths apart"
+            )
+            return "mm"
+        return "m"
+
+    def _extras(self, shape: list[int], dims: list[str]) -> None:
+        """Reference ranges of pulses, and the speed of the waves."""
+        if "position" in dims:
+            for name, values in self._rows(REFERENCE, [shape[dims.index("position")]]):
+                if values.min() > 0:
+                    self.guess.entries["compensation"] = {"range": name}
+                    self.guess.entries["scene_center"] = [0.0, 0.0, 0.0]
+                    self._found(f"pulses are referred to the ranges {name!r}", 1, "name and length")
+        for name, values in self._rows(SPEED, [1]):
+            if 100.0 < values[0] < 3e8:
+                self.guess.entries["wave_speed"] = name
+                self._found(f"waves travel at {values[0]:g} m/s, {name!r}", 1, "name and value")
+
+
+def _last(name: str) -> str:
+    """The last part of a name, or the file it stands in, in lower case."""
+    if name.startswith(BESIDE):
+        return name.split(BESIDE)[1].rpartition(".")[0].lower()
+    return name.rpartition(".")[2].lower()
+
+
+def _tall(values: NDArray) -> NDArray:
+    """Places as rows."""
+    values = np.squeeze(values)
+    return values.T if values.ndim == 2 and values.shape[0] <= 3 < values.shape[1] else np.atleast_2d(values)
