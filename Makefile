@@ -4,6 +4,7 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 READY := $(VENV)/.ready
+DOCS_READY := $(VENV)/.ready-docs
 
 # The uv on the PATH where there is one, else one of our own in .uv.
 UV := $(shell command -v uv 2>/dev/null)
@@ -12,7 +13,7 @@ UV := .uv/bin/uv
 UV_FILE := .uv/bin/uv
 endif
 
-.PHONY: help demo test lint bench bench-long clean
+.PHONY: help demo test lint bench bench-long docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -36,7 +37,12 @@ bench: $(READY) ## run every benchmark
 bench-long: $(READY) ## the benchmarks that take some minutes
 	$(PYTHON) benchmarks/fullwave.py --long
 
+docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery
+	MPLBACKEND=Agg $(PYTHON) -m sphinx -W --keep-going -q -d docs/_build/doctrees docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
 clean: ## remove what make has made
+	rm -rf docs/_build docs/gallery docs/reference/generated
 	rm -rf $(VENV) .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -47,4 +53,8 @@ clean: ## remove what make has made
 $(READY): pyproject.toml constraints.txt | $(UV_FILE)
 	test -x $(PYTHON) || $(UV) venv --quiet --python '>=3.11' $(VENV)
 	$(UV) pip install --quiet --compile-bytecode --python $(PYTHON) --constraint constraints.txt --editable '.[test]'
+	@touch $@
+
+$(DOCS_READY): $(READY)
+	$(UV) pip install --quiet --compile-bytecode --python $(PYTHON) --constraint constraints.txt --editable '.[docs]'
 	@touch $@

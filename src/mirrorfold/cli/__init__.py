@@ -82,6 +82,14 @@ VERBS = {
         "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
         "mirrorfold plan --band 270e9:300e9 --points 401 --aperture 0.08 --pitch 0.5e-3 --range 4",
     ),
+    "completion": Verb(
+        "Print a script that completes verbs and options in a shell.",
+        "mirrorfold completion bash",
+    ),
+    "schema": Verb(
+        "Print the JSON Schema of what a verb prints with --json.",
+        "mirrorfold schema info",
+    ),
 }
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -73,7 +74,7 @@ def show_info(found: dict[str, Any]) -> None:
 
 def show_mirrors(mirrors: list[dict[str, Any]]) -> None:
     """Print the table of mirrors."""
-    table = Table(title="mirrors, at their true places", title_justify="left")
+    table = _table("mirrors, at their true places")
     for heading in ("mirror", "seen through", "generation", "start [m]", "end [m]", "strength"):
         table.add_column(heading, justify="right")
     for mirror in mirrors:
@@ -90,7 +91,7 @@ def show_mirrors(mirrors: list[dict[str, Any]]) -> None:
 def show_plan(found: dict[str, Any]) -> None:
     """Print how walls mirror and scatter, and what is left after each bounce."""
     for name, wall in found["walls"].items():
-        table = Table(title=f"{name}: share of the power [dB]", title_justify="left")
+        table = _table(f"{name}: share of the power [dB]")
         table.add_column("angle of incidence [deg]")
         for angle in wall["angle_deg"]:
             table.add_column(f"{angle:g}", justify="right")
@@ -101,7 +102,7 @@ def show_plan(found: dict[str, Any]) -> None:
         ):
             table.add_row(label, *(_number(value, ".1f") for value in wall[key]))
         _console().print(table)
-    budget = Table(title="a target by way of mirrors at 45 degrees", title_justify="left")
+    budget = _table("a target by way of mirrors at 45 degrees")
     for heading in ("bounces", "range [m]", "SNR of a sample [dB]", "SNR in the image [dB]"):
         budget.add_column(heading, justify="right")
     for row in found["link_budget"][: (found["bounces_above_noise"] or 0) + 3]:
@@ -116,14 +117,14 @@ def show_plan(found: dict[str, Any]) -> None:
 
 def show_score(score: dict[str, Any]) -> None:
     """Print the score: mirrors, then all surfaces beside those out of sight."""
-    mirrors = Table(title="mirrors against the truth", title_justify="left")
+    mirrors = _table("mirrors against the truth")
     for heading in ("surface", "angle error [deg]", "offset error [mm]"):
         mirrors.add_column(heading, justify="left" if heading == "surface" else "right")
     for mirror in score["mirrors"]:
         mirrors.add_row(
             str(mirror["surface"]), _number(mirror["angle_error_deg"], ".3f"), _number(mirror["offset_error_mm"], ".2f")
         )
-    points = Table(title="points against the truth", title_justify="left")
+    points = _table("points against the truth")
     for heading in ("", "all surfaces", "out of sight"):
         points.add_column(heading, justify="right" if heading else "left")
     for label, name, scale in (
@@ -199,6 +200,13 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _table(title: str) -> Table:
+    """A table with rules for people, and with nothing but its words and numbers for files and pipes."""
+    if sys.stdout.isatty():
+        return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
 def _console() -> Console:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import sys
 from collections.abc import Sequence
 from contextvars import ContextVar
 from pathlib import Path
@@ -51,7 +52,13 @@ DEMO_SNR_DB = 20.0
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
 
-app = App(name="mirrorfold", help_format="plaintext", version_flags=[], suppress_keyboard_interrupt=False)
+app = App(
+    name="mirrorfold",
+    help_format="plaintext",
+    version_flags=[],
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative="", negative_iterable=()),
+)
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -62,6 +69,7 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
+    app.help_formatter = "default" if sys.stdout.isatty() else "plain"
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
@@ -551,4 +559,4 @@ def report_reconstruction(reconstruction: Any, files: Sequence[Path], *, json: b
     show_files(files)
 
 
-from mirrorfold.cli import looking  # noqa: E402, F401  registers its verbs with the app of this module
+from mirrorfold.cli import looking, shell  # noqa: E402, F401  register their verbs with the app of this module

@@ -1,0 +1,59 @@
+"""The verbs for shells and scripts: completion of what is typed, and the schema of what is printed."""
+
+from __future__ import annotations
+
+import json as json_format
+from typing import Literal
+
+from mirrorfold.cli import VERBS
+from mirrorfold.cli.terminal import show_json
+from mirrorfold.cli.verbs import Flag, app
+from mirrorfold.errors import InputError
+
+
+def completion(shell: Literal["bash", "zsh", "fish"], *, json: Flag = False) -> None:
+    """Print a completion script.
+
+    Parameters
+    ----------
+    shell
+        The shell that will read it: bash, zsh or fish.
+    json
+        Print the script as one JSON object.
+    """
+    script = app.generate_completion(shell=shell)
+    if json:
+        show_json({"kind": "completion", "shell": shell, "script": script})
+        return
+    print(script, end="" if script.endswith("\n") else "\n")
+
+
+def schema(verb: str, *, json: Flag = False) -> None:
+    """Print a JSON Schema.
+
+    Parameters
+    ----------
+    verb
+        The verb whose output is described.
+    json
+        Changes nothing: the schema is a JSON object.
+    """
+    from mirrorfold.cli.schema import json_schema, outputs
+
+    if verb not in outputs():
+        raise InputError(f"{verb!r} is no verb with a schema, expected one of {', '.join(outputs())}")
+    if json:
+        show_json(json_schema(verb))
+        return
+    print(json_format.dumps(json_schema(verb), indent=2))
+
+
+for command in (completion, schema):
+    name = command.__name__
+    app.command(
+        command,
+        name=name,
+        help=VERBS[name].purpose,
+        help_epilogue=f"Example: {VERBS[name].example}\n",
+        version_flags=[],
+    )
