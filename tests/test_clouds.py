@@ -100,12 +100,15 @@ def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     assert main(["info", "scene.toml"]) == 0
     assert main(["reconstruct", "sweep.nc", "-o", "out", "--export", "cloud.ply"]) == 0
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"reconstruction.nc", "before_after.png", "space.png", "body.png"}
+    assert names == {"reconstruction.nc", "before_after.png", "space.png", "body.png", "report.html"}
     assert len(trimesh.load("cloud.ply").vertices) > 100
     assert main(["score", "out/reconstruction.nc", "scene.toml"]) == 0
     assert "wall" in capsys.readouterr().out
     assert main(["focus", "sweep.nc", "-o", "volume.nc"]) == 0
     assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.vtp"]) == 0
+    for file in ("scene.toml", "sweep.nc", "volume.nc", "folded.nc"):
+        assert main(["show", file, "-o", "figure.png", "--dpi", "40"]) == 0
+    assert main(["fold", "volume.nc", "-o", "x.nc", "--generations", "1"]) == 2
     capsys.readouterr()
     assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.xyz"]) == 2
     assert ".xyz" in capsys.readouterr().err
