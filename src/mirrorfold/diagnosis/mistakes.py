@@ -33,6 +33,9 @@ SUREST = 0.99
 SURE_ENOUGH = 0.6
 """Mistakes of which one is less sure are not named."""
 
+BETTER_SHARE = 0.5
+"""Share of the gates that must fit better with an offset: a cable delays all echoes, multiple scattering some."""
+
 LEAST_OFFSETS = (2.0, 4.0)
 """Range offsets that are named, in units of `SMALLEST_OFFSET`: of cables, and of delays that were taken away in excess,
 which is rarer."""
@@ -98,7 +101,12 @@ def explain(waves: Wavefronts) -> Explanation:
     offset = float(offsets[int(fits[best].mean(axis=0).argmax())])
     same_side = np.mean(away * np.sign(offset) > smallest) if offset else 0.0
     side = 0 if offset > 0 else 1
-    certain = abs(offset) > LEAST_OFFSETS[side] * smallest and same_side >= OFFSET_SURE[side]
+    better = fits[best][:, int(np.argmin(np.abs(offsets - offset)))] > fits[best][:, 0]
+    certain = (
+        abs(offset) > LEAST_OFFSETS[side] * smallest
+        and same_side >= OFFSET_SURE[side]
+        and float(np.mean(better)) > BETTER_SHARE
+    )
     return Explanation(
         *cases[best],
         offset=offset if certain else 0.0,
