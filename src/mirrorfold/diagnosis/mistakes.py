@@ -33,6 +33,13 @@ SUREST = 0.99
 SURE_ENOUGH = 0.6
 """Mistakes of which one is less sure are not named."""
 
+BETTER_SHARE = 0.5
+"""Share of the gates that must fit better with an offset: a cable delays all echoes, multiple scattering some."""
+
+LEAST_OFFSETS = (2.0, 4.0)
+"""Range offsets that are named, in units of `SMALLEST_OFFSET`: of cables, and of delays that were taken away in excess,
+which is rarer."""
+
 OFFSET_STEPS = 300
 """Steps of the search for a range offset in the ambiguous range."""
 
@@ -40,8 +47,8 @@ SMALLEST_OFFSET = (0.1, 0.05)
 """Range offsets below the smaller of a length [m] and a share of the ambiguous range are not told from an inexact delay
 reference, nor from the depth of focus."""
 
-OFFSET_SURE = 0.75
-"""Share of the draws that must agree on an offset; echoes are few in some scenes."""
+OFFSET_SURE = (0.75, 0.95)
+"""Share of the draws that must agree on such an offset; echoes are few in some scenes."""
 
 OFFSET_REACH = (-0.15, 0.6)
 """Range offsets that are looked for, as shares of the ambiguous range: cables delay, and an excess of calibration
@@ -93,8 +100,13 @@ def explain(waves: Wavefronts) -> Explanation:
     low, high = np.quantile(away, [0.1, 0.9])
     offset = float(offsets[int(fits[best].mean(axis=0).argmax())])
     same_side = np.mean(away * np.sign(offset) > smallest) if offset else 0.0
-    better = fits[best][:, int(np.argmin(np.abs(offsets - offset)))] - fits[best][:, 0]
-    certain = abs(offset) > 2.0 * smallest and same_side >= OFFSET_SURE and float(np.mean(better > 0)) > 0.6
+    side = 0 if offset > 0 else 1
+    better = fits[best][:, int(np.argmin(np.abs(offsets - offset)))] > fits[best][:, 0]
+    certain = (
+        abs(offset) > LEAST_OFFSETS[side] * smallest
+        and same_side >= OFFSET_SURE[side]
+        and float(np.mean(better)) > BETTER_SHARE
+    )
     return Explanation(
         *cases[best],
         offset=offset if certain else 0.0,
