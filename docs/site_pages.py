@@ -149,8 +149,9 @@ def _heading(model: type) -> str:
 
 def _described(name: str) -> str:
     """Where a name is described: itself, or what it stands for, where its docstring says no more than that."""
-    found = re.search(r"see `(mirrorfold\.[\w.]+)`", inspect.getdoc(getattr(mf, name)) or "")
-    return f"~{found[1]}" if found else name
+    text = inspect.getdoc(getattr(mf, name)) or ""
+    found = re.search(r"see `mirrorfold\.([\w.]+)`", text)
+    return f"~{found[1]}" if found and "Parameters" not in text else name
 
 
 def _public(module: ModuleType) -> list[str]:
@@ -160,7 +161,7 @@ def _public(module: ModuleType) -> list[str]:
     return [
         name
         for name, value in vars(module).items()
-        if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
+        if inspect.isfunction(value) and value.__module__.startswith(module.__name__) and not name.startswith("_")
     ]
 
 

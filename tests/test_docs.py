@@ -1,4 +1,4 @@
-"""The documentation: every link of a page leads somewhere, and the site is built without warnings and needs no network."""
+"""The documentation: every link of a page leads somewhere; the site is built without warnings and needs no network."""
 
 from __future__ import annotations
 
