@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shutil
 from pathlib import Path
 from types import ModuleType
 
@@ -47,6 +48,7 @@ def write(folder: Path) -> None:
 
     _write(folder / "explanation" / "index.md", topics(folder))
     reference = folder / "reference"
+    shutil.rmtree(reference / "generated", ignore_errors=True)  # names that are gone must not keep their pages
     _write(reference / "python.rst", python_reference())
     _write(reference / "commands.md", command_reference())
     _write(reference / "json.md", json_reference())
