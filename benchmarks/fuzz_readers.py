@@ -26,11 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
-SECONDS_A_CASE = 60
-"""A case that takes longer has hung."""
+SECONDS_A_CASE = 20.0
+"""A case that takes more CPU time has hung."""
 
-SECONDS_FOR_HDF5 = 3.0
-"""How long the library may take for the small files here."""
+SECONDS_FOR_HDF5 = 5.0
+"""How long the library may take for the small files here; a file that hangs it costs this."""
 
 PEAK_BYTES = 1 << 30
 """What the whole process may take at its peak."""
@@ -226,7 +226,7 @@ def run_cases(seed: int, first: int, cases: int, folder: Path, formats: list[str
     """Feed so many cases, numbered from `first`; each depends on the seed and its number alone."""
     from mirrorfold.io.readers import hdf5
 
-    hdf5.PATIENCE = SECONDS_FOR_HDF5
+    patience, hdf5.PATIENCE = hdf5.PATIENCE, SECONDS_FOR_HDF5
     files = seeds(folder)
     for name in ("one.s1p", "many.npz"):
         (folder / name).write_bytes(files[name])
@@ -236,7 +236,7 @@ def run_cases(seed: int, first: int, cases: int, folder: Path, formats: list[str
     def hang(*_: object) -> None:
         raise Hung
 
-    previous = signal.signal(signal.SIGALRM, hang)
+    previous = signal.signal(signal.SIGPROF, hang)
     try:
         for case in range(first, first + cases):
             rng = np.random.default_rng([seed, case])
@@ -246,7 +246,7 @@ def run_cases(seed: int, first: int, cases: int, folder: Path, formats: list[str
                 name = f"other{Path(names[int(rng.integers(0, len(names)))]).suffix}"
             path = folder / (f"case-{name}" if not name.startswith(("positions", "scan", "mapping")) else name)
             path.write_bytes(raw)
-            signal.alarm(SECONDS_A_CASE)
+            signal.setitimer(signal.ITIMER_PROF, SECONDS_A_CASE)
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
@@ -255,10 +255,11 @@ def run_cases(seed: int, first: int, cases: int, folder: Path, formats: list[str
                 path.rename(path.with_name(f"failed-{seed}-{case}-{name}"))
                 raise AssertionError(f"seed {seed}, case {case}, {name}: {type(error).__name__}: {error}") from error
             finally:
-                signal.alarm(0)
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
                 path.unlink(missing_ok=True)
     finally:
-        signal.signal(signal.SIGALRM, previous)
+        signal.signal(signal.SIGPROF, previous)
+        hdf5.PATIENCE = patience
     return counts
 
 

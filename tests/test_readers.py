@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import os
+import signal
 import struct
+import sys
 import tracemalloc
 import warnings
 import zipfile
@@ -18,9 +21,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat, netcdf_file, savemat
 
+import mirrorfold as mf
 from mirrorfold.errors import InputError
 from mirrorfold.io import readers
-from mirrorfold.io.readers import Reader, read_contents, touchstone
+from mirrorfold.io.readers import Reader, hdf5, read_contents, touchstone
 from mirrorfold.io.readers.contents import Contents, Variable
 from mirrorfold.io.readers.table import parse_number
 
@@ -387,6 +391,15 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     refused(tmp_path, "is a directory")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("suffix", [".mat", ".h5", ".csv", ".s2p"])
+def test_pipes_and_devices_are_not_waited_for(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    refused(tmp_path / f"pipe{suffix}", "pipe")
+    with pytest.raises(InputError, match="no file"):
+        mf.import_data(tmp_path, positions=tmp_path / f"pipe{suffix}")
+
+
 @pytest.mark.parametrize(
     ("suffix", "head"),
     [
@@ -531,6 +544,25 @@ def test_hdf5_groups_that_hold_themselves_end(tmp_path):
         file["a/b"] = h5py.SoftLink("/a")
         file["a/c"] = file["a"]
     assert "s" in read_contents(tmp_path / "loop.h5").variables
+
+
+def test_a_file_that_hangs_or_kills_the_hdf5_library_is_refused_and_the_next_one_read(tmp_path, monkeypatch, samples):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["s"] = samples
+    read_contents(path)
+    hdf5._library._process.kill()  # as an earlier file might have done
+    np.testing.assert_array_equal(read_contents(path).array("s"), samples)
+    hdf5._library._process.send_signal(signal.SIGSTOP)
+    monkeypatch.setattr(hdf5, "PATIENCE", 0.2)
+    refused(path, "does not end")
+    monkeypatch.undo()
+    np.testing.assert_array_equal(read_contents(path).array("s"), samples)
+    monkeypatch.setattr(sys, "executable", "/bin/false")  # whatever is asked, it dies
+    hdf5._library._stop()
+    refused(path, "stops the HDF5 library")
+    monkeypatch.undo()
+    np.testing.assert_array_equal(read_contents(path).array("s"), samples)
 
 
 def test_clouds_that_announce_more_than_they_hold_are_refused(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import permutations
+from math import prod
 from pathlib import Path
 
 import h5py
@@ -31,7 +32,7 @@ IMAGE_NAMES = ("image", "img", "im", "intensity", "amplitude", "magnitude", "i",
 AMPLITUDE_NAMES = ("amplitude", "intensity", "magnitude", "power_db", "reflectivity", "value", "i", "scalar_intensity")
 """Names of the amplitude of a point, in the order of preference."""
 
-LARGEST_CLOUD_IMAGE = 4_000_000
+LARGEST_CLOUD_IMAGE = 2_000_000
 """Pixels that a cloud may become without being asked for a finer grid."""
 
 MARGIN_CELLS = 8
@@ -271,13 +272,18 @@ def _gridded(
             f"{contents.path}: holds {len(points)} points with finite coordinates, expected a cloud of them"
         )
     extent = np.ptp(points, axis=0)
+    if not float(extent.max()) < LARGEST_EXTENT:
+        raise InputError(
+            f"{contents.path}: its points reach over {extent.max():g} m; correct their unit, or the outliers"
+        )
     if cell is None:
-        cell = _spacing(points)
-        cell = max(cell, float(np.sqrt(max(extent.prod(), 0.0) / LARGEST_CLOUD_IMAGE)), 1e-6 * float(extent.max()))
-    if not 0.0 < cell < np.inf:
+        cell = max(_spacing(points), FINEST_SHARE * float(extent.max()))
+        while cell > 0.0 and prod(_cells(extent, cell)) > LARGEST_CLOUD_IMAGE:
+            cell *= GROWTH
+    if not (0.0 < cell < np.inf and float(extent.max()) / cell < 1.0 / FINEST_SHARE**2):
         raise InputError(f"{contents.path}: cell is {cell}, expected a width above zero [m]; the points may coincide")
-    counts = [int(length / cell) + 1 + 2 * MARGIN_CELLS for length in extent.tolist()]
-    check_memory(contents.path, 16.0 * counts[0] * counts[1], f"a grid of {counts[0]} x {counts[1]} cells")
+    counts = _cells(extent, cell)
+    check_memory(contents.path, GRID_BYTES * prod(counts), f"a grid of {counts[0]} x {counts[1]} cells")
     origin = points.min(axis=0) - MARGIN_CELLS * cell
     at = np.minimum(((points - origin) / cell + 0.5).astype(np.int64), np.array(counts) - 1)
     grid = np.zeros((counts[1], counts[0]), dtype=np.float32)
@@ -285,6 +291,26 @@ def _gridded(
     grid = _spread(grid)
     axes = {axis: origin[n] + cell * np.arange(counts[n]) for n, axis in enumerate("xy")}
     return xr.DataArray(grid, dims=("y", "x"), coords={"y": axes["y"], "x": axes["x"]}, name="image")
+
+
+LARGEST_EXTENT = 1e6
+"""No radar maps points over more than this [m]."""
+
+FINEST_SHARE = 1e-6
+"""Cells are no finer than this share of the extent of the points."""
+
+
+def _cells(extent: Array, cell: float) -> tuple[int, int]:
+    """Number of cells along x and y."""
+    along, across = (int(length / cell) + 1 + 2 * MARGIN_CELLS for length in extent.tolist())
+    return along, across
+
+
+GROWTH = 1.3
+"""Cells that would be too many grow by this factor, again and again."""
+
+GRID_BYTES = 32.0
+"""Memory for each cell while points are spread to spots."""
 
 
 def _spread(grid: NDArray[np.float32]) -> NDArray[np.float32]:

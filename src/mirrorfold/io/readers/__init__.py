@@ -81,6 +81,8 @@ def recognise(path: Path) -> Reader:
     """
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the files in it, or the folder with --positions")
+    if path.exists() and not path.is_file():  # opening a pipe would wait for ever
+        raise InputError(f"{path}: is no file but a device or a pipe; give a file")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)

@@ -168,6 +168,8 @@ def read_bytes(path: Path, *, growth: float = 1.0) -> bytes:
     InputError
         If it is empty, cannot be read, or does not fit into the memory.
     """
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no file; give one")
     try:
         size = path.stat().st_size
         if size == 0:

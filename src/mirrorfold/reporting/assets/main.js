@@ -50,7 +50,7 @@ function makeBar() {
     state.mode = mode; state.view = null; changed();
   } }, text));
   painters.push(() => buttons.forEach((button) => button.setAttribute("aria-pressed", String(button.dataset.mode === state.mode))));
-  const toggles = Object.keys(state.show).filter((name) => name !== "truth" || !state.content || state.content.truth.length || live).map((name) =>
+  const toggles = Object.keys(state.show).filter((name) => name !== "truth" || !state.content || state.content.truth.length).map((name) =>
     el("label", {}, el("input", { type: "checkbox", checked: true, "data-show": name, onchange: (event) => { state.show[name] = event.target.checked; changed(); } }), name));
   const glass = [["\u2212", "zoom out", () => zoom(1 / 1.4)], ["+", "zoom in", () => zoom(1.4)], ["fit", "show everything", () => { state.view = null; changed(); }]];
   return el("div", { class: "bar" }, el("div", { class: "group", role: "group", "aria-label": "how to compare" }, buttons), toggles,
