@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shutil
 from pathlib import Path
 from types import ModuleType
 
@@ -47,6 +48,7 @@ def write(folder: Path) -> None:
 
     _write(folder / "explanation" / "index.md", topics(folder))
     reference = folder / "reference"
+    shutil.rmtree(reference / "generated", ignore_errors=True)  # names that are gone must not keep their pages
     _write(reference / "python.rst", python_reference())
     _write(reference / "commands.md", command_reference())
     _write(reference / "json.md", json_reference())
@@ -149,8 +151,9 @@ def _heading(model: type) -> str:
 
 def _described(name: str) -> str:
     """Where a name is described: itself, or what it stands for, where its docstring says no more than that."""
-    found = re.search(r"see `(mirrorfold\.[\w.]+)`", inspect.getdoc(getattr(mf, name)) or "")
-    return f"~{found[1]}" if found else name
+    text = inspect.getdoc(getattr(mf, name)) or ""
+    found = re.search(r"see `mirrorfold\.([\w.]+)`", text)
+    return f"~{found[1]}" if found and "Parameters" not in text else name
 
 
 def _public(module: ModuleType) -> list[str]:
@@ -160,7 +163,7 @@ def _public(module: ModuleType) -> list[str]:
     return [
         name
         for name, value in vars(module).items()
-        if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
+        if inspect.isfunction(value) and value.__module__.startswith(module.__name__) and not name.startswith("_")
     ]
 
 

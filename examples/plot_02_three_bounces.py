@@ -14,15 +14,17 @@ from mirrorfold.scene import parse_scene
 
 # %%
 # Three metal panels turn the view to the left, ahead, and to the left again, like a periscope. At its end stands a
-# corner reflector. Panels are slightly rough, so that they can be seen as well as seen by.
+# corner. A screen keeps the radar from looking past the first panel. Panels are slightly rough, so that they can be
+# seen as well as seen by.
 
 rough = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 panels = {
-    "first": [(-0.26, 0.74), (0.26, 1.26)],
-    "second": [(-1.16, 0.68), (-0.56, 1.28)],
-    "third": [(-1.26, 1.49), (-0.44, 2.31)],
+    "first": [(-0.26, 1.26), (0.26, 0.74)],
+    "second": [(-1.16, 1.30), (-0.56, 0.70)],
+    "third": [(-1.26, 2.30), (-0.46, 1.50)],
+    "screen": [(-0.45, 0.42), (-0.10, 0.46)],
 }
-corner = [(-1.50, 1.72), (-1.66, 1.88), (-1.50, 2.04)]
+corner = [(-1.50, 1.74), (-1.66, 1.90), (-1.50, 2.06)]
 scene = parse_scene(
     {
         "name": "periscope",
