@@ -68,7 +68,7 @@ class _Library:
             # What this process may import, that one may too.
             environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "mirrorfold.io.readers.hdf5_process"],
+                [sys.executable, "-P", "-m", "mirrorfold.io.readers.hdf5_process"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
         process, late = self._process, threading.Event()
