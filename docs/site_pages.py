@@ -94,7 +94,7 @@ def command_reference() -> str:
 
     from mirrorfold.cli import main
 
-    os.environ["COLUMNS"] = "100"
+    os.environ["COLUMNS"] = "86"
     lines = ["# Command line", "", "Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130"]
     lines += ["interrupted. A wrong input gets one sentence, and nothing is left half-written. Progress goes to the"]
     lines += ["terminal alone; pipes and files get plain text, and `--json` prints [one JSON object](json.md)."]
@@ -109,7 +109,7 @@ def command_reference() -> str:
 
 def json_reference() -> str:
     """The fields of what each verb prints with `--json`."""
-    from mirrorfold.cli.schema import describe_fields, models, outputs
+    from mirrorfold.cli.outputs import describe_fields, models, outputs
 
     lines = [
         "# JSON",
@@ -144,7 +144,7 @@ def json_reference() -> str:
 
 
 def _heading(model: type) -> str:
-    from mirrorfold.cli.schema import type_name
+    from mirrorfold.cli.outputs import type_name
 
     return type_name(model)
 

@@ -231,7 +231,7 @@ def read_as_is(path: Path) -> xr.Dataset:
     InputError
         If the file holds something else.
     """
-    from mirrorfold.cli.verbs import read
+    from mirrorfold.cli.results import read
     from mirrorfold.io.netcdf import read_unchecked
 
     try:

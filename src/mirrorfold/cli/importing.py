@@ -151,7 +151,7 @@ def export(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json:
     json
         Print what was written as one JSON object.
     """
-    from mirrorfold.cli.verbs import read
+    from mirrorfold.cli.results import read
     from mirrorfold.io.files import check_output_directory
 
     check_output_directory(output, names=(), inputs=[sweep])

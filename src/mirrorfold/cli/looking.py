@@ -9,8 +9,9 @@ from typing import Literal
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
+from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import show_files, show_json
-from mirrorfold.cli.verbs import Flag, Output, app, read
+from mirrorfold.cli.verbs import Flag, Output, app
 from mirrorfold.errors import InputError
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -38,7 +38,7 @@ def schema(verb: str, *, json: Flag = False) -> None:
     json
         Changes nothing: the schema is a JSON object.
     """
-    from mirrorfold.cli.schema import json_schema, outputs
+    from mirrorfold.cli.outputs import json_schema, outputs
 
     if verb not in outputs():
         raise InputError(f"{verb!r} is no verb with a schema, expected one of {', '.join(outputs())}")

@@ -5,7 +5,6 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -18,8 +17,26 @@ from cyclopts import App, CycloptsError, Parameter
 import mirrorfold as mf
 from mirrorfold.cli import VERBS
 from mirrorfold.cli.calibration import calibrate
+from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.importing import export, import_
 from mirrorfold.cli.planning import plan
+from mirrorfold.cli.results import (
+    BODY,
+    PICTURE,
+    RECONSTRUCTION,
+    REPORT,
+    SPACE,
+    available_cores,
+    check_export,
+    mirror_table,
+    parse_axis,
+    read,
+    remove_directory,
+    report_reconstruction,
+    write_cloud,
+    write_json,
+    write_results,
+)
 from mirrorfold.cli.terminal import (
     progress,
     remark,
@@ -34,10 +51,6 @@ from mirrorfold.errors import InputError
 Output = Annotated[Path, Parameter(alias="-o")]
 Flag = Annotated[bool, Parameter(negative="")]
 Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-
-PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
-BODY, SPACE = "body.png", "space.png"
-REPORT = "report.html"
 
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
@@ -69,7 +82,7 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
-    app.help_formatter = "default" if sys.stdout.isatty() else "plain"
+    app.help_formatter = "default" if sys.stdout.isatty() else PlainHelp()
     token = command.set(shlex.join(["mirrorfold", *arguments]))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
@@ -427,7 +440,8 @@ def info(file: Path, *, json: Flag = False) -> None:
     json
         Print all facts as one JSON object.
     """
-    found = mf.info(file)
+    with progress("looking for mistakes"):
+        found = mf.info(file)
     if json:
         show_json(found)
     if not found.get("valid", True):
@@ -446,117 +460,6 @@ for verb in (demo, simulate, import_, export, calibrate, focus, fold, reconstruc
         help_epilogue=f"Example: {VERBS[verb_name].example}\n",
         version_flags=[],
     )
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def remove_directory(path: Path) -> None:
-    """Remove a directory with all that is in it."""
-    import shutil
-
-    shutil.rmtree(path, ignore_errors=True)
-
-
-def read(path: Path, *expected: str) -> Any:
-    """A file that must hold a sweep, an image or a reconstruction, whichever of them is expected.
-
-    Raises
-    ------
-    InputError
-        If it holds something else.
-    """
-    import xarray as xr
-
-    found = mf.load(path)
-    kinds = {xr.Dataset: "sweep", xr.DataArray: "image", xr.DataTree: "reconstruction"}
-    held = kinds.get(type(found), "scene")
-    if held not in expected:
-        raise InputError(f"{path}: is of kind {held}, expected {' or '.join(expected)}; give another file")
-    return found
-
-
-def parse_axis(text: str, name: str) -> Any:
-    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
-
-    Raises
-    ------
-    InputError
-        If it is not one number or three, or the steps lead nowhere.
-    """
-    import numpy as np
-
-    try:
-        if ":" not in text and np.isfinite(float(text)):
-            return np.array([float(text)])
-        start, stop, step = map(float, text.split(":"))
-    except ValueError:
-        raise InputError(f"--{name} is {text!r}, expected START:STOP:STEP in metres, for example -2:2:0.005") from None
-    if not (np.isfinite([start, stop, step]).all() and step > 0 and stop > start):
-        raise InputError(f"--{name} is {text!r}, expected finite numbers with STOP above START and a STEP above zero")
-    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
-
-
-def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
-    """Write a reconstruction and its pictures to a directory; returns the files' names."""
-    mf.save(reconstruction, directory / RECONSTRUCTION)
-    mf.report(reconstruction, directory / REPORT, scene=scene)
-    if "z" not in reconstruction.children["objects"].variables:
-        mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
-        return [RECONSTRUCTION, PICTURE, REPORT]
-    from mirrorfold import plot_volume
-
-    mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
-    plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
-    names = [RECONSTRUCTION, PICTURE, SPACE, REPORT]
-    if plot_volume.has_body(reconstruction):
-        plot_volume.body(reconstruction).savefig(directory / BODY)
-        names.append(BODY)
-    return names
-
-
-def check_export(path: Path | None) -> None:
-    """Refuse a point cloud that could not be written, before the work begins."""
-    if path is not None:
-        from mirrorfold.io.clouds import check_cloud_path
-
-        check_cloud_path(path)
-
-
-def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:
-    """Write the point cloud, if one is asked for; returns its path."""
-    if path is None:
-        return []
-    from mirrorfold.io.clouds import export
-
-    return [export(reconstruction, path)]
-
-
-def write_json(result: dict[str, Any], path: Path) -> None:
-    """Write one JSON object to a file."""
-    from mirrorfold.cli.terminal import to_json
-
-    path.write_text(to_json(result) + "\n", encoding="utf-8")
-
-
-def mirror_table(reconstruction: Any) -> list[dict[str, Any]]:
-    """The mirrors as `info` lists them."""
-    return list(mf.info(reconstruction)["mirrors"])
-
-
-def report_reconstruction(reconstruction: Any, files: Sequence[Path], *, json: bool) -> None:
-    """Print mirrors and counts, and where the files are."""
-    found = mf.info(reconstruction)
-    remark(found["remarks"])
-    if json:
-        show_json({**found, "files": list(map(str, files))})
-        return
-    show_mirrors(found["mirrors"])
-    counts = ", ".join(f"{count} after {bounces}" for bounces, count in found["points_by_bounces"].items())
-    print(f"{found['points']} points, by bounces: {counts or 'none'}")
-    show_files(files)
 
 
 from mirrorfold.cli import looking, shell  # noqa: E402, F401  register their verbs with the app of this module

@@ -1,0 +1,84 @@
+"""The help of a verb as plain text, for pipes, files and screen readers: options on the left, what they mean beside."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cyclopts.help import HelpEntry, HelpPanel
+    from rich.console import Console, ConsoleOptions
+
+NAMES_WIDTH = 28
+"""Columns for the names of options; longer ones get a line of their own."""
+
+LEAST_TEXT = 30
+"""Columns that are left for the text even in a narrow window."""
+
+
+class PlainHelp:
+    """Formats help without boxes and colours, in two columns."""
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+        """Print one group of options or verbs."""
+        if not panel.entries:
+            return
+        _print(console, f"{_text(panel.title)}:")
+        width = max(console.width - NAMES_WIDTH - 4, LEAST_TEXT)
+        for entry in panel.entries:
+            names = ", ".join(entry.display_labels_with_metavar)
+            lines = textwrap.wrap(_meaning(entry), width, break_on_hyphens=False) or [""]
+            if len(names) > NAMES_WIDTH:
+                _print(console, f"  {names}")
+                names = ""
+            for line in lines:
+                _print(console, f"  {names:<{NAMES_WIDTH}}  {line}".rstrip())
+                names = ""
+        console.print()
+
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
+        """Print how the verb is called."""
+        text = _text(usage)
+        if text:
+            text = text if text.startswith("Usage:") else f"Usage: {text}"
+            _print(console, textwrap.fill(text, console.width, subsequent_indent="    ", break_on_hyphens=False))
+            console.print()
+
+    def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:
+        """Print what the verb is for."""
+        text = _text(description)
+        if text:
+            _print(console, textwrap.fill(text, console.width, break_on_hyphens=False))
+            console.print()
+
+
+def _meaning(entry: HelpEntry) -> str:
+    """What an option means, with its choices and its default."""
+    parts = [_text(entry.description)]
+    if entry.choices:
+        parts.append(f"[{', '.join(entry.choices)}]")
+    if entry.default not in (None, "False", False):
+        parts.append(f"[default: {entry.default}]")
+    if entry.required:
+        parts.append("[required]")
+    return " ".join(filter(None, parts))
+
+
+def _text(thing: Any) -> str:
+    """The words of a text of rich, or of anything else, in one line."""
+    if thing is None:
+        return ""
+    if not isinstance(thing, str) and not hasattr(thing, "plain") and hasattr(thing, "__rich_console__"):
+        import io
+
+        from rich.console import Console
+
+        console = Console(file=io.StringIO(), width=10_000, no_color=True, force_terminal=False)
+        with console.capture() as captured:
+            console.print(thing, end="")
+        return " ".join(captured.get().split())
+    return " ".join(str(getattr(thing, "plain", thing)).split())
+
+
+def _print(console: Console, line: str) -> None:
+    console.print(line, highlight=False, markup=False, soft_wrap=True)
