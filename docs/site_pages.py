@@ -32,7 +32,7 @@ GROUPS = {
 SITE = ("index", "quickstart", "performance")
 """Pages beside those of the topics."""
 
-ORDER = ("focusing", "folding", "raster", "fullwave", "import", "calibrate", "diagnose", "plan")
+ORDER = ("focusing", "folding", "raster", "fullwave", "plan", "import", "diagnose", "calibrate", "looking")
 """Topics in the order of reading; others follow by name."""
 
 
@@ -94,7 +94,7 @@ def command_reference() -> str:
 
     from mirrorfold.cli import main
 
-    os.environ["COLUMNS"] = "86"
+    os.environ["COLUMNS"] = "68"
     lines = ["# Command line", "", "Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130"]
     lines += ["interrupted. A wrong input gets one sentence, and nothing is left half-written. Progress goes to the"]
     lines += ["terminal alone; pipes and files get plain text, and `--json` prints [one JSON object](json.md)."]
