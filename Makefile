@@ -13,6 +13,9 @@ UV := .uv/bin/uv
 UV_FILE := .uv/bin/uv
 endif
 
+QUICK := focus fullwave raster looking touchstone
+LONG := families calibration synthetic_aperture diagnosis fuzz_readers
+
 .PHONY: help demo test lint bench bench-long docs clean
 .DEFAULT_GOAL := help
 
@@ -31,11 +34,12 @@ lint: $(READY) ## style, types and the direction of imports
 	$(PYTHON) -m mypy
 	$(VENV)/bin/lint-imports
 
-bench: $(READY) ## run every benchmark
-	@set -e; for script in benchmarks/*.py; do echo "== $$script"; $(PYTHON) "$$script"; done
+bench: $(READY) ## time, memory and error of everything that should be fast
+	@set -e; for name in $(QUICK); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
 
-bench-long: $(READY) ## the benchmarks that take some minutes
+bench-long: $(READY) ## full-wave growth, and accuracy on families of random scenes; an hour or two
 	$(PYTHON) benchmarks/fullwave.py --long
+	@set -e; for name in $(LONG); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
 
 docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery
 	MPLBACKEND=Agg $(PYTHON) -m sphinx -W --keep-going -q -d docs/_build/doctrees docs docs/_build/html

@@ -158,7 +158,7 @@ def _by_library(path: Path, raw: bytes) -> Spectra:
     except ImportError:
         raise InputError(
             f"{path}: is a Touchstone file of version 2 or of other parameters than S, which needs scikit-rf; "
-            "install mirrorfold[vna]"
+            "install scikit-rf"
         ) from None
     import warnings
 
