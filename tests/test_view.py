@@ -9,6 +9,7 @@ import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,12 +151,16 @@ def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path
     "name", ["../x.nc", "/tmp/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"]
 )
 def test_a_name_leads_to_no_other_place(file, name):
-    before = {path: path.read_bytes() for path in file.parent.parent.rglob("*") if path.is_file()}
+    def files() -> dict[Path, tuple[int, int]]:
+        found = ((path, path.stat()) for path in file.parent.parent.rglob("*") if path.is_file())
+        return {path: (stat.st_size, stat.st_mtime_ns) for path, stat in found}
+
+    before = files()
     with served(file) as server:
         status, answer = call(server, "/api/save", {"name": name})
     assert status == 400
     assert answer["message"]
-    assert {path: path.read_bytes() for path in file.parent.parent.rglob("*") if path.is_file()} == before
+    assert files() == before
 
 
 def test_only_this_machine_may_look(file):

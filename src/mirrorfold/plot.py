@@ -346,7 +346,7 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
     """A figure with two panels of these sizes [m] at one scale, and narrow axes for a colour bar."""
     scale = min(PANEL_HEIGHT / height, PANEL_WIDTH / (left_width + right_width))
     widths = [left_width * scale, right_width * scale, 0.18]
-    size = np.array([0.8 + sum(widths) + 2 * 0.25 + 0.8, 1.0 + height * scale + 0.4])
+    size = np.array([0.8 + sum(widths) + 2 * 0.25 + 0.8, 1.0 + height * scale + 0.65])
     figure = Figure(figsize=(max(size[0], 7.0), size[1]), dpi=150)
     axes, corner = [], 0.8
     for width in widths:
