@@ -322,7 +322,10 @@ def test_autofocus_removes_small_errors_of_the_positions():
     tx_delay, rx_delay = random.uniform(-0.15e-3, 0.15e-3, (2, 31))
     blurred = mf.add_noise(with_delays(ideal, tx_delay, rx_delay), snr_db=20.0, seed=0)
     grid = {"x": np.arange(-0.6, 0.6, 0.005), "y": np.arange(0.3, 1.35, 0.005)}
-    sharp = mf.calibrate.autofocus(blurred, **grid)
+    steps: list[tuple[int, int]] = []
+    sharp = mf.calibrate.autofocus(blurred, **grid, progress=lambda *step: steps.append(step))
+    assert [done for done, _ in steps] == list(range(1, len(steps) + 1))
+    assert 1 < len(steps) <= steps[0][1]
     figures = [entropy(np.abs(mf.focus(one, **grid).values)) for one in (ideal, blurred, sharp)]
     assert figures[2] < figures[0] + 0.1 * (figures[1] - figures[0])
     assert "entropy" in sharp.attrs["processing"][-1]

@@ -8,6 +8,8 @@ the entropy of the image falls.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +40,12 @@ SEPARATION = 5
 
 
 def autofocus(
-    sweep: xr.Dataset, *, x: ArrayLike | None = None, y: ArrayLike | None = None, guides: int = GUIDES
+    sweep: xr.Dataset,
+    *,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    guides: int = GUIDES,
+    progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """The sweep with small delays of the elements removed, such that its image is sharpest.
 
@@ -51,6 +58,8 @@ def autofocus(
         The region of the guide stars, as for `mirrorfold.focus`; everything by default.
     guides : int, default 32
         Number of guide stars.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after every image; there may be fewer than the total.
 
     Returns
     -------
@@ -73,9 +82,11 @@ def autofocus(
     own_x, own_y = default_grid(frequency, tx, rx, maximum_pixels=PIXELS)
     grid = (np.asarray(own_x if x is None else x), np.asarray(own_y if y is None else y))
     centre = 2.0 * np.pi * float(frequency.mean()) / speed_of_light
+    report = progress or (lambda done, total: None)
     before = amplitude = _image(sweep, *grid)
+    report(1, ROUNDS + 1)
     best, tx_total, rx_total = sweep, np.zeros(len(tx)), np.zeros(len(rx))
-    for _ in range(ROUNDS):
+    for done in range(ROUNDS):
         stars = _guide_stars(amplitude, *grid, guides)
         contribution = _contributions(best, stars)
         tx_delay, rx_delay = _delays(contribution, centre)
@@ -84,6 +95,7 @@ def autofocus(
         turn = np.exp(1j * k[:, None] * tx_delay)[:, :, None] * np.exp(1j * k[:, None] * rx_delay)[:, None, :]
         tried = best.assign(s=best["s"].copy(data=(best["s"].values * turn).astype(np.complex64)))
         sharper = _image(tried, *grid)
+        report(done + 2, ROUNDS + 1)
         if not entropy(sharper) < entropy(amplitude):
             break
         best, amplitude = tried, sharper

@@ -154,7 +154,7 @@ def calibrate(
 
     result = prepared(result)
     facts: dict[str, Any] = {}
-    with progress("calibrating"):
+    with progress("calibrating") as report:
         if sphere and find_displacement:
             spheres = [prepared(repaired(path)) for path in sphere]
             vector, length = mf.calibrate.estimate_displacement(spheres, at=places, radius=sphere_radius)
@@ -173,7 +173,7 @@ def calibrate(
             result = mf.calibrate.apply_elements(result, mf.calibrate.load_elements(elements))
         result = mf.calibrate.displace_receivers(result, moved) if moved is not None else result
         result = mf.calibrate.time_gate(result, *kept) if kept is not None else result
-        result = mf.calibrate.autofocus(result) if autofocus else result
+        result = mf.calibrate.autofocus(result, progress=report) if autofocus else result
     files = [mf.save(result.assign_attrs(command=command.get()), output)]
     if save_elements is not None:
         files.append(mf.calibrate.save_elements(found, save_elements))
