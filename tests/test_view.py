@@ -147,9 +147,7 @@ def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path
     assert np.array_equal(mf.load("again.nc")["intensity"], mf.load("out.nc")["intensity"])
 
 
-@pytest.mark.parametrize(
-    "name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"]
-)
+@pytest.mark.parametrize("name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"])
 def test_a_name_leads_to_no_other_place(file, name):
     def files() -> dict[Path, tuple[int, int]]:
         found = ((path, path.stat()) for path in file.parent.parent.rglob("*") if path.is_file())
