@@ -86,7 +86,7 @@ def test_help_of_a_verb_has_its_purpose_and_its_example(verb, capsys):
 
 
 def test_examples_can_be_parsed(folder, capsys):
-    from mirrorfold.cli.verbs import app
+    from mirrorfold.cli.program import app
 
     for name, verb in VERBS.items():
         program, *arguments = verb.example.split()

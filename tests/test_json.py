@@ -162,7 +162,7 @@ def test_the_demonstration(folder, capsys):
 
 def test_options_have_the_same_names_everywhere(capsys):
     """What is written is -o, --output (of demo --out, a folder); flags have no opposite; all options are explained."""
-    from mirrorfold.cli.verbs import app
+    from mirrorfold.cli.program import app
 
     for verb in VERBS:
         arguments = app[verb].assemble_argument_collection(parse_docstring=True)

@@ -114,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(__version__)
         return DONE
     try:
-        from mirrorfold.cli.verbs import run
+        from mirrorfold.cli.program import run
 
         with warnings.catch_warnings():
             warnings.showwarning = _note

@@ -8,46 +8,43 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 import mirrorfold as mf
+from mirrorfold.cli.options import Numbers, Output, command
 from mirrorfold.cli.terminal import progress, show_files, show_json
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Output = Annotated[Path, Parameter(alias="-o")]
-Flag = Annotated[bool, Parameter(negative="")]
-Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-
 
 def calibrate(
     sweep: Path,
     *,
     output: Output,
-    sort_frequencies: Flag = False,
-    conjugate: Flag = False,
-    swap_iq: Flag = False,
-    reverse_frequency: Flag = False,
+    sort_frequencies: bool = False,
+    conjugate: bool = False,
+    swap_iq: bool = False,
+    reverse_frequency: bool = False,
     position_unit: Literal["m", "cm", "mm", "um", "in"] | None = None,
-    swap_tx_rx: Flag = False,
-    mask: Flag = False,
+    swap_tx_rx: bool = False,
+    mask: bool = False,
     background: Path | None = None,
-    match_background: Flag = False,
-    scan_mean: Flag = False,
+    match_background: bool = False,
+    scan_mean: bool = False,
     reference: Path | None = None,
     reference_at: Numbers = None,
     reference_normal: Numbers = None,
-    reference_per_channel: Flag = False,
+    reference_per_channel: bool = False,
     cable_length: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
     sphere: list[Path] | None = None,
     sphere_at: Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)] = None,
     sphere_radius: float = 0.0,
     save_elements: Path | None = None,
     elements: Path | None = None,
-    find_displacement: Flag = False,
+    find_displacement: bool = False,
     rx_displacement: Numbers = None,
     gate: Numbers = None,
-    autofocus: Flag = False,
-    json: Flag = False,
+    autofocus: bool = False,
+    json: bool = False,
 ) -> None:
     """Calibrate a sweep.
 
@@ -108,7 +105,6 @@ def calibrate(
     json
         Print the history and the files as one JSON object.
     """
-    from mirrorfold.cli.verbs import command
     from mirrorfold.io.files import check_output
 
     inputs = [sweep, *(path for path in (background, reference, elements) if path), *(sphere or [])]

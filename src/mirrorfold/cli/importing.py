@@ -4,35 +4,32 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import Any, Literal
 
 import mirrorfold as mf
+from mirrorfold.cli.options import OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
 from mirrorfold.errors import InputError
-
-Flag = Annotated[bool, Parameter(negative="")]
 
 
 def import_(
     *files: Path,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    output: OptionalOutput = None,
     mapping: str | None = None,
     positions: Path | None = None,
     parameter: str | None = None,
     reader: str | None = None,
     frame: int | Literal["mean"] | None = None,
-    guess: Flag = False,
+    guess: bool = False,
     image: str | None = None,
     x: str | None = None,
     y: str | None = None,
     z: str | None = None,
     order: str | None = None,
     unit: str = "m",
-    decibel: Flag = False,
+    decibel: bool = False,
     cell: float | None = None,
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Import measured data.
 
@@ -100,8 +97,6 @@ def import_(
                     list(files), mapping=mapping, positions=positions, parameter=parameter, reader=reader,
                     frame=frame, progress=report,
                 )  # fmt: skip
-    from mirrorfold.cli.verbs import command
-
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
     remark([*notes, *facts["remarks"]])
@@ -139,7 +134,7 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
     show_files(written)
 
 
-def export(sweep: Path, *, output: Annotated[Path, Parameter(alias="-o")], json: Flag = False) -> None:
+def export(sweep: Path, *, output: Output, json: bool = False) -> None:
     """Export a sweep.
 
     Parameters

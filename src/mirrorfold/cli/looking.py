@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Literal
 
 import mirrorfold as mf
-from mirrorfold.cli import VERBS
+from mirrorfold.cli.options import Output
 from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import show_files, show_json
-from mirrorfold.cli.verbs import Flag, Output, app
 from mirrorfold.errors import InputError
 
 FORMATS = (".png", ".pdf", ".svg")
 """Of figures: for screens, for papers, and for both."""
 
 
-def report(reconstruction: Path, *, output: Output, scene: Path | None = None, json: Flag = False) -> None:
+def report(reconstruction: Path, *, output: Output, scene: Path | None = None, json: bool = False) -> None:
     """Write a report.
 
     Parameters
@@ -48,8 +47,8 @@ def view(
     *,
     scene: Path | None = None,
     port: int = 0,
-    no_open: Flag = False,
-    json: Flag = False,
+    no_open: bool = False,
+    json: bool = False,
 ) -> None:
     """View a file in the browser.
 
@@ -87,7 +86,7 @@ def show(
     scene: Path | None = None,
     floor_db: float = -40.0,
     dpi: int = 300,
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Draw a figure.
 
@@ -124,13 +123,3 @@ def show(
         show_json({"kind": "figure", "what": drawn, "files": [str(output)]})
         return
     show_files([output])
-
-
-for verb in (report, view, show):
-    app.command(
-        verb,
-        name=verb.__name__,
-        help=VERBS[verb.__name__].purpose,
-        help_epilogue=f"Example: {VERBS[verb.__name__].example}\n",
-        version_flags=[],
-    )

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 import mirrorfold as mf
+from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.terminal import show_files, show_info, show_json, show_plan
 from mirrorfold.errors import InputError
 
-Flag = Annotated[bool, Parameter(negative="")]
-Output = Annotated[Path | None, Parameter(alias="-o")]
 Level = Annotated[float, Parameter(allow_leading_hyphen=True)]
 
 
@@ -36,8 +34,8 @@ def plan(
     if_bandwidth: float = 1e4,
     settling: float = 5e-5,
     moving: float = 0.0,
-    output: Output = None,
-    json: Flag = False,
+    output: OptionalOutput = None,
+    json: bool = False,
 ) -> None:
     """Plan a measurement.
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json as json_format
 from typing import Literal
 
-from mirrorfold.cli import VERBS
 from mirrorfold.cli.terminal import show_json
-from mirrorfold.cli.verbs import Flag, app
 from mirrorfold.errors import InputError
 
 
-def completion(shell: Literal["bash", "zsh", "fish"], *, json: Flag = False) -> None:
+def completion(shell: Literal["bash", "zsh", "fish"], *, json: bool = False) -> None:
     """Print a completion script.
 
     Parameters
@@ -21,6 +19,8 @@ def completion(shell: Literal["bash", "zsh", "fish"], *, json: Flag = False) -> 
     json
         Print the script as one JSON object.
     """
+    from mirrorfold.cli.program import app
+
     script = app.generate_completion(shell=shell)
     if json:
         show_json({"kind": "completion", "shell": shell, "script": script})
@@ -28,7 +28,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], *, json: Flag = False) -> 
     print(script, end="" if script.endswith("\n") else "\n")
 
 
-def schema(verb: str, *, json: Flag = False) -> None:
+def schema(verb: str, *, json: bool = False) -> None:
     """Print a JSON Schema.
 
     Parameters
@@ -46,14 +46,3 @@ def schema(verb: str, *, json: Flag = False) -> None:
         show_json(json_schema(verb))
         return
     print(json_format.dumps(json_schema(verb), indent=2))
-
-
-for command in (completion, schema):
-    name = command.__name__
-    app.command(
-        command,
-        name=name,
-        help=VERBS[name].purpose,
-        help_epilogue=f"Example: {VERBS[name].example}\n",
-        version_flags=[],
-    )

@@ -5,21 +5,11 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 
 from __future__ import annotations
 
-import shlex
-import sys
-from collections.abc import Sequence
-from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from cyclopts import App, CycloptsError, Parameter
+from typing import Any, Literal
 
 import mirrorfold as mf
-from mirrorfold.cli import VERBS
-from mirrorfold.cli.calibration import calibrate
-from mirrorfold.cli.help import PlainHelp
-from mirrorfold.cli.importing import export, import_
-from mirrorfold.cli.planning import plan
+from mirrorfold.cli.options import Numbers, OptionalOutput, Output, command
 from mirrorfold.cli.results import (
     BODY,
     PICTURE,
@@ -48,10 +38,6 @@ from mirrorfold.cli.terminal import (
 )
 from mirrorfold.errors import InputError
 
-Output = Annotated[Path, Parameter(alias="-o")]
-Flag = Annotated[bool, Parameter(negative="")]
-Grid = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
     "drywall-mannequin": "drywall-mannequin.toml",
@@ -62,43 +48,12 @@ DEMO_SCENES = {
 DEMO_SNR_DB = 20.0
 """Of the scans in three dimensions, per sample: modest for a vector network analyser."""
 
-command: ContextVar[str] = ContextVar("command", default="mirrorfold")
-"""The command line being run, which results carry along."""
-
-app = App(
-    name="mirrorfold",
-    help_format="plaintext",
-    version_flags=[],
-    suppress_keyboard_interrupt=False,
-    default_parameter=Parameter(negative="", negative_iterable=()),
-)
-
-
-def run(arguments: Sequence[str]) -> None:
-    """Run one verb.
-
-    Raises
-    ------
-    InputError
-        If the arguments or the input are wrong.
-    """
-    app.help_formatter = "default" if sys.stdout.isatty() else PlainHelp()
-    token = command.set(shlex.join(["mirrorfold", *arguments]))
-    try:
-        app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
-    except CycloptsError as error:
-        verb = f" {arguments[0]}" if arguments[0] in VERBS else ""
-        sentence = " ".join(str(error).split()).rstrip(".")
-        raise InputError(f"{sentence}; `mirrorfold{verb} --help` lists what can be given") from None
-    finally:
-        command.reset(token)
-
 
 def demo(
     *,
     scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor"] = "hidden-corner",
     out: Path = Path("demo"),
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Run the demonstration.
 
@@ -144,20 +99,20 @@ def demo(
 def simulate(
     scene: Path,
     *,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    output: OptionalOutput = None,
     solver: Literal["rays", "fullwave"] = "rays",
     bounces: int = 3,
     seed: int = 0,
     snr_db: float | None = None,
     tolerance: float = 1e-3,
-    direct: Flag = False,
-    check_residual: Flag = False,
+    direct: bool = False,
+    check_residual: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
-    resume: Flag = False,
-    force: Flag = False,
-    dry_run: Flag = False,
-    json: Flag = False,
+    resume: bool = False,
+    force: bool = False,
+    dry_run: bool = False,
+    json: bool = False,
 ) -> None:
     """Simulate a sweep.
 
@@ -248,12 +203,12 @@ def focus(
     sweep: Path,
     *,
     output: Output,
-    x: Grid = None,
-    y: Grid = None,
-    z: Grid = None,
+    x: Numbers = None,
+    y: Numbers = None,
+    z: Numbers = None,
     tolerance: float = 1e-4,
     taper: str = "hann",
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Focus a sweep.
 
@@ -307,7 +262,7 @@ def fold(
     wall_margin: float | None = None,
     generations: int | None = None,
     export: Path | None = None,
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Fold an image.
 
@@ -372,7 +327,7 @@ def reconstruct(
     threshold_db: float | None = None,
     minimum_length: float | None = None,
     export: Path | None = None,
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Reconstruct a scene.
 
@@ -410,7 +365,7 @@ def reconstruct(
     report_reconstruction(reconstruction, files, json=json)
 
 
-def score(reconstruction: Path, scene: Path, *, json: Flag = False) -> None:
+def score(reconstruction: Path, scene: Path, *, json: bool = False) -> None:
     """Score a reconstruction.
 
     Parameters
@@ -430,7 +385,7 @@ def score(reconstruction: Path, scene: Path, *, json: Flag = False) -> None:
         show_score(result)
 
 
-def info(file: Path, *, json: Flag = False) -> None:
+def info(file: Path, *, json: bool = False) -> None:
     """Describe a file.
 
     Parameters
@@ -449,17 +404,3 @@ def info(file: Path, *, json: Flag = False) -> None:
         raise InputError(f"{reason}; {' '.join(others)}")
     if not json:
         show_info(found)
-
-
-for verb in (demo, simulate, import_, export, calibrate, focus, fold, reconstruct, score, info, plan):
-    verb_name = verb.__name__.rstrip("_")  # `import` is a word of the language
-    app.command(
-        verb,
-        name=verb_name,
-        help=VERBS[verb_name].purpose,
-        help_epilogue=f"Example: {VERBS[verb_name].example}\n",
-        version_flags=[],
-    )
-
-
-from mirrorfold.cli import looking, shell  # noqa: E402, F401  register their verbs with the app of this module

@@ -1,0 +1,58 @@
+"""The program: its verbs under their names, and the run of one of them."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError, Parameter
+
+from mirrorfold.cli import VERBS, calibration, importing, looking, planning, shell, verbs
+from mirrorfold.cli.help import PlainHelp
+from mirrorfold.cli.options import command
+from mirrorfold.errors import InputError
+
+FUNCTIONS = (
+    *(verbs.demo, verbs.simulate, verbs.focus, verbs.fold, verbs.reconstruct, verbs.score, verbs.info),
+    *(importing.import_, importing.export, calibration.calibrate, planning.plan),
+    *(looking.report, looking.view, looking.show, shell.completion, shell.schema),
+)
+
+app = App(
+    name="mirrorfold",
+    help_format="plaintext",
+    version_flags=[],
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative="", negative_iterable=()),
+)
+
+for function in FUNCTIONS:
+    name = function.__name__.rstrip("_")  # `import` is a word of the language
+    app.command(
+        function,
+        name=name,
+        help=VERBS[name].purpose,
+        help_epilogue=f"Example: {VERBS[name].example}\n",
+        version_flags=[],
+    )
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run one verb.
+
+    Raises
+    ------
+    InputError
+        If the arguments or the input are wrong.
+    """
+    app.help_formatter = "default" if sys.stdout.isatty() else PlainHelp()
+    token = command.set(shlex.join(["mirrorfold", *arguments]))
+    try:
+        app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
+    except CycloptsError as error:
+        verb = f" {arguments[0]}" if arguments[0] in VERBS else ""
+        sentence = " ".join(str(error).split()).rstrip(".")
+        raise InputError(f"{sentence}; `mirrorfold{verb} --help` lists what can be given") from None
+    finally:
+        command.reset(token)
