@@ -160,7 +160,11 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
     for world, fold in worlds:
         range_, u = polar.to_polar(fold.inverse(grid))
         amplitude = polar.at(range_, u)
-        seen = views.shows(range_, u, amplitude, world, 0.04)
+        inside = np.abs(u) <= views.u[-1]
+        column = views.column(np.where(inside, u, 0.0))
+        seen = inside & views.clear(range_, column, amplitude) & (views.seen_through(range_ - 0.04, column) == world)
+        if world != ROOT:
+            seen &= ~views.contradicted(range_ - 0.04, column, *polar.to_polar(grid))
         expected = np.maximum(expected, np.where(seen, amplitude, 0.0))
     intensity, initial = render(x, y, polar, views, folds, 0.04)
     assert len(worlds) == 2

@@ -357,7 +357,32 @@ def test_mirror_worlds_open_only_through_their_parents():
     assert_array_equal(views.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])
     assert_array_equal(views.seen_through(np.full(4, 2.5), column), [1, 0, NOBODY, ROOT])
     assert_array_equal(views.column(np.array([-0.31, -0.12, 0.09, 2.0])), [0, 1, 2, 3])
-    shown = views.shows(np.full(5, 1.5), np.array([-0.3, -0.1, 0.1, np.nan, 0.5]), 1.0, 0, 0.0)
-    assert_array_equal(shown, [True, True, False, False, False])
-    assert not views.shows(np.array([1.03]), np.array([-0.3]), 1.0, 0, 0.04)[0]
-    assert views.shows(np.array([1.03]), np.array([-0.3]), 1.0, ROOT, 0.04)[0]
+
+
+def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_radars_own():
+    """Two bright things behind a wall, on whose right the view goes on: one deep in its shadow, one at the edge."""
+    wall_ = wall((-0.3, 1.5), 0.0, 0.6)
+    inside, edge = np.array([[-0.3, 2.2]]), np.array([[-0.012, 2.2]])
+    far = np.array([[0.9, 1.2]])
+    tree, _, _, echoes = tree_of(
+        diffuse(*wall_, 3), (inside, np.array([15.0])), (edge, np.array([15.0])), (far, np.array([15.0]))
+    )
+    (mirror,) = tree.mirrors
+    held = mirror.objects.position
+    assert nearest(inside, held)[0] < 0.01
+    # Reflected, it would stand 0.8 m in front of the radar, in full view.
+    assert nearest(edge, echoes.position)[0] < 0.01
+    assert nearest(edge, held)[0] > 0.1
+    # Beside something that the radar does see, nothing contradicts it.
+    beside = (np.array([[0.06, 0.8]]), np.array([8.0]))
+    tree, *_ = tree_of(diffuse(*wall_, 3), (inside, np.array([15.0])), (edge, np.array([15.0])), beside)
+    assert nearest(edge, tree.mirrors[0].objects.position)[0] < 0.01
+
+
+def test_the_radars_own_view_is_not_trusted_beyond_its_echoes():
+    """Without an echo from further aside, its antennas may be deaf there."""
+    _, views, *_ = tree_of(diffuse(*wall((-0.3, 1.5), 0.0, 0.6), 3))
+    assert not views.open[np.abs(views.u) > 0.42].any()
+    assert (views.open[(views.u > 0.12) & (views.u < 0.35)] > 2.9).all()
+    before = views.open[(views.u < -0.1) & (views.u > -0.3)]
+    assert ((before > 1.35) & (before < 1.5)).all()

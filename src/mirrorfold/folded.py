@@ -14,7 +14,7 @@ from mirrorfold.detection import Echoes
 from mirrorfold.geometry import Isometry
 from mirrorfold.mirrors import Mirror
 from mirrorfold.polar import PolarImage
-from mirrorfold.tree import ROOT, MirrorTree, Views
+from mirrorfold.tree import EDGE_COLUMNS, ROOT, MirrorTree, Views
 
 Array = NDArray[np.float64]
 
@@ -191,7 +191,8 @@ def render(
     intensity = np.zeros_like(initial)
     crossing, opened = views._worlds
     view = (polar.radar, polar.along, polar.broadside, polar.range[0], polar.dr, polar.u[0], polar.du)
-    sight = (views.barrier, np.ascontiguousarray(crossing), np.ascontiguousarray(opened), wall_margin)
+    empty = views.open if views.open.size else np.zeros(views.u.size)
+    sight = (views.barrier, empty, np.ascontiguousarray(crossing), np.ascontiguousarray(opened), wall_margin)
     here = Isometry.identity()
     _render(x, y, here.linear, here.shift, polar.amplitude, *view, *sight, ROOT, intensity, initial)
     for index, chain in enumerate(views.chain):
@@ -209,9 +210,18 @@ def render(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def _through(crossing, opened, distance, column):  # type: ignore[no-untyped-def]
+    """`Views.seen_through` for one point."""
+    passed = 0
+    for k in range(crossing.shape[0]):
+        passed += crossing[k, column] < distance
+    return opened[passed, column]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _render(  # type: ignore[no-untyped-def]
-    x, y, linear, shift, amplitude, radar, along, broadside, range0, dr, u0, du, barrier, crossing, opened,
-    wall_margin, world, intensity, initial,
+    x, y, linear, shift, amplitude, radar, along, broadside, range0, dr, u0, du, barrier, empty, crossing,
+    opened, wall_margin, world, intensity, initial,
 ):  # fmt: skip
     """``intensity = max(intensity, image(linear @ p + shift))`` where `world` shows it; `initial` if it has rows."""
     rows, columns = amplitude.shape
@@ -236,8 +246,19 @@ def _render(  # type: ignore[no-untyped-def]
             nearest = min(int(column + 0.5), columns - 1)
             if value <= max(barrier[int(row), nearest], intensity[i, j]):
                 continue
-            passed = 0
-            for k in range(crossing.shape[0]):
-                passed += crossing[k, nearest] < distance - wall_margin
-            if opened[passed, nearest] == world:
-                intensity[i, j] = value
+            if _through(crossing, opened, distance - wall_margin, nearest) != world:
+                continue
+            if world >= 0:
+                # Next to the edge of what the mirror shows, the radar's own view must not contradict.
+                px, py = x[j] - radar[0], y[i] - radar[1]
+                own = np.hypot(px, py)
+                column = (px * along[0] + py * along[1]) / max(own, range0) - u0
+                at = int(column / du + 0.5)
+                ahead = px * broadside[0] + py * broadside[1] >= 0.0 and 0 <= at < columns
+                if ahead and range0 <= own < empty[at]:
+                    left, right = max(nearest - EDGE_COLUMNS, 0), min(nearest + EDGE_COLUMNS, columns - 1)
+                    if _through(crossing, opened, distance - wall_margin, left) != world or (
+                        _through(crossing, opened, distance - wall_margin, right) != world
+                    ):
+                        continue
+            intensity[i, j] = value

@@ -46,6 +46,9 @@ DEEP = 0.1
 LARGEST_TURN_DEG = 0.8
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m."""
 
+END_CELLS = 0.4
+"""A refit leaves out this much of a slanting resolution cell at either end of a row."""
+
 LEVEL_CELLS = 8.0
 """Resolution cells along a wall over which its speckle is averaged to tell how bright the wall is there."""
 
@@ -360,13 +363,17 @@ def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
     is fitted to the centroids: weighted by clipped power, with Cauchy weights against places that hold something else.
     """
     for _ in range(2):
-        along, offset, amplitude = across_profiles(mirror, polar, reach=0.75, spacing=0.25)
+        along, offset, amplitude = across_profiles(mirror, polar, reach=0.75, spacing=0.125)
         peak = amplitude.max(axis=1)
         if not peak.any():
             return mirror
         lobe = np.where(amplitude >= 0.5 * peak[:, None], amplitude**2, 0.0)
         centroid = (lobe * offset).sum(axis=1) / np.maximum(lobe.sum(axis=1), np.finfo(float).tiny)
         strength = np.minimum(peak / np.median(peak[peak > 0.0]), CLIP) ** 2
+        first, last = _slanting(mirror, polar)
+        whole = (along >= first) & (along <= mirror.length - last)
+        if whole.any():
+            strength = strength * whole
         basis = np.stack([np.ones_like(along), along - 0.5 * mirror.length], axis=1)
         weight = strength
         for _ in range(3):
@@ -391,6 +398,20 @@ def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
             offset_error=float(spread[0]),
         )
     return mirror
+
+
+def _slanting(mirror: Mirror, polar: PolarImage) -> Array:
+    """How much [m] of either end of a mirror a fit must not use, (2,).
+
+    A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the line, to
+    opposite sides at the two ends, and turns a short wall. It does so as much as the cell's extents along and across
+    the row are correlated.
+    """
+    ends = np.stack([mirror.start, mirror.end])
+    across, along = line_cell(polar, ends, mirror.direction)
+    range_, u = polar.to_polar(ends)
+    correlation = np.sqrt(np.maximum(1.0 - (polar.range_cell * polar.cross_cell(range_, u) / (across * along)) ** 2, 0))
+    return np.asarray(END_CELLS * correlation * along)
 
 
 def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:

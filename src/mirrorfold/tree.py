@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -21,7 +21,7 @@ from mirrorfold.detection import Echoes, reference_echo
 from mirrorfold.geometry import Isometry
 from mirrorfold.given import given_mirrors
 from mirrorfold.mirrors import MINIMUM_LENGTH, Mirror, find_mirrors, line_cell
-from mirrorfold.polar import PolarImage
+from mirrorfold.polar import SAMPLES_PER_CELL, PolarImage
 from mirrorfold.sketch import tree_card
 
 Array = NDArray[np.float64]
@@ -31,8 +31,16 @@ Index = NDArray[np.intp]
 WALL_MARGIN = 0.04
 """Echoes up to this far [m] behind a mirror leak from inside the wall: volume scattering reaches 1-3 cm deep."""
 
-OPAQUE_CELLS = 2.5
-"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+OPAQUE_CELLS = 3.0
+"""Depth of an object in range cells, 9 cm for 10 GHz: what lies further behind its first echo is multiple scattering,
+but a surface nearly along the line of sight does not hide itself."""
+
+OPEN_MARGIN = 0.1
+"""The radar's own view is taken to be open up to this distance [m] before and beside each echo in it: an object that
+shows its edge may show its face by way of a mirror only."""
+
+EDGE_COLUMNS = 2 * SAMPLES_PER_CELL
+"""Directions this far from the edge of what a mirror shows: the main lobe of a beam there reaches over the edge."""
 
 CLEAR_DB = 20.0
 """An echo this much stronger than all objects in front of it is a thing: speckle fades by up to 20 dB, and multiple
@@ -142,6 +150,8 @@ class Views:
     range : (nr,) array [m]
     barrier : (nr, nu) array
         Amplitude that an echo must exceed to be a thing; zero where no object stands in front.
+    open : (nu,) array [m]
+        Range up to which the radar would see a thing itself, and sees none; empty where that was not looked at.
     """
 
     u: Array
@@ -150,6 +160,7 @@ class Views:
     range: Array
     barrier: Array
     chain: tuple[tuple[int, ...], ...] = ()
+    open: Array = field(default_factory=lambda: np.zeros(0))
 
     def column(self, u: Array) -> Index:
         """Index of the direction nearest to u."""
@@ -174,16 +185,20 @@ class Views:
             opened[i + 1] = np.where(opened[i] == self.parent[mirror], mirror, NOBODY)
         return np.take_along_axis(self.crossing, order, axis=0), opened
 
-    def shows(self, range_: Array, u: Array, amplitude: Array, mirror: int, wall_margin: float) -> Mask:
-        """Whether points at that range and direction (NaN: behind the radar) are seen through `mirror` or ROOT.
+    def contradicted(self, range_: Array, column: Index, true_range: Array, true_u: Array) -> Mask:
+        """Whether echoes at the edge of what their mirror shows would stand where the radar itself sees nothing.
 
-        What lies less than `wall_margin` [m] behind a mirror still belongs to the side that the mirror is seen from.
+        A beam that straddles the edge shows what is beside it, too. `true_range` and `true_u` (NaN: behind the radar)
+        tell where the echoes would stand.
         """
-        inside = np.abs(u) <= self.u[-1]
-        column = self.column(np.where(inside, u, 0.0))
-        return np.asarray(
-            inside & self.clear(range_, column, amplitude) & (self.seen_through(range_ - wall_margin, column) == mirror)
-        )
+        if not self.open.size:
+            return np.zeros(range_.shape, dtype=bool)
+        inside = np.abs(true_u) <= self.u[-1]
+        at = self.column(np.where(inside, true_u, 0.0))
+        empty = inside & (true_range >= self.range[0]) & (true_range < self.open[at])
+        world = self.seen_through(range_, column)
+        sides = (np.clip(column + step, 0, self.u.size - 1) for step in (-EDGE_COLUMNS, EDGE_COLUMNS))
+        return empty & np.logical_or.reduce([self.seen_through(range_, side) != world for side in sides])
 
     def seen_through(self, range_: Array, column: Index) -> Index:
         """The mirror through which a point at that range and direction is seen: ROOT, NOBODY or its number."""
@@ -259,7 +274,9 @@ def build_tree(
         if np.array_equal(still, visible) and np.array_equal(strong, echoes.strong):
             break
         visible, echoes = still, replace(echoes, strong=strong)
-    return _assemble(mirrors, views, face, echoes, visible)
+    if opaque:
+        views = replace(views, open=_open(views, echoes.take(visible), polar))
+    return _assemble(mirrors, views, face, echoes, visible, polar)
 
 
 def _within(parent: Index, generations: int) -> list[bool]:
@@ -426,30 +443,54 @@ def _faces(mirrors: list[Mirror], echoes: Echoes, polar: PolarImage, wall_margin
     return face
 
 
+def _open(views: Views, echoes: Echoes, polar: PolarImage) -> Array:
+    """Range up to which each direction of the radar's own view is empty, (nu,) [m].
+
+    The radar looks at least as far aside as the echo that is farthest from broadside; beyond, its antennas may be deaf.
+    """
+    nearest = views.crossing.min(axis=0, initial=np.inf)
+    met = np.isfinite(nearest)
+    direct = views.seen_through(echoes.range, views.column(echoes.u)) == ROOT
+    range_ = np.concatenate([echoes.range[direct], nearest[met]])
+    u = np.concatenate([echoes.u[direct], views.u[met]])
+    field_of_view = np.abs(echoes.u[echoes.strong]).max(initial=0.0)
+    empty = np.where(np.abs(views.u) <= field_of_view, polar.range[-1], 0.0)
+    aside = np.maximum(OPEN_MARGIN / range_, polar.u_cell)
+    first, last = np.searchsorted(views.u, u - aside), np.searchsorted(views.u, u + aside)
+    for i in range(range_.size):
+        part = empty[first[i] : last[i]]
+        np.minimum(part, range_[i] - OPEN_MARGIN, out=part)
+    return empty
+
+
 def _assemble(
-    mirrors: list[Mirror], views: Views, face: Index, echoes: Echoes, visible: Mask
+    mirrors: list[Mirror], views: Views, face: Index, echoes: Echoes, visible: Mask, polar: PolarImage
 ) -> tuple[MirrorTree, Views]:
-    """The tree of mirrors with their echoes."""
+    """The tree of mirrors with their echoes, less those that the radar's own view contradicts."""
     column = views.column(echoes.u)
     through = views.seen_through(echoes.range, column) if mirrors else np.full(echoes.range.size, ROOT)
     objects = np.where(visible & echoes.strong & (face == ROOT), through, NOBODY)
 
     chains: list[tuple[int, ...]] = [() for _ in mirrors]
 
-    def node(index: int, chain: tuple[int, ...]) -> MirrorTree:
+    def node(index: int, chain: tuple[int, ...], fold: Isometry) -> MirrorTree:
         children = [child for child in range(len(mirrors)) if views.parent[child] == index]
         line = mirrors[index] if index != ROOT else None
+        seen = echoes.take(objects == index)
         if line is not None:
             chains[index] = chain
+            fold = fold @ Isometry.reflection(line.start, line.normal)
+            place = polar.to_polar(fold(seen.position))
+            seen = seen.take(~views.contradicted(seen.range, views.column(seen.u), *place))
         return MirrorTree(
             line=line,
             face=_snapped(echoes.take(visible & (face == index) & (index != ROOT)), line),
-            objects=echoes.take(objects == index),
-            mirrors=tuple(node(child, (*chain, i)) for i, child in enumerate(children)),
+            objects=seen,
+            mirrors=tuple(node(child, (*chain, i), fold) for i, child in enumerate(children)),
             chain=chain,
         )
 
-    root = node(ROOT, ())
+    root = node(ROOT, (), Isometry.identity())
     return root, replace(views, chain=tuple(chains))
 
 
