@@ -7,12 +7,14 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from scans import content, panel
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.diagnosis import diagnose
 from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
+from mirrorfold.scene import parse_scene
 
 MISTAKES = {
     "none": (),
@@ -207,6 +209,20 @@ def test_the_range_axis_of_a_scan_runs_forward(leakage):
         for repair in (mf.calibrate.conjugate, mf.calibrate.reverse_frequency):
             assert named(repair(sweep)) == ("range-reversed",)
         assert diagnose(sweep)[1]["waves"]
+
+
+def test_walls_alone_tell_which_way_range_runs():
+    """Without leakage, and with nothing known of the beam."""
+    wall = panel(center=(0.1, 2.0, 0.0), normal=(-0.3, -1.0, 0.1))
+    sweep = mf.simulate(parse_scene(content(wall, half=10.0)), seed=0, snr_db=10.0)
+    for name in ("spot_radius", "focus_distance"):
+        del sweep.attrs[name]
+    assert named(sweep) == ()
+    (finding,) = diagnose(mf.calibrate.reverse_frequency(sweep))[0]
+    assert finding.name == "range-reversed"
+    assert "flat" in finding.what
+    frames = mf.calibrate.conjugate(sweep).expand_dims(frame=2)
+    assert named(frames) == ("range-reversed",)
 
 
 def test_a_scan_of_which_nothing_is_known_is_not_judged():

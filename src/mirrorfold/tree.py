@@ -31,9 +31,12 @@ Index = NDArray[np.intp]
 WALL_MARGIN = 0.04
 """Echoes up to this far [m] behind a mirror leak from inside the wall: volume scattering reaches 1-3 cm deep."""
 
-OPAQUE_CELLS = 3.0
-"""Depth of an object in range cells, 9 cm for 10 GHz: what lies further behind its first echo is multiple scattering,
-but a surface nearly along the line of sight does not hide itself."""
+OPAQUE_CELLS = 2.5
+"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+
+COVERED_CELLS = 0.75
+"""Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. Up to
+the nulls, at a whole cell, small things would hide each other's halves."""
 
 OPEN_MARGIN = 0.1
 """The radar's own view is taken to be open up to this distance [m] before and beside each echo in it: an object that
@@ -356,13 +359,13 @@ def _arrange(
 def _barrier(objects: Echoes, polar: PolarImage) -> Array:
     """Amplitude that echoes must exceed for the objects in front of them, (nr, nu).
 
-    An object covers the directions between the nulls of the beam that shows it, and begins to hide what is behind it
-    at `OPAQUE_CELLS` range cells. It hides what is not much stronger than itself.
+    An object covers the directions up to `COVERED_CELLS` beside it, and begins to hide what is behind it at
+    `OPAQUE_CELLS` range cells. It hides what is not much stronger than itself.
     """
     barrier = np.zeros_like(polar.amplitude)
     row = np.ceil((objects.range + OPAQUE_CELLS * polar.range_cell - polar.range[0]) / polar.dr).astype(np.intp)
-    first = np.searchsorted(polar.u, objects.u - polar.u_cell)
-    last = np.searchsorted(polar.u, objects.u + polar.u_cell)
+    first = np.searchsorted(polar.u, objects.u - COVERED_CELLS * polar.u_cell)
+    last = np.searchsorted(polar.u, objects.u + COVERED_CELLS * polar.u_cell)
     for i in np.flatnonzero(row < polar.range.size):
         cells = barrier[row[i], first[i] : last[i]]
         np.maximum(cells, 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[i], out=cells)

@@ -1,6 +1,7 @@
 """Whether the range axis of a raster scan runs the right way.
 
-The beams of a scanner leave one place, so that there is no wavefront to look at. Two things tell the direction of time.
+The beams of a scanner leave one place, so that there is no wavefront to look at. Three things tell the direction of
+time. Walls are flat, and only where range runs forward: reversed, a plane bulges by twice its sagitta over the scan.
 What leaks inside the instrument, and is the same in all beams, arrives before any echo; where it stands at the end of
 the ambiguous range, time runs backwards. And a focused beam is wider, in angle, near the radar than in its focus:
 neighbouring beams see the same speckle as far as the beam reaches. Conjugated samples and reversed frequencies make the
@@ -16,6 +17,9 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.beam import beam_radius
 from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.focusing import focus
+from mirrorfold.peaks import find_peaks, to_radar_volume
+from mirrorfold.planes import find_planes
 from mirrorfold.sweep import ambiguous_range
 
 Array = NDArray[np.float64]
@@ -36,7 +40,10 @@ FEWEST_CELLS = 30
 MARGIN = 0.15
 """Difference of the mean squared misfits of the log widths that decides: a beam is then off by 40 % on average."""
 
-SURE_BY_LEAKAGE, SURE_BY_BEAM, SURE_BY_BOTH = 0.95, 0.9, 0.99
+WALLS_RATIO = 3.0
+"""Beams that meet walls with range running one way over those with the other, for the walls to tell."""
+
+SURE_BY_WALLS, SURE_BY_LEAKAGE, SURE_BY_BEAM, SURE_BY_BOTH = 0.99, 0.95, 0.9, 0.99
 
 
 def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
@@ -46,22 +53,39 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         return [], {"waves": False, "exchange": False}
     taper = np.hanning(s.shape[0] + 2)[1:-1, None, None].astype(np.float32)
     leakage = np.median(s.real, axis=(1, 2)) + 1j * np.median(s.imag, axis=(1, 2))
+    by_walls = _by_walls(sweep)
     by_leakage = _by_leakage(np.abs(np.fft.ifft(leakage * taper[:, 0, 0])) ** 2, s)
-    profile = np.fft.ifft((s - leakage[:, None, None]) * taper, axis=0)
-    by_beam = _by_beam(profile, sweep)
-    votes = [vote for vote in (by_leakage, by_beam) if vote]
-    judged = {"waves": bool(votes), "exchange": False}
-    if not votes or sum(votes) >= 0:
+    by_beam = _by_beam(np.fft.ifft((s - leakage[:, None, None]) * taper, axis=0), sweep)
+    judged = {"waves": bool(by_walls or by_leakage or by_beam), "exchange": False}
+    if (by_walls or by_leakage + by_beam) >= 0:
         return [], judged
-    sure = SURE_BY_BOTH if len(votes) == 2 else SURE_BY_LEAKAGE if by_leakage else SURE_BY_BEAM
-    why = (
-        "What leaks inside the instrument arrives last" if by_leakage else "The beam is narrow where it should be wide"
-    )
+    if by_walls:
+        why, sure = "Surfaces are flat only with range running the other way", SURE_BY_WALLS
+    elif by_leakage:
+        why = "What leaks inside the instrument arrives last"
+        sure = SURE_BY_BOTH if by_beam else SURE_BY_LEAKAGE
+    else:
+        why, sure = "The beam is narrow where it should be wide", SURE_BY_BEAM
     what = (
         f"{why}: the range axis runs backwards, the samples are conjugated (or I and Q exchanged) or stored from the "
         "highest frequency to the lowest; images of a scan cannot tell which, and either repair does."
     )
     return [Finding("range-reversed", what, sure, "--conjugate")], judged
+
+
+def _by_walls(sweep: xr.Dataset) -> int:
+    """+1 where walls are flat as the range axis stands, -1 where they are when it is reversed, 0 without walls."""
+    first = sweep.isel({name: 0 for name in sweep["s"].dims[:-3]})
+    if min(first["s"].shape) < 4 or not np.any(first["s"].values):
+        return 0
+    walls = []
+    for samples in (first["s"], first["s"].conj()):
+        volume = to_radar_volume(focus(first.assign(s=samples)))
+        planes = find_planes(find_peaks(volume), volume)
+        walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
+    if max(walls) <= WALLS_RATIO * min(walls):
+        return 0
+    return 1 if walls[0] > walls[1] else -1
 
 
 def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
