@@ -9,11 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
-from mirrorfold.diagnosis import Finding, sample_findings
-from mirrorfold.diagnosis import diagnose as find_mistakes
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction, read_unchecked
@@ -21,6 +18,7 @@ from mirrorfold.scene import Scene
 from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
 
 if TYPE_CHECKING:
+    from mirrorfold.diagnosis import Finding
     from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
@@ -109,6 +107,8 @@ def _diagnosed(sweep: xr.Dataset, path: str, diagnose: bool) -> dict[str, Any]:
     except InputError as error:
         if "s" not in sweep or sweep["s"].dtype.kind != "c" or not sweep["s"].size:
             raise
+        from mirrorfold.diagnosis import sample_findings
+
         found = sample_findings(sweep)
         if not found:
             raise
@@ -122,6 +122,8 @@ def _diagnosed(sweep: xr.Dataset, path: str, diagnose: bool) -> dict[str, Any]:
     else:
         facts = {**_sweep_info(valid), "valid": True}
         if diagnose:
+            from mirrorfold.diagnosis import diagnose as find_mistakes
+
             found, judged = find_mistakes(valid)
             facts["judged"] = judged
     facts["findings"] = [{"name": f.name, "what": f.what, "sure": f.sure, "fix": f.command(path)} for f in found]
@@ -223,7 +225,8 @@ def _raster_info(sweep: xr.Dataset) -> dict[str, Any]:
     s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
     # What leaks inside the instrument is the same in all beams.
     s = s - s.mean(axis=(2, 3), keepdims=True)
-    power = float(np.mean(np.abs(s) ** 2, dtype=float))
+    # One frequency at a time: copies of a whole sweep cost more than the arithmetic.
+    power = sum(_energy(part) for frame in s for part in frame) / s.size
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
@@ -264,7 +267,8 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
     facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position)
     s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
     s = s.reshape((-1, *s.shape[-3:]))
-    power = float(np.mean(np.abs(s) ** 2, dtype=float))
+    # One frequency at a time: copies of a whole sweep cost more than the arithmetic.
+    power = sum(_energy(part) for frame in s for part in frame) / s.size
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
@@ -284,7 +288,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
             "stand at wrong places; measure with smaller frequency steps."
         )
     if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
-        difference = float(np.mean(np.abs(s - s.swapaxes(-1, -2)) ** 2, dtype=float)) / 2.0
+        difference = sum(_energy(part - part.T) for frame in s for part in frame) / s.size / 2.0
         facts["reciprocity_db"] = _decibel(difference / power)
         if difference > 4.0 * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:
             remarks.append(
@@ -398,6 +402,11 @@ def _levels(profile: Array, noise: float) -> dict[str, float | None]:
     }
 
 
+def _energy(part: NDArray[np.complex64]) -> float:
+    """Sum of the power of all samples."""
+    return float(np.vdot(part, part).real)
+
+
 def _range_profile(s: NDArray[np.complex64]) -> Array:
     """Mean power over all pairs in each range bin, Hann window over frequency, shape (frequencies,)."""
     window = np.hanning(s.shape[1] + 2)[1:-1].astype(np.float32)
@@ -429,6 +438,8 @@ def _pitch(position: Array) -> float | None:
     places = np.unique(position, axis=0)
     if len(places) < 2:
         return None
+    from scipy.spatial import cKDTree
+
     return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
 
 

@@ -5,6 +5,8 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -233,13 +235,19 @@ def focus(
         Print what the image holds as one JSON object.
     """
     from mirrorfold.io.files import check_output
+    from mirrorfold.io.netcdf import prepare_to_write
 
     axes = {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
     check_output(output, inputs=[sweep])
-    measured = read(sweep, "sweep")
-    remark(mf.info(measured, diagnose=False)["remarks"])
-    with progress("focusing") as report:
-        image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
+    with ThreadPoolExecutor(1) as beside:
+        # Compiled code is loaded while the file is read; the sweep is described while it is focused.
+        beside.submit(import_module, "mirrorfold.focusing")
+        measured = read(sweep, "sweep")
+        described = beside.submit(mf.info, measured, diagnose=False)
+        beside.submit(prepare_to_write)
+        with progress("focusing") as report:
+            image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
+        remark(described.result()["remarks"])
     mf.save(image.assign_attrs(command=command.get()), output)
     found = mf.info(image)
     remark(found["remarks"])

@@ -75,7 +75,7 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
 
 def _by_walls(sweep: xr.Dataset) -> int:
     """+1 where walls are flat as the range axis stands, -1 where they are when it is reversed, 0 without walls."""
-    first = sweep.isel({name: 0 for name in sweep["s"].dims[:-3]})
+    first = sweep.isel(dict.fromkeys(sweep["s"].dims[:-3], 0))
     if min(first["s"].shape) < 4 or not np.any(first["s"].values):
         return 0
     walls = []

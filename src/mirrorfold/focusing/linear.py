@@ -11,12 +11,16 @@ from mirrorfold.focusing.polar import PolarSector
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.tfm import ROUNDING, focus_exact
 from mirrorfold.focusing.threads import Progress
+from mirrorfold.focusing.window import windowed
 
 SECTOR_EDGES = (1.5, 3.0, 6.0)
 """Ranges, in lengths of the array, at which a new sector begins; nearer than the first the exact kernel is used."""
 
 FEWEST_PAIR_PIXELS = 1.5e8
 """A sector with fewer pairs times pixels than this is left to the exact kernel, unless it is the largest."""
+
+FILTER_SHARE = 0.25
+"""Share of the tolerance for the filter that prepares the data for near pixels."""
 
 OFF_LINE_TOLERANCE = 1e-7
 """Distance [m] of antennas from their line that has no effect on the image: 1e-3 rad at 1 THz."""
@@ -84,7 +88,8 @@ class PolarPlan:
         if self.near_box is not None and self.near is not None:
             z, y, x = self.near_box
             box, wanted = problem.on(problem.x[x], problem.y[y], problem.z[z]), self.near[self.near_box]
-            exact = focus_exact(box, s, max(self.tolerance, ROUNDING), where=wanted)
+            box, near = windowed(box, s, FILTER_SHARE * self.tolerance)
+            exact = focus_exact(box, near, max(self.tolerance, ROUNDING), where=wanted)
             image[self.near_box] = np.where(wanted, exact, image[self.near_box])
         if progress is not None:
             progress(parts, parts)

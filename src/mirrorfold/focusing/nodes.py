@@ -291,7 +291,7 @@ def find_nodes(problem: Problem, lattice: Lattice, sector: Sector, height: float
     wavenumber = chebyshev(k_low, k_high, WAVENUMBER_NODES)
     moved = np.stack([coordinates(np.exp(1j * each * rest)) for each in wavenumber])
     spread = chebyshev_matrix(k_low, k_high, WAVENUMBER_NODES, problem.k)
-    transfer = np.einsum("mc,cij->mij", spread, moved)
+    transfer = np.tensordot(spread, moved, axes=1)
     # Tabulate V ever more finely until it holds between the Chebyshev points, at both ends of the band.
     test_inverse = rng.uniform(1.0 / sector.far, 1.0 / sector.near, TEST_POINTS)
     test_u = rng.uniform(sector.u_low, sector.u_high, TEST_POINTS)

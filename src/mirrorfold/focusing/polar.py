@@ -133,7 +133,7 @@ class PolarSector:
         to_r = chebyshev_matrix(nodes.inverse_low, nodes.inverse_high, n_r, 1.0 / at_r)
         warped = warp(at_u, nodes.off_line)
         to_u = chebyshev_matrix(float(warped[0]), float(warped[-1]), n_u, warped)
-        inner = np.einsum("ja,abq->bjq", to_r, nodes.value)
+        inner = np.tensordot(nodes.value, to_r, axes=(0, 1)).transpose(0, 2, 1)  # (u node, row, node)
         inner = np.ascontiguousarray(inner, dtype=np.complex64).reshape(n_u, -1).view(np.float32)
         self.value = np.empty((lines, rows, self.nodes), dtype=np.complex64)
         np.matmul(to_u.astype(np.float32), inner, out=self.value.reshape(lines, -1).view(np.float32))

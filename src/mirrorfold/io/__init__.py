@@ -37,13 +37,12 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scene import load_scene
 
         return load_scene(path)
-    if path.is_file():
-        from mirrorfold.io.images import import_image, is_foreign
+    from mirrorfold.io.netcdf import is_foreign, read
 
-        if is_foreign(path):
-            return import_image(path)
-    from mirrorfold.io.netcdf import read
+    if path.is_file() and is_foreign(path):
+        from mirrorfold.io.images import import_image
 
+        return import_image(path)
     return read(path)
 
 

@@ -6,11 +6,9 @@ from itertools import permutations
 from math import prod
 from pathlib import Path
 
-import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping import UNITS
@@ -97,26 +95,6 @@ def import_image(
     found.attrs["radar_position"] = np.array(radar, dtype=float)
     found.attrs["source"] = Path(path).name
     return check_image(found, source=str(path))
-
-
-def is_foreign(path: Path) -> bool:
-    """Whether a file is of another tool, by its name or what it begins with; netCDF-4 files are ours unless they say
-    nothing of it and hold no samples.
-    """
-    if path.suffix.lower() in SUFFIXES:
-        return True
-    with path.open("rb") as file:
-        if file.read(3) == b"CDF":
-            return True
-    if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
-        return False
-    try:
-        with h5py.File(path, "r") as content:
-            if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
-                return False
-            return any(isinstance(item, h5py.Dataset) and len(item.shape or ()) >= 2 for item in content.values())
-    except Exception:  # whoever reads it says what is wrong
-        return False
 
 
 def _last(name: str) -> str:
@@ -340,8 +318,6 @@ def _spacing(points: Array) -> float:
     """Median distance [m] of a point from its nearest neighbour."""
     distinct = np.unique(points, axis=0)
     some = distinct[:: max(1, len(distinct) // SAMPLED_POINTS)]
+    from scipy.spatial import cKDTree
+
     return float(np.median(cKDTree(distinct).query(some, k=2)[0][:, 1])) if len(distinct) > 1 else 0.0
-
-
-SUFFIXES = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".ply", ".pcd", ".csv", ".txt")
-"""Files that `mirrorfold.load` takes for images or clouds of other tools."""

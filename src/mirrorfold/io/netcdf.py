@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,29 @@ IMAGE_DIMENSIONS = (("y", "x"), ("z", "y", "x"), ("range", "azimuth", "elevation
 REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable s(frequency, tx, rx)"
 
 ENGINE: Any = "h5netcdf"
+
+FOREIGN_SUFFIXES = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".ply", ".pcd", ".csv", ".txt")
+"""Files that `mirrorfold.load` takes for images or clouds of other tools."""
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file is of another tool, by its name or what it begins with; netCDF-4 files are ours unless they say
+    nothing of it and hold no samples.
+    """
+    if path.suffix.lower() in FOREIGN_SUFFIXES:
+        return True
+    with path.open("rb") as file:
+        if file.read(3) == b"CDF":
+            return True
+    if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
+        return False
+    try:
+        with h5py.File(path, "r") as content:
+            if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
+                return False
+            return any(isinstance(item, h5py.Dataset) and len(item.shape or ()) >= 2 for item in content.values())
+    except Exception:  # whoever reads it says what is wrong
+        return False
 
 
 def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
@@ -105,6 +129,15 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
             encoding={node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree},
         )
     return path
+
+
+def prepare_to_write() -> None:
+    """Load what writing needs, for whoever has a thread to spare.
+
+    Where Dask is installed, xarray loads its cluster, too, when it first writes: a third of a second.
+    """
+    with suppress(ImportError):
+        import_module("dask.distributed")
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
