@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import mirrorfold as mf
+from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
 
@@ -302,3 +303,35 @@ def test_a_directory_that_exists_keeps_its_other_files(tmp_path):
     with directory_written_whole(tmp_path) as temporary:
         (temporary / "a").write_text("new")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"notes": "mine", "a": "new"}
+
+
+@pytest.mark.parametrize("dims", [("frame", "y", "x"), ("polarization", "frame", "z", "y", "x")])
+def test_many_images_are_kept_in_one_file(tmp_path, dims):
+    shape = (3, 2, 2, 5, 4)[5 - len(dims) :]
+    values = np.random.default_rng(0).standard_normal((*shape, 2)).view(complex)[..., 0]
+    axes = {name: np.arange(size, dtype=float) for name, size in zip(dims, shape, strict=True) if name in "xyz"}
+    film = xr.DataArray(values, dims=dims, coords=axes)
+    again = mf.load(mf.save(film, tmp_path / "film.nc"))
+    assert again.dims == dims
+    np.testing.assert_array_equal(again.values, values)
+    found = mf.info(again)
+    assert list(found["extent"]) == [name for name in dims if name in "xyz"]
+    brightest = np.unravel_index(np.abs(values).argmax(), shape)
+    assert found["strongest_at"] == dict(zip(dims, brightest, strict=True))
+    with pytest.raises(InputError, match="image: has dimensions"):
+        mf.fold(again)
+
+
+def test_frames_are_focused_to_a_file(tmp_path):
+    place = np.array([[-0.01, 0.0, 0.0], [0.01, 0.0, 0.0]])
+    frequency = np.linspace(290e9, 300e9, 16)
+    s = np.random.default_rng(1).standard_normal((3, 16, 2, 2, 2)).view(complex)[..., 0]
+    sweep = mf.make_sweep(s[0], frequency=frequency, tx_position=place, rx_position=place)
+    frames = sweep.drop_vars("s").assign(s=(("frame", *sweep["s"].dims), s.astype(np.complex64)))
+    mf.save(frames, tmp_path / "s.nc")
+    arguments = ["focus", str(tmp_path / "s.nc"), "-o", str(tmp_path / "i.nc"), "--x", "-0.02:0.02:0.01", "--y", "0.1"]
+    assert main(arguments) == 0
+    image = mf.load(tmp_path / "i.nc")
+    assert image.sizes == {"frame": 3, "y": 1, "x": 5}
+    one = mf.focus(sweep, x=image["x"].values, y=[0.1])
+    np.testing.assert_allclose(image.values[0], one.values, atol=1e-4 * np.abs(one.values).max())

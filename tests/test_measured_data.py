@@ -7,6 +7,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.diagnosis import diagnose
 from mirrorfold.sweep import ambiguous_range, is_monostatic
 
 
@@ -54,6 +55,25 @@ def test_merit_difference_shows_one_compact_peak_where_the_tumour_is(merit):
 @pytest.fixture
 def gotcha(shared_data):
     return mf.import_data(sorted((shared_data / "gotcha").glob("*.mat")), mapping="gotcha")
+
+
+def test_pairs_that_were_not_measured_are_no_finding(merit):
+    scan = merit[0][0]
+    assert not scan["measured"].values.all()
+    assert diagnose(scan)[0] == []
+    silent = scan.copy(deep=True)
+    tx, rx = np.argwhere(silent["measured"].values)[7]
+    silent["s"].values[:, tx, rx] = 0.0
+    (finding,) = diagnose(silent)[0]
+    assert finding.name == "dead-channels"
+    assert finding.what.startswith("1 of ")
+
+
+def test_a_ring_of_antennas_in_millimetres_is_named(merit):
+    scan = merit[0][0]
+    wrong = scan.assign_coords({f"{side}_position": 1e3 * scan[f"{side}_position"] for side in ("tx", "rx")})
+    (finding,) = diagnose(wrong)[0]
+    assert (finding.name, finding.remedy) == ("position-unit", "--position-unit mm")
 
 
 def test_gotcha_files_join_to_one_flight(gotcha):
@@ -122,6 +142,7 @@ def test_acconeer_sessions_describe_themselves(shared_data, name):
     assert sweep["s"].dims == ("frame", "frequency", "position")
     assert sweep["frequency"].values[0] < 60.5e9 < sweep["frequency"].values[-1]
     assert sweep.attrs["instrument"] == "Acconeer A121"
+    assert diagnose(sweep)[0] == []
 
 
 def profile(sweep, start, stop):

@@ -13,7 +13,7 @@ from scipy.special import gammaincinv
 
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
-from mirrorfold.io.netcdf import check_image, check_reconstruction, read_unchecked
+from mirrorfold.io.netcdf import check_image, check_reconstruction, image_axes, read_unchecked
 from mirrorfold.scene import Scene
 from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
 
@@ -308,22 +308,21 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
 def _image_info(image: xr.DataArray) -> dict[str, Any]:
     amplitude = np.abs(image.values)
     peak = np.unravel_index(int(amplitude.argmax()), amplitude.shape)
-    place = {str(name): float(image[name].values[i]) for name, i in zip(image.dims, peak, strict=True)}
+    axes = image_axes(image)
+    at = {str(name): int(i) for name, i in zip(image.dims, peak, strict=True)}
     remarks = []
     if not amplitude.any():
         remarks.append("Every pixel is zero; there is nothing to see.")
-    elif any(size > 1 and i in (0, size - 1) for i, size in zip(peak, amplitude.shape, strict=True)):
+    elif any(image.sizes[name] > 1 and at[name] in (0, image.sizes[name] - 1) for name in axes):
         remarks.append("The strongest pixel lies on the border; the grid probably cuts off part of the scene.")
     return {
         "kind": "image",
         "title": str(image.attrs.get("title", "")),
         "dimensions": {str(name): int(size) for name, size in image.sizes.items()},
         "type": str(image.dtype),
-        "extent": {str(name): [float(image[name].min()), float(image[name].max())] for name in image.dims},
-        "pixel": {
-            str(name): float(np.diff(image[name]).mean()) if image[name].size > 1 else None for name in image.dims
-        },
-        "strongest_at": place,
+        "extent": {name: [float(image[name].min()), float(image[name].max())] for name in axes},
+        "pixel": {name: float(np.diff(image[name]).mean()) if image[name].size > 1 else None for name in axes},
+        "strongest_at": {name: float(image[name].values[i]) if name in axes else i for name, i in at.items()},
         "median_below_peak_db": _decibel(float(np.median(amplitude) / amplitude.max()) ** 2)
         if amplitude.any()
         else None,

@@ -113,7 +113,8 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
     """
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
         found = getattr(image, "dims", type(image).__name__)
-        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions (y, x)")
+        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == ("y", "x") else ""
+        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions (y, x){many}")
     for name in image.dims:
         if name not in image.coords or image.sizes[name] < 4:
             raise InputError(f"{source}: axis {name} needs a coordinate [m] with at least 4 pixels")

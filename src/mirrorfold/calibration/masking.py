@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,10 @@ NEIGHBOURS = 11
 
 LARGEST_BAD_SHARE = 0.1
 """Share of the frequencies that may be bad; where more stand out, that is how the scene is."""
+
+
+CHANNEL_DIMENSIONS = ("frequency", "tx", "rx", "position", "azimuth", "elevation")
+"""Of a sweep; along any other, such as `frame`, the same channels are measured again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +117,9 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     power = np.median(np.abs(s[~gap]) ** 2, axis=0) if not gap.all() else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
     dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
-    frequencies = gap | _spurs(s, gap, dead)
+    frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
+    # In one channel, echoes that fade against each other look like spurs, in frame after frame.
+    frequencies = gap | _spurs(s, gap, dead) if dead.size >= FEWEST_PARTNERS * frames else gap
     s[frequencies] = 0.0
     clipped = np.zeros(s.shape[1:], dtype=int)
     for part in (np.abs(s.real), np.abs(s.imag)):
@@ -121,6 +128,8 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
         noise = ~dead & ~saturated & _noise_elements(s, ~dead)
+    if "measured" in sweep.variables and sweep["measured"].shape == dead.shape:
+        dead &= sweep["measured"].values.astype(bool)  # pairs that nobody measured are not silent
     return Bad(dead & ~undefined, saturated & ~undefined, noise & ~undefined, undefined, frequencies)
 
 

@@ -25,6 +25,9 @@ below 15, the maximum over the directions and curvatures that are tried."""
 SURE_OF_UNIT = 0.97
 """A coherence that needs the right positions of hundreds of pairs does not come about by chance."""
 
+SURE_OF_DISTANCE = 0.9
+"""Nobody sets up antennas so far apart that what goes straight from one to the other wraps around, but one could."""
+
 
 def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     """The classic mistakes that the waves of a valid sweep of pairs show.
@@ -43,7 +46,8 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         pairs = pairs.scaled(UNITS[unit])
     waves = wavefronts(pairs, exchange=exchange)
     if waves is None or _in_phase(waves) < IN_PHASE:
-        return ([_unit_finding(unit)] if unit else []), {"waves": False, "exchange": False}
+        found = [_unit_finding(unit)] if unit else _far_apart(pairs) if "rx" in sweep.dims else []
+        return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     found += _findings(explain(waves), 2.0 * np.pi / pairs.wavenumber)
     return found, {"waves": True, "exchange": exchange}
@@ -83,6 +87,19 @@ def _unit_finding(unit: str) -> Finding:
         f"The waves fit to positions a factor {1 / UNITS[unit]:g} smaller: they are in {_NAMES[unit]}, not in metres."
     )
     return Finding("position-unit", what, SURE_OF_UNIT, f"--position-unit {unit}")
+
+
+def _far_apart(pairs: Pairs) -> list[Finding]:
+    """Millimetres, where the waves do not tell but the way from transmitter to receiver is beyond any delay."""
+    longest = 2.0 * np.pi * (pairs.wavenumber.size - 1) / np.ptp(pairs.wavenumber)
+    away = np.linalg.norm(pairs.tx[pairs.tx_of] - pairs.rx[pairs.rx_of], axis=1).max()
+    if away <= longest:
+        return []
+    what = (
+        f"Transmitters and receivers stand up to {away:.3g} m apart, but the frequency steps tell delays of no more "
+        f"than {longest:.3g} m: their positions are probably in millimetres, not in metres."
+    )
+    return [Finding("position-unit", what, SURE_OF_DISTANCE, "--position-unit mm")]
 
 
 _NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "in": "inches"}

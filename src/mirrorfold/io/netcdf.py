@@ -24,7 +24,8 @@ from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
 
-IMAGE_DIMENSIONS = (("y", "x"), ("z", "y", "x"), ("range", "azimuth", "elevation"))
+IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
+"""Of one image; leading dimensions, such as `frame`, make many of it."""
 
 REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable s(frequency, tx, rx)"
 
@@ -148,14 +149,14 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
     InputError
         With the first thing that is missing or wrong; `source` names the file in the message.
     """
-    if not isinstance(image, xr.DataArray) or image.dims not in IMAGE_DIMENSIONS:
+    if not isinstance(image, xr.DataArray) or not image_axes(image):
         found = f"has dimensions {image.dims}" if isinstance(image, xr.DataArray) else f"is a {type(image).__name__}"
         raise InputError(f"{source}: {found}, expected an image with (y, x), (z, y, x) or (range, azimuth, elevation)")
     if image.dtype.kind not in "fc":
         raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
     if image.size == 0:
         raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
-    for name in map(str, image.dims):
+    for name in image_axes(image):
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
         values = image[name].values
@@ -174,6 +175,11 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
             "replace them, for example by zero"
         )
     return image.rename("image").assign_attrs(mirrorfold_kind="image")
+
+
+def image_axes(image: xr.DataArray) -> tuple[str, ...]:
+    """The dimensions of a single image, without those that number images; none where it is not an image."""
+    return next((axes for axes in IMAGE_DIMENSIONS if image.dims[-len(axes) :] == axes), ())
 
 
 def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
