@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import h5py
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
+from mirrorfold.io.readers import hdf5
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
 
@@ -214,6 +217,20 @@ def test_a_damaged_file_is_refused_or_still_a_valid_sweep(content, place, garbag
         assert "\n" not in str(error)
     else:
         mf.check_sweep(loaded)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs POSIX signals")
+def test_a_file_that_never_releases_its_reader_is_refused(content, monkeypatch):
+    """The library runs in a process of its own first, which stands still here."""
+    whole, folder, _ = content
+    path = folder / "endless.nc"
+    path.write_bytes(whole)
+    hdf5.prepare()
+    hdf5._library._process.send_signal(signal.SIGSTOP)
+    monkeypatch.setattr(hdf5, "PATIENCE", 0.2)
+    refused(path, "reading it does not end")
+    monkeypatch.undo()
+    assert mf.load(path)["s"].shape == (100, 4, 4)
 
 
 def test_damaged_samples_are_noticed(content):

@@ -37,6 +37,10 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scene import load_scene
 
         return load_scene(path)
+    if path.suffix.lower() == ".nc":
+        from mirrorfold.io.readers import hdf5
+
+        hdf5.prepare()  # it starts while the libraries below are loaded
     from mirrorfold.io.netcdf import is_foreign, read
 
     if path.is_file() and is_foreign(path):

@@ -20,6 +20,7 @@ import xarray as xr
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
+from mirrorfold.io.readers.hdf5 import check_survived
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
@@ -46,6 +47,7 @@ def is_foreign(path: Path) -> bool:
             return True
     if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
         return False
+    check_survived(path)
     try:
         with h5py.File(path, "r") as content:
             if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
@@ -95,6 +97,7 @@ def _content(path: Path) -> xr.DataTree:
         If the file is missing or broken.
     """
     _check_is_hdf5(path)
+    check_survived(path)
     try:
         content = _read_groups(path)
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included

@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import threading
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,22 @@ class _Library:
         self._process: subprocess.Popen[bytes] | None = None
         atexit.register(self._stop)
 
-    def ask(self, question: dict[str, str], expected: int = 0) -> tuple[dict[str, Any], bytearray]:
+    def start(self) -> None:
+        """Start the process, if it does not run."""
+        with self._lock:
+            self._start()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        if self._process is None:
+            # What this process may import, that one may too.
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "mirrorfold.io.readers.hdf5_process"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+            )  # fmt: skip
+        return self._process
+
+    def ask(self, question: dict[str, Any], expected: int = 0) -> tuple[dict[str, Any], bytearray]:
         """The answer to a question, and the bytes that follow it.
 
         Raises
@@ -63,15 +79,8 @@ class _Library:
                     self._stop()
         raise InputError(f"{question['path']}: is damaged so that it stops the HDF5 library; copy or export it again")
 
-    def _ask(self, question: dict[str, str], patience: float) -> tuple[dict[str, Any], bytearray]:
-        if self._process is None:
-            # What this process may import, that one may too.
-            environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "mirrorfold.io.readers.hdf5_process"],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
-            )  # fmt: skip
-        process, late = self._process, threading.Event()
+    def _ask(self, question: dict[str, Any], patience: float) -> tuple[dict[str, Any], bytearray]:
+        process, late = self._start(), threading.Event()
 
         def end() -> None:
             late.set()
@@ -90,7 +99,7 @@ class _Library:
             clock.cancel()
 
     @staticmethod
-    def _talk(process: subprocess.Popen[bytes], question: dict[str, str]) -> tuple[dict[str, Any], bytearray]:
+    def _talk(process: subprocess.Popen[bytes], question: dict[str, Any]) -> tuple[dict[str, Any], bytearray]:
         """Ask and listen, for as long as the process lives."""
         assert process.stdin is not None
         assert process.stdout is not None
@@ -120,6 +129,29 @@ class _Library:
 
 
 _library = _Library()
+
+
+def prepare() -> None:
+    """Start the process with the library, for whoever will soon read a file."""
+    _library.start()
+
+
+def check_survived(path: Path) -> None:
+    """Refuse a file that would take down, or never release, whoever opens it with the library.
+
+    Raises
+    ------
+    InputError
+        If it did so in the other process; damage that the library notices is no matter here.
+    """
+    state = path.stat()
+    _check_survived(str(path.absolute()), state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=16)
+def _check_survived(path: str, changed: int, size: int) -> None:
+    """The same, once for a file as long as it does not change."""
+    _library.ask({"path": path, "survive": True})
 
 
 def read(path: Path) -> Contents:

@@ -1,13 +1,15 @@
 """The process that opens HDF5 files of others: a damaged one may crash or hang the library, and takes only it along.
 
-It is asked by one JSON object in a line of its input - ``{"path": ..., "name": ...}``, without a name for what the file
-holds - and answers with one in a line of its output, followed by the bytes of the array.
+It is asked by one JSON object in a line of its input - ``{"path": ..., "name": ...}`` for an array, without a name for
+what the file holds, ``{"path": ..., "survive": true}`` for nothing but its survival - and answers with one in a line of
+its output, followed by the bytes of the array.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from contextlib import suppress
 from typing import Any
 
 import h5py
@@ -20,6 +22,9 @@ MOST_OBJECTS = 100_000
 
 TEXT_BYTES = 1 << 20
 """Longer texts are not read."""
+
+SMALL_BYTES = 1 << 20
+"""Arrays up to this size are read to see whether that is survived."""
 
 UNITS = ("units", "unit", "long_name")
 """Attributes of arrays that matter."""
@@ -60,6 +65,25 @@ def survey(path: str) -> dict[str, Any]:
         attrs = {str(name): _attr(file.attrs, name) for name in file.attrs}
     attrs = {name: value for name, value in attrs.items() if value is not None}
     return {"matlab": matlab, "arrays": found, "attrs": attrs}
+
+
+def survive(path: str) -> None:
+    """Touch all that whoever reads a file touches, small arrays included; what cannot be read is no matter here."""
+    links: list[bytes] = []
+    with h5py.File(path, "r") as file:
+        for key in file.attrs:
+            _attr(file.attrs, key)
+        file.id.links.visit(links.append)
+        for name in links[:MOST_OBJECTS]:
+            with suppress(Exception):
+                item = file[name]
+                for key in item.attrs:
+                    _attr(item.attrs, key)
+                if isinstance(item, h5py.Dataset) and item.size is not None:
+                    if item.size * item.dtype.itemsize <= SMALL_BYTES:
+                        item[()]
+                    elif item.chunks is not None:
+                        item.id.get_num_chunks()
 
 
 def _described(name: str, dataset: h5py.Dataset) -> dict[str, Any] | None:
@@ -107,7 +131,10 @@ def serve() -> None:
     for line in questions:
         asked, body = json.loads(line), np.empty(0, np.uint8)
         try:
-            if "name" not in asked:
+            if "survive" in asked:
+                survive(asked["path"])
+                answer = {}
+            elif "name" not in asked:
                 answer = survey(asked["path"])
             else:
                 with h5py.File(asked["path"], "r") as file:
