@@ -91,7 +91,9 @@ def _unit_finding(unit: str) -> Finding:
 
 def _far_apart(pairs: Pairs) -> list[Finding]:
     """Millimetres, where the waves do not tell but the way from transmitter to receiver is beyond any delay."""
-    longest = 2.0 * np.pi * (pairs.wavenumber.size - 1) / np.ptp(pairs.wavenumber)
+    if pairs.wavenumber.size < 2:
+        return []
+    longest = 2.0 * np.pi * (pairs.wavenumber.size - 1) / float(np.ptp(pairs.wavenumber))
     away = np.linalg.norm(pairs.tx[pairs.tx_of] - pairs.rx[pairs.rx_of], axis=1).max()
     if away <= longest:
         return []
