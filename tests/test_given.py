@@ -15,7 +15,7 @@ from mirrorfold.folded import render
 from mirrorfold.folding import FoldPlan, initial_image
 from mirrorfold.geometry import Isometry, reflect, segment_normal
 from mirrorfold.given import read_lines, write_lines
-from mirrorfold.tree import ROOT
+from mirrorfold.views import ROOT
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
 """A wall in line of sight, and what it shows of the object."""

@@ -13,15 +13,9 @@ from synthetic import diffuse, empty_view, radar_view, together
 
 from mirrorfold.detection import Echoes, find_echoes, find_pixels
 from mirrorfold.geometry import cross2
-from mirrorfold.mirrors import (
-    MINIMUM_LENGTH,
-    Mirror,
-    across_profiles,
-    find_mirrors,
-    leading_edge,
-    line_cell,
-    refined,
-)
+from mirrorfold.mirror import Mirror, line_cell
+from mirrorfold.mirrors import MINIMUM_LENGTH, find_mirrors
+from mirrorfold.refit import across_profiles, leading_edge, refined
 
 NOISE = 0.01
 

@@ -12,7 +12,8 @@ from synthetic import diffuse, radar_image, radar_view, together
 import mirrorfold as mf
 from mirrorfold.detection import find_echoes
 from mirrorfold.geometry import cross2, reflect, segment_normal
-from mirrorfold.tree import NOBODY, ROOT, Views, build_tree
+from mirrorfold.tree import build_tree
+from mirrorfold.views import NOBODY, ROOT, Views
 
 NOISE = 0.01
 

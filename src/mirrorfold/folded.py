@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from mirrorfold import __version__
 from mirrorfold.detection import Echoes
 from mirrorfold.geometry import Isometry
-from mirrorfold.mirrors import Mirror
+from mirrorfold.mirror import Mirror
 from mirrorfold.polar import PolarImage
-from mirrorfold.tree import EDGE_COLUMNS, ROOT, MirrorTree, Views
+from mirrorfold.tree import MirrorTree
+from mirrorfold.views import EDGE_COLUMNS, ROOT, Views
 
 Array = NDArray[np.float64]
 

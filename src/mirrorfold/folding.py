@@ -23,7 +23,8 @@ from mirrorfold.mirrors import MINIMUM_LENGTH
 from mirrorfold.mixed import is_mixed
 from mirrorfold.polar import PolarImage, to_polar_image
 from mirrorfold.sweep import check_sweep, is_monostatic
-from mirrorfold.tree import WALL_MARGIN, MirrorTree, Views, build_tree
+from mirrorfold.tree import WALL_MARGIN, MirrorTree, build_tree
+from mirrorfold.views import Views
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

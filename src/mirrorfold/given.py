@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.detection import Echoes
 from mirrorfold.errors import InputError
-from mirrorfold.mirrors import Mirror, _fill, line_cell
+from mirrorfold.mirror import Mirror, line_cell
+from mirrorfold.mirrors import _fill
 from mirrorfold.polar import PolarImage
 
 Array = NDArray[np.float64]

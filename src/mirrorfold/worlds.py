@@ -17,7 +17,8 @@ from scipy.ndimage import binary_dilation, binary_erosion, label
 from mirrorfold.detection import reference_echo
 from mirrorfold.peaks import Cloud, RadarVolume
 from mirrorfold.planes import MINIMUM_SIZE, PlaneMirror, _face, _hull, find_planes, spread_across
-from mirrorfold.tree import CLEAR_DB, NOBODY, ROOT, WALL_MARGIN, MirrorTree, Views, _before, _parent
+from mirrorfold.tree import WALL_MARGIN, MirrorTree, _before, _parent
+from mirrorfold.views import CLEAR_DB, NOBODY, ROOT, Views
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
