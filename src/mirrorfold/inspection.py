@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -225,8 +226,7 @@ def _raster_info(sweep: xr.Dataset) -> dict[str, Any]:
     s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
     # What leaks inside the instrument is the same in all beams.
     s = s - s.mean(axis=(2, 3), keepdims=True)
-    # One frequency at a time: copies of a whole sweep cost more than the arithmetic.
-    power = sum(_energy(part) for frame in s for part in frame) / s.size
+    power = _mean_power(part for frame in s for part in frame)
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
@@ -267,8 +267,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
     facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position)
     s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
     s = s.reshape((-1, *s.shape[-3:]))
-    # One frequency at a time: copies of a whole sweep cost more than the arithmetic.
-    power = sum(_energy(part) for frame in s for part in frame) / s.size
+    power = _mean_power(part for frame in s for part in frame)
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
     facts["power_db"] = _decibel(power)
@@ -288,7 +287,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
             "stand at wrong places; measure with smaller frequency steps."
         )
     if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
-        difference = sum(_energy(part - part.T) for frame in s for part in frame) / s.size / 2.0
+        difference = _mean_power(part - part.T for frame in s for part in frame) / 2.0
         facts["reciprocity_db"] = _decibel(difference / power)
         if difference > 4.0 * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:
             remarks.append(
@@ -401,9 +400,12 @@ def _levels(profile: Array, noise: float) -> dict[str, float | None]:
     }
 
 
-def _energy(part: NDArray[np.complex64]) -> float:
-    """Sum of the power of all samples."""
-    return float(np.vdot(part, part).real)
+def _mean_power(parts: Iterable[NDArray[np.complex64]]) -> float:
+    """Of samples, one frequency at a time: copies of a whole sweep cost more than the arithmetic."""
+    energy, size = 0.0, 0
+    for part in parts:
+        energy, size = energy + float(np.vdot(part, part).real), size + part.size
+    return energy / size
 
 
 def _range_profile(s: NDArray[np.complex64]) -> Array:

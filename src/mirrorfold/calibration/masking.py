@@ -45,6 +45,8 @@ NEIGHBOURS = 11
 LARGEST_BAD_SHARE = 0.1
 """Share of the frequencies that may be bad; where more stand out, that is how the scene is."""
 
+FEWEST_CHANNELS = 8
+"""In a single channel, echoes that fade against each other look like spurs, in frame after frame."""
 
 CHANNEL_DIMENSIONS = ("frequency", "tx", "rx", "position", "azimuth", "elevation")
 """Of a sweep; along any other, such as `frame`, the same channels are measured again."""
@@ -118,8 +120,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
     dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
-    # In one channel, echoes that fade against each other look like spurs, in frame after frame.
-    frequencies = gap | _spurs(s, gap, dead) if dead.size >= FEWEST_PARTNERS * frames else gap
+    frequencies = gap | _spurs(s, gap, dead) if dead.size >= FEWEST_CHANNELS * frames else gap
     s[frequencies] = 0.0
     clipped = np.zeros(s.shape[1:], dtype=int)
     for part in (np.abs(s.real), np.abs(s.imag)):

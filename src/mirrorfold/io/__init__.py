@@ -37,7 +37,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scene import load_scene
 
         return load_scene(path)
-    if path.suffix.lower() == ".nc":
+    if path.suffix.lower() == ".nc" and path.is_file():
         from mirrorfold.io.readers import hdf5
 
         hdf5.prepare()  # it starts while the libraries below are loaded
