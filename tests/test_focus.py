@@ -244,6 +244,16 @@ def test_a_range_window_needs_fewer_frequencies(seed, count, nearest, monostatic
     assert np.linalg.norm(found - wanted) < max(tolerance, 1e-5) * np.linalg.norm(wanted)
 
 
+def test_the_exact_kernel_computes_what_is_wanted_and_no_more():
+    p = problem(line(7, 1e-3), line(7, 1e-3), BAND, np.linspace(-0.2, 0.2, 40), np.linspace(0.3, 0.6, 30))
+    s, where = noise(p.data_shape), np.zeros(p.shape, dtype=bool)
+    where[0, :, 7:19] = np.random.default_rng(4).random((30, 12)) < 0.5
+    some = focus_exact(p, s, 1e-4, where=where)
+    np.testing.assert_array_equal(some[~where], 0.0)
+    whole = focus_exact(p, s, 1e-4)
+    assert np.linalg.norm((some - whole)[where]) < 1e-4 * np.linalg.norm(whole[where])
+
+
 def test_a_range_window_that_does_not_pay_leaves_everything_as_it_is():
     whole = problem(line(5, 2e-3), line(5, 2e-3), BAND, np.linspace(-1, 1, 5), np.linspace(0.3, 5.0, 5))
     s = noise(whole.data_shape)
@@ -388,6 +398,26 @@ def test_focus_proves_its_tolerance_and_says_so():
     assert 0.0 < image.attrs["error"] <= 1e-4
     p = problem(tx, tx, BAND, grid["x"], grid["y"])
     assert relative_error(image.values, p, sweep["s"].values) <= 1.5e-4
+
+
+def test_a_plan_made_from_the_geometry_is_the_one_that_focuses(monkeypatch):
+    tx = line(61, 0.5e-3)
+    sweep = make_sweep(noise((41, 61, 61)), frequency=BAND, tx_position=tx, rx_position=tx)
+    grid = {"x": np.linspace(-1, 1, 400), "y": np.linspace(0.3, 1.4, 300)}
+    wanted = focus(sweep, **grid, tolerance=1e-4)
+    monkeypatch.setattr(plan, "_latest", None)
+    plan.prepare(sweep.drop_vars("s"), **grid, tolerance=1e-4)
+
+    def refuse(*_):
+        raise AssertionError("a second plan")
+
+    monkeypatch.setattr(PolarPlan, "__init__", refuse)
+    np.testing.assert_array_equal(focus(sweep, **grid, tolerance=1e-4), wanted)
+
+
+def test_a_request_that_makes_no_sense_is_refused_before_there_are_samples():
+    with pytest.raises(InputError, match="tolerance"):
+        plan.prepare(small_sweep().drop_vars("s"), tolerance=2.0)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 50), (50, 1), (1, 5000), (5000, 1)])

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
+from mirrorfold.io import load_geometry
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
 from mirrorfold.io.readers import hdf5
 
@@ -23,6 +24,17 @@ ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture],
 def test_a_sweep_comes_back_as_it_was(sweep, tmp_path):
     path = mf.save(sweep, tmp_path / "sweep.nc")
     xr.testing.assert_identical(mf.load(path), sweep)
+
+
+def test_the_geometry_of_a_sweep_is_read_without_its_samples(sweep, image, tmp_path):
+    geometry = load_geometry(mf.save(sweep, tmp_path / "sweep.nc"))
+    for name in ("frequency", "tx_position", "rx_position"):
+        xr.testing.assert_identical(geometry[name], sweep[name])
+    assert "s" not in geometry
+    assert not load_geometry(mf.save(image, tmp_path / "image.nc")).data_vars
+    (tmp_path / "broken.nc").write_bytes((tmp_path / "sweep.nc").read_bytes()[:3000])
+    with pytest.raises(InputError, match=r"broken\.nc"):
+        load_geometry(tmp_path / "broken.nc")
 
 
 def test_complex_numbers_are_stored_natively(sweep, tmp_path):

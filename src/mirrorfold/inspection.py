@@ -15,11 +15,11 @@ from scipy.special import gammaincinv
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction, image_axes, read_unchecked
-from mirrorfold.scene import Scene
 from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
 
 if TYPE_CHECKING:
     from mirrorfold.diagnosis import Finding
+    from mirrorfold.scene import Scene
     from mirrorfold.solids import Scene3D
 
 Array = NDArray[np.float64]
@@ -79,6 +79,8 @@ def info(
         return _image_info(check_image(obj))
     if isinstance(obj, xr.Dataset):
         return _diagnosed(obj, "SWEEP.nc", diagnose)
+    from mirrorfold.scene import Scene
+
     if isinstance(obj, Scene):
         return _scene_info(obj)
     if getattr(obj, "dimensions", None) == 3:

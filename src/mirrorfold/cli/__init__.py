@@ -99,6 +99,11 @@ COLLECTION_THRESHOLDS = 100_000, 50, 100
 and again is a fifth of the time that importing takes."""
 
 
+WITHOUT_DASK = {"calibrate", "demo", "focus", "reconstruct"}
+"""Verbs in which xarray shall not find Dask, whose loading takes it half a second: they make no lazy arrays, and call
+no readers of others, who may."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -115,6 +120,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is not None:
         return _run(list(argv))
     gc.set_threshold(*COLLECTION_THRESHOLDS)
+    if WITHOUT_DASK.intersection(sys.argv[1:2]):
+        sys.modules["dask"] = None  # type: ignore[assignment]
     try:
         return _run(sys.argv[1:])
     finally:

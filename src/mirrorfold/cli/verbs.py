@@ -6,6 +6,7 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
@@ -234,17 +235,23 @@ def focus(
     json
         Print what the image holds as one JSON object.
     """
+    from mirrorfold.io import load_geometry
     from mirrorfold.io.files import check_output
-    from mirrorfold.io.netcdf import prepare_to_write
 
     axes = {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
     check_output(output, inputs=[sweep])
+    geometry = None
+    with suppress(InputError):  # reading it all says what is wrong
+        geometry = load_geometry(sweep)
     with ThreadPoolExecutor(1) as beside:
-        # Compiled code is loaded while the file is read; the sweep is described while it is focused.
-        beside.submit(import_module, "mirrorfold.focusing")
-        measured = read(sweep, "sweep")
-        described = beside.submit(mf.info, measured, diagnose=False)
-        beside.submit(prepare_to_write)
+        # The plan is made while the samples are read and described.
+        reading = beside.submit(read, sweep, "sweep")
+        described = beside.submit(lambda: mf.info(reading.result(), diagnose=False))
+        with suppress(InputError):  # focusing says what is wrong
+            prepare = import_module("mirrorfold.focusing").prepare
+            if geometry is not None:
+                prepare(geometry, **axes, tolerance=tolerance, taper=taper)
+        measured = reading.result()
         with progress("focusing") as report:
             image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
         remark(described.result()["remarks"])

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from mirrorfold.focusing.api import focus
 from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
-from mirrorfold.focusing.plan import FocusPlan
+from mirrorfold.focusing.plan import FocusPlan, prepare
 from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
 
-__all__ = ["FocusPlan", "default_grid", "focus", "focus_raster", "plan_view", "polar_grid", "sweep_grid", "to_voxels"]
+__all__ = [
+    "FocusPlan",
+    "default_grid",
+    "focus",
+    "focus_raster",
+    "plan_view",
+    "polar_grid",
+    "prepare",
+    "sweep_grid",
+    "to_voxels",
+]

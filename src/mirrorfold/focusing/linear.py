@@ -89,8 +89,7 @@ class PolarPlan:
             z, y, x = self.near_box
             box, wanted = problem.on(problem.x[x], problem.y[y], problem.z[z]), self.near[self.near_box]
             box, near = windowed(box, s, FILTER_SHARE * self.tolerance)
-            exact = focus_exact(box, near, max(self.tolerance, ROUNDING), where=wanted)
-            image[self.near_box] = np.where(wanted, exact, image[self.near_box])
+            image[self.near_box] += focus_exact(box, near, max(self.tolerance, ROUNDING), where=wanted)
         if progress is not None:
             progress(parts, parts)
         return image
@@ -109,9 +108,12 @@ def _sectors(
         dz = problem.z[row // problem.y.size] - lattice.centre[2]
         r = np.sqrt(dx * dx + (dy * dy + dz * dz))
         u = (dx * lattice.axis[0] + (dy * lattice.axis[1] + dz * lattice.axis[2])) / np.maximum(r, 1e-12)
-        label[row] = np.searchsorted(edges, r, side="right") - 1
-        for n in np.unique(label[row]):
-            mine = label[row] == n
+        first, last = np.searchsorted(edges, (r.min(), r.max()), side="right") - 1
+        label[row] = last
+        for n in range(last - 1, first - 1, -1):
+            label[row, r < edges[n + 1]] = n
+        for n in (last,) if first == last else np.unique(label[row]):
+            mine = slice(None) if first == last else label[row] == n
             a, b, c, d = span[n]
             span[n] = (min(a, r[mine].min()), max(b, r[mine].max()), min(c, u[mine].min()), max(d, u[mine].max()))
     return label, span

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import xarray as xr
@@ -172,6 +173,32 @@ def _fast_plan(kind: type[FastPlan], problem: Problem, tolerance: float) -> Fast
         latest = (kind, key, tolerance, kind(problem, tolerance))
         _latest = latest
     return latest[3]
+
+
+def prepare(
+    geometry: xr.Dataset,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    z: ArrayLike | None = None,
+    tolerance: float = 1e-4,
+    taper: str | ArrayLike = "hann",
+) -> None:
+    """Make the plan that `focus` will try first, from a sweep's geometry alone: while its samples are still being read.
+
+    Raises
+    ------
+    InputError
+        As `focus`, which also gives the warnings.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        problem = make_problem(check_measurement(geometry), x, y, z, tolerance, taper, None, None)
+    if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:
+        return
+    for kind in (PolarPlan, FactorizedPlan):
+        with suppress(UnsuitedError):
+            _fast_plan(kind, problem, tolerance)
+            break
 
 
 def prove(

@@ -257,7 +257,7 @@ def focus_exact(
         Largest relative root-mean-square error on white data; single precision ends at about 2e-6.
     progress : callable, optional
     where : (z, y, x) bool array, optional
-        Pixels that are wanted, all by default; among the others some stay zero.
+        Pixels that are wanted, all by default; the others stay zero.
 
     Raises
     ------
@@ -321,7 +321,10 @@ def focus_exact(
             start: Any = start,
         ) -> None:
             flat = table.view(np.float32).reshape(len(table), -1)
-            total[tile] += _focus_tile(problem, tile, flat, chunk, start, folded, per_metre, middle, cells, margin)
+            mine = np.ones(total[tile].shape, dtype=bool) if where is None else where[tile]
+            total[tile][mine] += _focus_tile(
+                problem, tile, mine, flat, chunk, start, folded, per_metre, middle, cells, margin
+            )
 
         for_each(compress, range(0, len(chunk), MONOSTATIC_BLOCK if problem.monostatic else 1))
         for_each(image_tile, tiles, one_more)
@@ -353,6 +356,7 @@ def _diagonal(problem: Problem, tile: tuple[slice, slice, slice]) -> float:
 def _focus_tile(
     problem: Problem,
     tile: tuple[slice, slice, slice],
+    wanted: NDArray[np.bool_],
     table: NDArray[np.float32],
     chunk: range,
     start: NDArray[np.int64],
@@ -362,12 +366,11 @@ def _focus_tile(
     cells: int,
     margin: int,
 ) -> NDArray[np.complex64]:
-    """The sum over the chunk's transmitters and all receivers (or the chunk's positions) on one tile."""
+    """The sum over the chunk's transmitters and all receivers (or its positions) on a tile's wanted pixels."""
     z, y, x = problem.z[tile[0]], problem.y[tile[1]], problem.x[tile[2]]
-    shape = (z.size, y.size, x.size)
-    count = int(np.prod(shape))
     centre = 0.5 * np.array([x[0] + x[-1], y[0] + y[-1], z[0] + z[-1]])
-    pixel_z, pixel_y, pixel_x = (axis.ravel() for axis in np.meshgrid(z, y, x, indexing="ij"))
+    pixel_z, pixel_y, pixel_x = (axis[wanted] for axis in np.meshgrid(z, y, x, indexing="ij"))
+    count = pixel_x.size
 
     def tabulate(element: NDArray[np.float64], ways: float) -> Tables:
         reference = np.linalg.norm(element - centre, axis=1) * (ways * per_metre)
@@ -386,7 +389,7 @@ def _focus_tile(
         index = np.arange(chunk.start, chunk.stop)
     out = np.zeros(count, dtype=np.complex64)
     _sum_transmitters(table, start, index, folded, cells, margin, *transmitter, *receiver, out)
-    return out.reshape(shape)
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -37,10 +37,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scene import load_scene
 
         return load_scene(path)
-    if path.suffix.lower() == ".nc" and path.is_file():
-        from mirrorfold.io.readers import hdf5
-
-        hdf5.prepare()  # it starts while the libraries below are loaded
+    _prepare_to_read(path)
     from mirrorfold.io.netcdf import is_foreign, read
 
     if path.is_file() and is_foreign(path):
@@ -48,6 +45,28 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
         return import_image(path)
     return read(path)
+
+
+def load_geometry(path: str | Path) -> xr.Dataset:
+    """Frequencies, positions and attributes of a sweep's netCDF file, without its samples, unchecked.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or broken.
+    """
+    _prepare_to_read(Path(path))
+    from mirrorfold.io.netcdf import read_geometry
+
+    return read_geometry(Path(path))
+
+
+def _prepare_to_read(path: Path) -> None:
+    """Start the process that opens a netCDF file first: it starts while libraries are loaded here."""
+    if path.suffix.lower() == ".nc" and path.is_file():
+        from mirrorfold.io.readers import hdf5
+
+        hdf5.prepare()
 
 
 def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,9 @@ KINDS = ("sweep", "image", "reconstruction")
 
 IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
 """Of one image; leading dimensions, such as `frame`, make many of it."""
+
+GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
+"""What a sweep's plan needs to know of its file."""
 
 REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable s(frequency, tx, rx)"
 
@@ -77,6 +79,17 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
     raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
 
 
+def read_geometry(path: Path) -> xr.Dataset:
+    """Frequencies, positions and attributes of a sweep's file, not its samples, unchecked: empty where it has none.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or broken.
+    """
+    return _content(path, only=GEOMETRY).to_dataset()
+
+
 def read_unchecked(path: Path) -> xr.Dataset:
     """What stands at the root of a netCDF-4 file, in memory, whatever is wrong with it: to find out what is.
 
@@ -88,8 +101,8 @@ def read_unchecked(path: Path) -> xr.Dataset:
     return _content(path).to_dataset()
 
 
-def _content(path: Path) -> xr.DataTree:
-    """The groups of a file, in memory.
+def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
+    """The groups of a file, in memory; or of its root only the variables that are named.
 
     Raises
     ------
@@ -99,7 +112,7 @@ def _content(path: Path) -> xr.DataTree:
     _check_is_hdf5(path)
     check_survived(path)
     try:
-        content = _read_groups(path)
+        content = _read_groups(path, only)
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
@@ -133,15 +146,6 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
             encoding={node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree},
         )
     return path
-
-
-def prepare_to_write() -> None:
-    """Load what writing needs, for whoever has a thread to spare.
-
-    Where Dask is installed, xarray loads its cluster, too, when it first writes: a third of a second.
-    """
-    with suppress(ImportError):
-        import_module("dask.distributed")
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
@@ -249,11 +253,13 @@ def _check_is_hdf5(path: Path) -> None:
         raise InputError(f"{path}: is not a netCDF-4 file; {REMEDY}")
 
 
-def _read_groups(path: Path) -> xr.DataTree:
+def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
     """The root of the file, and its groups where it is a reconstruction, in memory."""
     with h5py.File(path) as file:  # h5netcdf complains twice, once on stderr, where it cannot read these
         dict(file.attrs)
     with xr.open_dataset(path, engine=ENGINE) as root:
+        if only is not None:
+            return xr.DataTree(root[[name for name in root.variables if name in only]].load())
         if root.attrs.get("mirrorfold_kind") != "reconstruction":
             return xr.DataTree(root.load())
     with xr.open_datatree(path, engine=ENGINE) as tree:
