@@ -112,6 +112,51 @@ def test_a_range_offset_is_measured():
     assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
 
 
+def faces(seed, elements, cable=0.0):
+    """Echoes of flat mirrors alone, each the image of the transmitter, seen by one short array."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(290e9, 300e9, 301)
+    place = np.zeros((elements, 3))
+    place[:, 0] = 0.5e-3 * (np.arange(elements) - (elements - 1) / 2)
+    s = np.zeros((frequency.size, elements, elements), dtype=complex)
+    for distance, angle in zip(random.uniform(0.6, 2.5, 40), np.radians(random.uniform(-50, 50, 40)), strict=True):
+        ahead = np.array([np.sin(angle), np.cos(angle), 0.0])
+        image = place + 2.0 * (distance - place @ ahead)[:, None] * ahead
+        path = np.linalg.norm(image[:, None] - place, axis=2) + cable
+        s += np.exp(-2j * np.pi / speed_of_light * np.multiply.outer(frequency, path))
+    sweep = mf.make_sweep(s.astype(np.complex64), frequency=frequency, tx_position=place, rx_position=place)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flat_faces_are_not_taken_for_a_wrong_delay(seed):
+    """For points, they would stand at twice their distance."""
+    assert named(faces(seed, 71)) == ()
+    found, _ = diagnose(faces(seed, 71, cable=1.4))
+    assert [finding.name for finding in found] == ["range-offset"]
+    assert float(found[0].remedy.split()[-1]) == pytest.approx(1.4, abs=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 45, 90])
+def test_cables_show_in_three_and_a_half_centimetres_of_a_full_wave_sweep(shared_data, first):
+    part = slice(first, first + 71)
+    sweep = mf.load(shared_data / "two_walls_fullwave.nc").isel(tx=part, rx=part)
+    assert named(sweep) == ()
+    for cable in (1.0, 2.2, 4.4):
+        found, _ = diagnose(mf.calibrate.remove_cable(sweep, -cable))
+        assert [finding.name for finding in found] == ["range-offset"]
+        assert float(found[0].remedy.split()[-1]) == pytest.approx(cable, abs=0.4)
+
+
+@pytest.mark.parametrize("size", [11, 31, 41])
+def test_arrays_too_short_to_tell_distances_are_not_blamed(shared_data, size):
+    whole = mf.load(shared_data / "two_walls_fullwave.nc")
+    for first in (0, 60, 120):
+        part = slice(first, first + size)
+        assert named(mf.add_noise(whole.isel(tx=part, rx=part), snr_db=20.0, seed=first)) == ()
+
+
 def test_exchanged_antennas_at_the_same_places_do_not_matter_and_are_not_judged():
     sweep = scene(1, displaced=False, elements=41)
     assert diagnose(sweep)[1]["exchange"] is False

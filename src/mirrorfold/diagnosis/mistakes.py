@@ -8,21 +8,16 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from mirrorfold.diagnosis.wavefronts import Wavefronts
 
 Array = NDArray[np.float64]
 
 PENALTY = 0.03
-"""What each mistake has to explain more than the sweep as it stands, in the mean log concentration: a third of the
-smallest margin by which single mistakes showed in simulations of 4 cm arrays, a tenth of that of 8 cm arrays."""
-
-COMBINATION_PENALTY = 0.15
-"""What each mistake beyond the first has to explain on top of that: a sweep with two of them is rare."""
-
-OFFSET_PENALTY = 0.3
-"""What a range offset has to explain when mistakes are weighed against each other: with a free offset, which makes up
-for much, the worst explanations gained 0.6 in simulations, and the right ones between 0.5 and 3."""
+"""What each mistake, a range offset among them, has to explain more than the sweep as it stands, in the mean fit: half
+the smallest margin by which single mistakes showed in full-wave simulations of 3 cm arrays, a tenth of that of 8 cm
+arrays. No wrong explanation fitted better than the right one for its free offset."""
 
 RESAMPLES = 200
 """Draws of the gates, with repetition, that tell how sure a conclusion is (Efron, Ann. Statist. 7, 1979)."""
@@ -33,12 +28,13 @@ SUREST = 0.99
 SURE_ENOUGH = 0.6
 """Mistakes of which one is less sure are not named."""
 
-BETTER_SHARE = 0.5
-"""Share of the gates that must fit better with an offset: a cable delays all echoes, multiple scattering some."""
-
 LEAST_OFFSETS = (2.0, 4.0)
 """Range offsets that are named, in units of `SMALLEST_OFFSET`: of cables, and of delays that were taken away in excess,
 which is rarer."""
+
+LEAST_GAIN = 0.01
+"""What an offset has to explain in the mean fit to be named: in correct full-wave sweeps of arrays from 5 mm on, echoes
+by mixed paths feigned offsets worth up to 0.007."""
 
 OFFSET_STEPS = 300
 """Steps of the search for a range offset in the ambiguous range."""
@@ -49,6 +45,9 @@ reference, nor from the depth of focus."""
 
 OFFSET_SURE = (0.75, 0.95)
 """Share of the draws that must agree on such an offset; echoes are few in some scenes."""
+
+UNEXPLAINED = 0.02
+"""Share of a gate's power that fits to no wave, at least: a single gate must not outvote all others."""
 
 OFFSET_REACH = (-0.15, 0.6)
 """Range offsets that are looked for, as shares of the ambiguous range: cables delay, and an excess of calibration
@@ -87,7 +86,7 @@ def explain(waves: Wavefronts) -> Explanation:
     reach = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     offsets = np.concatenate([[0.0], reach])
-    cases = list(_cases(waves.fit.shape[0] == 2))
+    cases = list(_cases(waves.coherence.shape[0] == 2))
     fits = np.stack([_fit(waves, *case, offsets) for case in cases])  # (cases, gates, offsets)
     number = np.array([sum(case) for case in cases])
     draws = np.random.default_rng(0).integers(0, waves.range.size, (RESAMPLES, waves.range.size))
@@ -98,14 +97,14 @@ def explain(waves: Wavefronts) -> Explanation:
         found.append(offsets[int(fits[best][draw].mean(axis=0).argmax())])
     away = np.array(found)
     low, high = np.quantile(away, [0.1, 0.9])
-    offset = float(offsets[int(fits[best].mean(axis=0).argmax())])
+    mean = fits[best].mean(axis=0)
+    offset = float(offsets[int(mean.argmax())])
     same_side = np.mean(away * np.sign(offset) > smallest) if offset else 0.0
     side = 0 if offset > 0 else 1
-    better = fits[best][:, int(np.argmin(np.abs(offsets - offset)))] > fits[best][:, 0]
     certain = (
         abs(offset) > LEAST_OFFSETS[side] * smallest
+        and mean.max() - mean[0] > LEAST_GAIN
         and same_side >= OFFSET_SURE[side]
-        and float(np.mean(better)) > BETTER_SHARE
     )
     return Explanation(
         *cases[best],
@@ -123,7 +122,7 @@ def _cases(exchange: bool) -> Iterator[tuple[bool, bool, bool]]:
 
 
 def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, offsets: Array) -> Array:
-    """Fit of every gate (gates,) to a case, at every range offset (gates, offsets).
+    """Fit of every gate to a case, at every range offset (gates, offsets): minus the log of the power left over.
 
     Conjugation and reversal each turn the range axis around, so that both together leave it.
     """
@@ -131,12 +130,19 @@ def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, 
     stated = waves.ambiguous_range - waves.range if around else waves.range
     true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
     curvature = (-1.0 if conjugated else 1.0) / true
-    table = waves.fit[int(exchanged), int(reversed_)]
-    return np.stack([np.interp(q, waves.curvature, row) for q, row in zip(curvature, table, strict=True)])
+    table = waves.coherence[int(exchanged), int(reversed_)]
+    coherence = np.stack([CubicSpline(waves.curvature, row)(q) for q, row in zip(curvature, table, strict=True)])
+    fit = _explained(coherence)
+    # Nearer than the strongest curvature looked for, echoes tell nothing.
+    return np.where(np.abs(curvature) <= waves.curvature[-1], fit, _explained(table).mean(axis=1, keepdims=True))
+
+
+def _explained(coherence: Array) -> Array:
+    """Minus the log of the share of power that is left over."""
+    return np.asarray(-np.log(1.0 - np.clip(coherence, 0.0, 1.0) + UNEXPLAINED))
 
 
 def _decide(fit: Array, number: NDArray[np.int64]) -> int:
-    """The best of all cases (cases, offsets), the first of which is none; each mistake has to be worth its penalty."""
-    worth = np.maximum(fit[:, 0], fit.max(axis=1) - OFFSET_PENALTY)
-    worth -= PENALTY * number + COMBINATION_PENALTY * np.maximum(number - 1, 0)
+    """The best of all cases (cases, offsets), no offset first; each mistake has to be worth its penalty."""
+    worth = np.maximum(fit[:, 0], fit.max(axis=1) - PENALTY) - PENALTY * number
     return int(worth.argmax())

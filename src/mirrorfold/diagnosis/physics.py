@@ -123,7 +123,7 @@ def _unit(pairs: Pairs) -> str | None:
 
 def _in_phase(waves: Wavefronts) -> float:
     """Median coherence over that of random phases."""
-    return float(np.median(waves.coherence)) * waves.pairs
+    return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 
 
 def _pitch(pairs: Pairs) -> float:

@@ -13,6 +13,12 @@ for a wave that contracts, and the delays may shift the wrong way:
 * Exchanged transmitters and receivers stand on the wrong sides: parallax has the wrong sign where the apertures are
   displaced.
 * Positions in the wrong unit fit to no wave at all.
+
+Echoes of small things and of flat faces differ: a face shows the image of the transmitter, so that the path changes
+with the distance of transmitter and receiver alone, by ``(x_i - x_k)^2 / 4 rho`` for a face ahead, while a point adds
+``(x_i^2 + x_k^2) / 2 rho``. Taken for a point, a face seems to stand at twice its distance. Each gate is taken for that
+of the two to which it fits better: what the distance of transmitter and receiver adds to the path is the same for both,
+and for any shape between them (Hubral, Geophysics 48, 1051-1062, 1983).
 """
 
 from __future__ import annotations
@@ -20,24 +26,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.diagnosis.pairs import Pairs
+from mirrorfold.focusing.tfm import unit_phasor
+from mirrorfold.focusing.threads import for_each
 
 Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]
 
-PAIRS = (400, 1200)
+PAIRS = (300, 600)
 """Fewest and most pairs that are looked at, a random choice: an echo stands out of their incoherent sum by this."""
 
-LARGEST_WORK = 1.5e8
-"""Pair-pixels per table, half a second of work; fewer gates and pairs are looked at where there would be more."""
+LARGEST_WORK = 4e8
+"""Pair-pixels per table, a quarter of a second of work; fewer gates and pairs are looked at where there would be
+more."""
 
 MOST_DIRECTIONS = 1500
 """Directions that a beam resolves, above which the array is too long to be judged quickly."""
 
-GATES = 48
+GATES = 128
 FEWEST_GATES = 10
 """Largest number of range bins that are looked at, and the number below which pairs are saved instead."""
 
@@ -54,6 +63,10 @@ CURVATURE_STEP = 1.5
 MOST_CURVATURES = 60
 """Largest number of curvatures of either sign."""
 
+FINEST = 2.0
+"""Short arrays have few directions and curvatures, whose steps are made finer by up to this: their echoes hardly change
+from one to the next, and what is read between two of them counts."""
+
 WIDEST = 0.95
 """Largest sine of the angle off broadside."""
 
@@ -62,12 +75,9 @@ ABOVE_NOISE = 4.0
 
 QUIET = 0.1
 
-RANDOM = 4.0
-"""Coherences below this many times the expectation of random phases are taken to be random."""
-
-FLOOR = 0.02
-"""Concentration of a gate, as a share of its largest, below which differences no longer count: a single gate must not
-outvote all others."""
+DIRECT_DB = 30.0
+"""Echoes so far below the strongest [dB] have mostly come by way of several mirrors, out by one and back by another,
+which bends their waves like those of none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +90,10 @@ class Wavefronts:
         Half the path, as the sweep has it.
     curvature : (curvatures,) array [1/m]
         Rising, negative for contracting waves.
-    fit : (arrangements, 2, gates, curvatures) array
-        Log of the concentration over directions, at most about zero. First axis: as stated, and with transmitters and
-        receivers exchanged where that makes a difference; second: with delays that follow the phases, and that shift
-        against them.
-    coherence : (gates,) array
-        Largest share of a gate's power that adds up in phase, over all of these.
+    coherence : (arrangements, 2, gates, curvatures) array
+        Largest share of a gate's power that adds up in phase, over all directions, for points and for flat faces.
+        First axis: as stated, and with transmitters and receivers exchanged where that makes a difference; second:
+        with delays that follow the phases, and that shift against them.
     pairs : int
         Number of pairs: random phases would make a coherence of one over this.
     ambiguous_range : float [m]
@@ -93,7 +101,6 @@ class Wavefronts:
 
     range: Array
     curvature: Array
-    fit: Array
     coherence: Array
     pairs: int
     ambiguous_range: float
@@ -121,11 +128,13 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     if np.linalg.norm(ahead) < 0.5:  # the array stands upright: any direction across it does
         ahead = np.array([0.0, 1.0, 0.0])
     ahead = ahead / np.linalg.norm(ahead) * (1.0 if ahead[1] >= 0 else -1.0)
-    u = np.linspace(-WIDEST, WIDEST, directions)
     farthest = np.pi * (pairs.wavenumber.size - 1) / float(pairs.wavenumber[-1] - pairs.wavenumber[0])
     strongest = 1.0 / max(min(NEAREST[0], NEAREST[1] * farthest), 2.0 * reach)
+    curvatures = strongest * centre * reach**2 / CURVATURE_STEP
+    fineness = np.clip(np.sqrt(LARGEST_WORK / (2.0 * directions * curvatures * GATES * PAIRS[1])), 1.0, FINEST)
+    u = np.linspace(-WIDEST, WIDEST, int(fineness * directions))
     most = min(MOST_CURVATURES, LARGEST_WORK / (2.0 * u.size * FEWEST_GATES * PAIRS[0]))
-    curvatures = int(np.ceil(min(strongest * centre * reach**2 / CURVATURE_STEP, most)))
+    curvatures = int(np.ceil(min(fineness * curvatures, most)))
     curvature = np.linspace(-strongest, strongest, 2 * curvatures + 1)
 
     affordable = LARGEST_WORK / (u.size * curvature.size)
@@ -138,24 +147,21 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     windows = _windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     arrangements = [(pairs.tx, pairs.rx), (pairs.rx, pairs.tx)][: 2 if exchange else 1]
-    concentration = np.zeros((len(arrangements), 2, gate.size, curvature.size))
-    coherence = np.zeros(gate.size)
-    part = np.zeros((gate.size, curvature.size, u.size), dtype=np.float32)
-    for n, (tx, rx) in enumerate(arrangements):
-        for m, shift in enumerate((1.0, -1.0)):
-            _coherences(windows, step, shift, tx, rx, tx_of, rx_of, centre, u, curvature, along, ahead, part)
-            coherence = np.maximum(coherence, part.max(axis=(1, 2)))
-            excess = np.maximum(part - RANDOM / chosen.size, 0.0).astype(float)
-            concentration[n, m] = np.sum(excess**2, axis=2)
-    largest = concentration.max(axis=(0, 1, 3))
-    heard = largest > 0.0
-    if np.count_nonzero(heard) < 2:
-        return None
+    coherence = np.zeros((len(arrangements), 2, curvature.size, gate.size))
+
+    def look(task: tuple[int, int, int]) -> None:
+        n, m, at = task
+        for flat in (False, True):
+            _coherence(
+                *(windows, step, (1.0, -1.0)[m], flat, *arrangements[n], tx_of, rx_of, centre, u),
+                *(curvature[at], along, ahead, coherence[task]),
+            )
+
+    for_each(look, np.ndindex(*coherence.shape[:3]))
     return Wavefronts(
-        range=0.5 * gate[heard] * step,
+        range=np.asarray(0.5 * step * gate),
         curvature=curvature,
-        fit=np.log(concentration[:, :, heard] / largest[heard, None] + FLOOR),
-        coherence=coherence[heard],
+        coherence=coherence.swapaxes(2, 3),
         pairs=chosen.size,
         ambiguous_range=0.5 * profile.shape[1] * step,
     )
@@ -172,71 +178,101 @@ def _profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Comple
 
 
 def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
-    """Points of the profile at which to look: the strongest of each of equal pieces, above the noise, spread evenly."""
+    """Points of the profile at which to look: the strongest of each of equal pieces, spread evenly.
+
+    Above the noise, and not far below the strongest, unless there are few.
+    """
     power = np.mean(np.abs(profile) ** 2, axis=0)
     cells = power.size // OVERSAMPLING
-    noise = float(np.quantile(power, QUIET))
     pieces = np.array_split(np.arange(power.size), min(2 * most, cells // 2))
     strongest = np.array([piece[np.argmax(power[piece])] for piece in pieces])
-    loud = strongest[power[strongest] > ABOVE_NOISE * noise]
-    return np.sort(loud[np.argsort(power[loud])[::-1][:most]])
+    loud = strongest[power[strongest] > ABOVE_NOISE * float(np.quantile(power, QUIET))]
+    loud = loud[np.argsort(power[loud])[::-1]]
+    direct = np.count_nonzero(power[loud] > power.max() * 10.0 ** (-DIRECT_DB / 10.0))
+    return np.sort(loud[: min(most, max(direct, FEWEST_GATES))])
 
 
-def _windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float) -> Complex64:
-    """Pieces of the profiles around the gates, (gates, pairs, 2 half + 1), unwrapped around the ambiguous range."""
+def _windows(
+    profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float
+) -> NDArray[np.float32]:
+    """Pieces of the profiles around the gates, unwrapped around the ambiguous range: (pairs, 2 half + 1, 2, gates).
+
+    The third axis holds real and imaginary parts, so that all gates are worked on side by side.
+    """
     size = profile.shape[1]
-    index = gate[:, None] + np.arange(-half, half + 1)
+    index = np.arange(-half, half + 1)[:, None] + gate
     turn = np.exp(-1j * carrier * size * step * np.floor_divide(index, size))
-    return np.ascontiguousarray((profile[:, index % size] * turn).transpose(1, 0, 2).astype(np.complex64))
+    pieces = profile[:, index % size] * turn
+    return np.ascontiguousarray(np.stack([pieces.real, pieces.imag], axis=2), dtype=np.float32)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=True, inline="always")
+def _change(along: float, curvature: float) -> float:
+    """``(sqrt(1 + q a) - 1) / q``, exact for q = 0 too."""
+    return along / (np.sqrt(max(1.0 + curvature * along, 0.0)) + 1.0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
-def _deviations(place: Array, direction: Array, curvature: float, sign: float) -> Array:
-    """``sign (sqrt(1 - 2 q r.d + q^2 r^2) - 1) / q`` for all places r (n, 3), exact for q = 0 too."""
-    out = np.empty(place.shape[0])
-    for i in range(place.shape[0]):
-        across = place[i, 0] * direction[0] + place[i, 1] * direction[1] + place[i, 2] * direction[2]
-        square = place[i, 0] ** 2 + place[i, 1] ** 2 + place[i, 2] ** 2
-        change = -2.0 * across + curvature * square
-        out[i] = sign * change / (np.sqrt(max(1.0 + curvature * change, 0.0)) + 1.0)
-    return out
-
-
-@njit(cache=True, error_model="numpy", nogil=True, parallel=True, fastmath=True)
-def _coherences(
-    windows: Complex64, step: float, shift: float, tx: Array, rx: Array, tx_of: NDArray[np.int64],
-    rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: Array, along: Array, ahead: Array,
-    out: NDArray[np.float32],
+def _lengthen(
+    tx: Array, rx: Array, tx_of: NDArray[np.int64], rx_of: NDArray[np.int64], direction: Array, q: float, flat: bool,
+    out: Array,
 ) -> None:  # fmt: skip
-    """``|sum y|^2 / (n sum |y|^2)`` with ``y = w(L + shift D) exp(j k_c D)``, (gates, curvatures, directions).
+    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of a point or a flat face in a direction."""
+    for p in range(out.size):
+        a, b = tx[tx_of[p]], rx[rx_of[p]]
+        a_ahead = a[0] * direction[0] + a[1] * direction[1] + a[2] * direction[2]
+        b_ahead = b[0] * direction[0] + b[1] * direction[1] + b[2] * direction[2]
+        if flat:
+            apart = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+            out[p] = 2.0 * _change(q * (a_ahead * b_ahead + 0.25 * apart) - a_ahead - b_ahead, q)
+        else:
+            a_square = a[0] ** 2 + a[1] ** 2 + a[2] ** 2
+            b_square = b[0] ** 2 + b[1] ** 2 + b[2] ** 2
+            out[p] = _change(q * a_square - 2.0 * a_ahead, q) + _change(q * b_square - 2.0 * b_ahead, q)
 
-    A contracting wave is the time reversal of one from the opposite side.
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+def _add_up(
+    windows: NDArray[np.float32], cell: NDArray[np.int64], rest: NDArray[np.float32], cos: NDArray[np.float32],
+    sin: NDArray[np.float32], total: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Add ``w exp(j ...)`` and ``|w|^2`` of all pairs, each w between two cells of its window, to (3, gates)."""
+    for p in range(cell.size):
+        here, beyond, share, c, s = windows[p, cell[p]], windows[p, cell[p] + 1], rest[p], cos[p], sin[p]
+        for g in range(total.shape[1]):
+            re = here[0, g] + share * (beyond[0, g] - here[0, g])
+            im = here[1, g] + share * (beyond[1, g] - here[1, g])
+            total[0, g] += re * c - im * s
+            total[1, g] += re * s + im * c
+            total[2, g] += re * re + im * im
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+def _coherence(
+    windows: NDArray[np.float32], step: float, shift: float, flat: bool, tx: Array, rx: Array, tx_of: NDArray[np.int64],
+    rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,
+    out: Array,
+) -> None:  # fmt: skip
+    """Raise out (gates,) to the largest ``|sum y|^2 / (n sum |y|^2)``, ``y = w(L + shift D) exp(j k_c D)``, over u.
+
+    D is how much longer the path is than 2 rho, by way of a point or of a flat face in the direction u, at the distance
+    rho = 1 / q. A contracting wave is the time reversal of one from the opposite side.
     """
-    gates, pairs, size = windows.shape
+    pairs, size, _, gates = windows.shape
     middle = size // 2
-    for task in prange(curvature.size * directions.size):
-        at_curvature, at_direction = task // directions.size, task % directions.size
-        sign = 1.0 if curvature[at_curvature] >= 0.0 else -1.0
-        u = sign * directions[at_direction]
+    sign = 1.0 if curvature >= 0.0 else -1.0
+    longer, cell, rest = np.empty(pairs), np.empty(pairs, np.int64), np.empty(pairs, np.float32)
+    cos, sin = np.empty(pairs, np.float32), np.empty(pairs, np.float32)
+    for u in sign * directions:
         direction = u * along + np.sqrt(1.0 - u * u) * ahead
-        to_tx = _deviations(tx, direction, abs(curvature[at_curvature]), sign)
-        to_rx = _deviations(rx, direction, abs(curvature[at_curvature]), sign)
-        tx_turn, rx_turn = np.exp(1j * centre * to_tx), np.exp(1j * centre * to_rx)
-        cell = np.empty(pairs, dtype=np.int64)
-        rest = np.empty(pairs, dtype=np.float32)
-        turn = np.empty(pairs, dtype=np.complex64)
+        _lengthen(tx, rx, tx_of, rx_of, direction, abs(curvature), flat, longer)
         for p in range(pairs):
-            at = shift * (to_tx[tx_of[p]] + to_rx[rx_of[p]]) / step + middle
+            at = shift * sign * longer[p] / step + middle
             cell[p] = int(min(max(np.floor(at), 0.0), size - 2.0))
-            rest[p] = np.float32(at - cell[p])
-            turn[p] = tx_turn[tx_of[p]] * rx_turn[rx_of[p]]
+            rest[p] = at - cell[p]
+            cos[p], sin[p] = unit_phasor(sign * centre / (2.0 * np.pi) * longer[p])
+        total = np.zeros((3, gates), np.float32)
+        _add_up(windows, cell, rest, cos, sin, total)
         for g in range(gates):
-            total = np.complex64(0.0)
-            power = np.float32(0.0)
-            for p in range(pairs):
-                here, beyond = windows[g, p, cell[p]], windows[g, p, cell[p] + 1]
-                value = here + rest[p] * (beyond - here)
-                total += value * turn[p]
-                power += value.real * value.real + value.imag * value.imag
-            if power > 0.0:
-                out[g, at_curvature, at_direction] = (total.real**2 + total.imag**2) / (pairs * power)
+            if total[2, g] > 0.0:
+                out[g] = max(out[g], (total[0, g] ** 2 + total[1, g] ** 2) / (pairs * total[2, g]))
