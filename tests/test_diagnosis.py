@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.constants import speed_of_light
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.diagnosis import diagnose
+from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
 from mirrorfold.scene import parse_scene
 
@@ -161,6 +163,30 @@ def test_exchanged_antennas_at_the_same_places_do_not_matter_and_are_not_judged(
     sweep = scene(1, displaced=False, elements=41)
     assert diagnose(sweep)[1]["exchange"] is False
     assert diagnose(scene(0, displaced=True, elements=41))[1]["exchange"] is True
+
+
+def ring(seed, *, direct):
+    """Antennas around a few scatterers, which hear each other too, or only the scatterers."""
+    random = np.random.default_rng(seed)
+    frequency, turn = np.linspace(1.5e9, 6e9, 101), 2 * np.pi * np.arange(20) / 20
+    place = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), np.zeros(20)], axis=1)
+    inside = np.append(random.uniform(-0.1, 0.1, (4, 2)), np.zeros((4, 1)), axis=1)
+    k = 2 * np.pi / speed_of_light * frequency[:, None, None]
+    way = np.linalg.norm(place[:, None] - inside, axis=2)
+    apart = np.linalg.norm(place[:, None] - place, axis=2)
+    s = sum(0.1 * np.exp(-1j * k * (way[:, None, n] + way[None, :, n])) for n in range(4))
+    s = s + direct * (apart > 0) * np.exp(-1j * k * (apart + 0.1))
+    sweep = mf.make_sweep(s.astype(np.complex64), frequency=frequency, tx_position=place, rx_position=place)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_direct_waves_tell_which_way_time_runs(seed):
+    for direct in (False, True):
+        pairs = pairs_of(ring(seed, direct=direct))
+        assert direct_findings(pairs) == []
+        backwards = direct_findings(replace(pairs, s=pairs.s.conj()))
+        assert [finding.name for finding in backwards] == (["range-reversed"] if direct else [])
 
 
 def test_noise_is_no_mistake():

@@ -76,6 +76,13 @@ def test_a_ring_of_antennas_in_millimetres_is_named(merit):
     assert (finding.name, finding.remedy) == ("position-unit", "--position-unit mm")
 
 
+@pytest.mark.parametrize("mistake", [mf.calibrate.conjugate, mf.calibrate.swap_iq, mf.calibrate.reverse_frequency])
+def test_a_ring_of_antennas_tells_which_way_time_runs(merit, mistake):
+    for scan in merit[0]:
+        (finding,) = diagnose(mistake(scan))[0]
+        assert (finding.name, finding.remedy) == ("range-reversed", "--conjugate")
+
+
 def test_gotcha_files_join_to_one_flight(gotcha):
     assert is_monostatic(gotcha)
     assert gotcha["s"].shape == (424, 117 + 117 + 118 + 117)

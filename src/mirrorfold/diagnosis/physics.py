@@ -7,6 +7,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.calibration.repairs import UNITS
+from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.pairs import Array, Pairs, on_a_line, pairs_of
@@ -39,14 +40,18 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         `waves`: whether the array and the echoes allow a judgement. `exchange`: whether exchanged transmitters and
         receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm.
     """
-    pairs = on_a_line(pairs_of(sweep))
+    every = pairs_of(sweep)
+    pairs = on_a_line(every)
     exchange = len(pairs.tx) == len(pairs.rx) and not _same_places(pairs)
     unit = _unit(pairs)
     if unit is not None:
         pairs = pairs.scaled(UNITS[unit])
     waves = wavefronts(pairs, exchange=exchange)
     if waves is None or _in_phase(waves) < IN_PHASE:
-        found = [_unit_finding(unit)] if unit else _far_apart(pairs) if "rx" in sweep.dims else []
+        if unit is not None:
+            found = [_unit_finding(unit)]
+        else:
+            found = (_far_apart(pairs) or direct_findings(every)) if "rx" in sweep.dims else []
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     found += _findings(explain(waves), 2.0 * np.pi / pairs.wavenumber)
