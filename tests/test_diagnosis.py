@@ -189,6 +189,28 @@ def test_direct_waves_tell_which_way_time_runs(seed):
         assert [finding.name for finding in backwards] == (["range-reversed"] if direct else [])
 
 
+def flight(seed, degrees):
+    """Point echoes seen by an antenna that flies along an arc, its delays counted from the middle of the scene."""
+    random = np.random.default_rng(seed)
+    frequency, angle = np.linspace(9.3e9, 9.9e9, 160), np.radians(degrees) * np.linspace(-0.5, 0.5, 90)
+    place = 4000.0 * np.stack([np.sin(angle), -np.cos(angle), np.full(90, 0.5)], axis=1)
+    points = np.append(random.uniform(-13, 13, (30, 2)), np.zeros((30, 1)), axis=1)
+    path = 2.0 * np.linalg.norm(place[:, None] - points, axis=2)
+    k = 2 * np.pi / speed_of_light * frequency
+    s = sum(random.exponential() * np.exp(-1j * np.multiply.outer(k, path[:, n])) for n in range(30))
+    s = s + random.standard_normal((*s.shape, 2)).view(complex)[..., 0]
+    sweep = mf.make_monostatic_sweep(s.astype(np.complex64), frequency=frequency, antenna_position=place)
+    return sweep.assign_attrs(scene_center=[0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_smeared_image_tells_the_mistakes_of_a_moving_antenna(seed):
+    for mistake in ("none", "conjugated", "reversed"):
+        assert named(wrong(flight(seed, 15.0), mistake)) == MISTAKES[mistake]
+        # Over a tenth of a degree nothing moves by a range cell, and nothing is said.
+        assert named(wrong(flight(seed, 0.1), mistake)) == ()
+
+
 def test_noise_is_no_mistake():
     for seed in range(4):
         sweep = scene(seed, displaced=True, elements=31, snr_db=-60.0)

@@ -89,6 +89,17 @@ def test_gotcha_files_join_to_one_flight(gotcha):
     assert ambiguous_range(gotcha) > 100.0
 
 
+@pytest.mark.slow
+def test_mistakes_in_a_flight_smear_its_image_and_are_named(gotcha):
+    assert diagnose(gotcha) == ([], {"waves": True, "exchange": False})
+    for repair, names in (
+        (mf.calibrate.conjugate, ["conjugated"]),
+        (mf.calibrate.swap_iq, ["conjugated"]),
+        (mf.calibrate.reverse_frequency, ["frequency-reversed"]),
+    ):
+        assert [finding.name for finding in diagnose(repair(gotcha))[0]] == names
+
+
 def test_gotcha_shows_vehicles_with_the_brightest_point_where_it_is_known(gotcha):
     x = np.arange(-50.0, 50.01, 0.25)
     image = mf.focus(gotcha, x=x, y=x, tolerance=1e-3)

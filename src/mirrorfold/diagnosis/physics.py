@@ -11,6 +11,7 @@ from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.pairs import Array, Pairs, on_a_line, pairs_of
+from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
 
 COARSE_PITCH = 15.0
@@ -40,6 +41,9 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         `waves`: whether the array and the echoes allow a judgement. `exchange`: whether exchanged transmitters and
         receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm.
     """
+    if "rx" not in sweep.dims and sweep.attrs.get("scene_center") is not None:  # delays count from there
+        found, judged = sharpness_findings(sweep)
+        return found, {"waves": judged, "exchange": False}
     every = pairs_of(sweep)
     pairs = on_a_line(every)
     exchange = len(pairs.tx) == len(pairs.rx) and not _same_places(pairs)
