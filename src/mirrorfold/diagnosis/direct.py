@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.pairs import Array, Pairs
+from mirrorfold.diagnosis.wavefronts import profiles
 
 LEAST_SPREAD = 1.0
 """Range cells over which the distances of antennas must spread, between their quartiles."""
-
-OVERSAMPLING = 4
 
 LEAST_RATIO = 1.5
 """How much louder the profiles must be at delays that fall with the distance than at those that rise."""
@@ -38,10 +37,9 @@ def direct_findings(pairs: Pairs) -> list[Finding]:
     cell = 2.0 * np.pi / float(np.ptp(pairs.wavenumber))
     if np.subtract(*np.quantile(apart[heard], [0.75, 0.25])) < LEAST_SPREAD * cell:
         return []
-    taper = np.hanning(count + 2)[1:-1, None]
-    power = np.abs(np.fft.ifft((pairs.s[:, heard] * taper).T, OVERSAMPLING * count, axis=1)) ** 2
+    profile, step = profiles(pairs.s[:, heard], pairs.wavenumber)
+    power = np.abs(profile.astype(complex)) ** 2
     power /= power.mean(axis=1, keepdims=True)
-    step = cell * (count - 1) / (OVERSAMPLING * count)
     rising, falling = (_aligned(power, sign * apart[heard] / step) for sign in (1.0, -1.0))
     draws = np.random.default_rng(0).integers(0, len(power), (RESAMPLES, len(power)))
     backwards = [falling[draw].mean(axis=0).max() > LEAST_RATIO * rising[draw].mean(axis=0).max() for draw in draws]

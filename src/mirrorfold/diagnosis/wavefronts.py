@@ -140,7 +140,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     affordable = LARGEST_WORK / (u.size * curvature.size)
     count = int(np.clip(affordable / GATES, *PAIRS))
     chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[:count]
-    profile, step = _profiles(pairs.s[:, chosen], pairs.wavenumber)
+    profile, step = profiles(pairs.s[:, chosen], pairs.wavenumber)
     gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, GATES)))
     if gate.size < 2:
         return None
@@ -167,7 +167,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     )
 
 
-def _profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
+def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
     """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
     count = wavenumber.size
     taper = np.hanning(count + 2)[1:-1, None].astype(np.float32)
