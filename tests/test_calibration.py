@@ -342,6 +342,31 @@ def test_autofocus_leaves_a_sharp_image_sharp():
     assert np.abs(delays).max() < 20 * MICROMETRE
 
 
+def test_other_waves_of_the_same_length_are_calibrated_alike():
+    """Half the frequency at half the speed is the same wave: in water, ultrasound or dielectrics too."""
+    random = np.random.default_rng(5)
+    fast = with_delays(
+        sweep_of([(0.1, 0.9), (-0.2, 1.3)], shift=0.05), *random.uniform(-1e-4, 1e-4, (2, 15)), tx_gain=1.0 + 0.2j
+    )
+    slow = fast.assign_coords(frequency=0.5 * fast["frequency"]).assign_attrs(wave_speed=0.5 * speed_of_light)
+    reference = {"fast": sweep_of([(0.0, 1.0)], shift=0.05)}
+    reference["slow"] = reference["fast"].assign_coords(slow.coords).assign_attrs(wave_speed=0.5 * speed_of_light)
+
+    def calibrated(sweep, other):
+        found = mf.calibrate.estimate_elements(other, at=(0.0, 1.0))
+        yield mf.calibrate.time_gate(sweep, start=0.7, stop=1.1)
+        yield mf.calibrate.apply_elements(sweep, found)
+        yield mf.calibrate.normalise_by_reference(sweep, other, at=(0.0, 1.0), gate=0.2)
+        yield mf.calibrate.autofocus(sweep, x=np.linspace(-0.4, 0.4, 81), y=np.linspace(0.6, 1.4, 81))
+
+    for one, other in zip(calibrated(fast, reference["fast"]), calibrated(slow, reference["slow"]), strict=True):
+        assert np.any(one["s"].values)
+        np.testing.assert_allclose(other["s"].values, one["s"].values, atol=1e-4 * np.abs(one["s"].values).max())
+    told = [mf.info(sweep, diagnose=False) for sweep in (fast, slow)]
+    for name in ("range_resolution_m", "ambiguous_range_m", "field_of_view_deg", "cross_range_resolution_m"):
+        assert told[1][name] == pytest.approx(told[0][name])
+
+
 def test_every_repair_is_undone_by_itself_and_is_recorded():
     sweep = sweep_of([(0.1, 0.7)], shift=0.1)
     for repair in (

@@ -15,7 +15,7 @@ from scipy.special import gammaincinv
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction, image_axes, read_unchecked
-from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster
+from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster, wave_speed
 
 if TYPE_CHECKING:
     from mirrorfold.diagnosis import Finding
@@ -134,13 +134,17 @@ def _diagnosed(sweep: xr.Dataset, path: str, diagnose: bool) -> dict[str, Any]:
     return facts
 
 
-def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tuple[dict[str, Any], list[str]]:
+def resolution(
+    frequency: Array, tx_position: Array, rx_position: Array, speed: float = speed_of_light
+) -> tuple[dict[str, Any], list[str]]:
     """What a band and two arrays can resolve, and remarks on what they cannot.
 
     Parameters
     ----------
     frequency : (frequencies,) array [Hz]
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
+    speed : float [m/s]
+        Of the waves, by default of light in vacuum.
 
     Returns
     -------
@@ -151,8 +155,8 @@ def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tupl
     remarks : list of str
     """
     step = float(frequency[-1] - frequency[0]) / (frequency.size - 1) if frequency.size > 1 else None
-    wavelength = speed_of_light / float(frequency.mean())
-    shortest = speed_of_light / float(frequency[-1])
+    wavelength = speed / float(frequency.mean())
+    shortest = speed / float(frequency[-1])
     aperture = max(_extent(tx_position), _extent(rx_position))
     pitches = [pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
     field_of_view = 2.0 * float(np.degrees(np.arcsin(min(1.0, shortest / (2.0 * min(pitches)))))) if pitches else None
@@ -164,8 +168,8 @@ def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tupl
         "rx": len(rx_position),
         "aperture_m": [_extent(tx_position), _extent(rx_position)],
         "pitch_m": [_pitch(tx_position), _pitch(rx_position)],
-        "range_resolution_m": speed_of_light / (2.0 * step * frequency.size) if step else None,
-        "ambiguous_range_m": speed_of_light / (2.0 * step) if step else None,
+        "range_resolution_m": speed / (2.0 * step * frequency.size) if step else None,
+        "ambiguous_range_m": speed / (2.0 * step) if step else None,
         "cross_range_resolution_m": {f"{r:g}": wavelength * r / aperture for r in RANGES} if aperture else None,
         "field_of_view_deg": field_of_view,
     }
@@ -183,7 +187,11 @@ def resolution(frequency: Array, tx_position: Array, rx_position: Array) -> tupl
 
 
 def scan_resolution(
-    frequency: Array, azimuth: Array, elevation: Array, beam: tuple[float, float] | None
+    frequency: Array,
+    azimuth: Array,
+    elevation: Array,
+    beam: tuple[float, float] | None,
+    speed: float = speed_of_light,
 ) -> tuple[dict[str, Any], list[str]]:
     """What a band and a raster scan can resolve, and remarks on what they cannot.
 
@@ -193,6 +201,8 @@ def scan_resolution(
     azimuth, elevation : 1D arrays [degree]
     beam : (radius of the focus, its distance) [m], optional
         Where it is known.
+    speed : float [m/s]
+        Of the waves, by default of light in vacuum.
     """
     step = float(frequency[-1] - frequency[0]) / (frequency.size - 1) if frequency.size > 1 else None
     steps = [float(np.diff(angle).max()) if angle.size > 1 else None for angle in (azimuth, elevation)]
@@ -206,8 +216,8 @@ def scan_resolution(
         "scan_step_deg": steps,
         "spot_radius_m": beam[0] if beam else None,
         "focus_distance_m": beam[1] if beam else None,
-        "range_resolution_m": speed_of_light / (2.0 * step * frequency.size) if step else None,
-        "ambiguous_range_m": speed_of_light / (2.0 * step) if step else None,
+        "range_resolution_m": speed / (2.0 * step * frequency.size) if step else None,
+        "ambiguous_range_m": speed / (2.0 * step) if step else None,
     }
     remarks = [] if step else ["There is a single frequency, so ranges cannot be told apart; sweep a band."]
     if beam is not None:
@@ -224,7 +234,7 @@ def _raster_info(sweep: xr.Dataset) -> dict[str, Any]:
     known = "spot_radius" in sweep.attrs and "focus_distance" in sweep.attrs
     beam = (float(sweep.attrs["spot_radius"]), float(sweep.attrs["focus_distance"])) if known else None
     axes = [sweep[name].values.astype(float) for name in ("frequency", "azimuth", "elevation")]
-    facts, remarks = scan_resolution(axes[0], axes[1], axes[2], beam)
+    facts, remarks = scan_resolution(axes[0], axes[1], axes[2], beam, wave_speed(sweep))
     s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
     # What leaks inside the instrument is the same in all beams.
     s = s - s.mean(axis=(2, 3), keepdims=True)
@@ -266,7 +276,7 @@ def _sweep_info(sweep: xr.Dataset) -> dict[str, Any]:
     if is_raster(sweep):
         return _raster_info(sweep)
     tx_position, rx_position = antenna_positions(sweep)
-    facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position)
+    facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position, wave_speed(sweep))
     s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
     s = s.reshape((-1, *s.shape[-3:]))
     power = _mean_power(part for frame in s for part in frame)

@@ -12,11 +12,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.levels import COLOURS
-from mirrorfold.sweep import check_sweep, is_raster
+from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,8 +65,7 @@ def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     power = np.abs(np.fft.ifft(channels[:, chosen] * window[:, None], axis=0)) ** 2
     mean = power.mean(axis=1)
     peak = float(mean.max()) or 1.0
-    step = float(frequency[-1] - frequency[0]) / (frequency.size - 1)
-    range_ = np.arange(frequency.size) * speed_of_light / (2.0 * step * frequency.size)
+    range_ = np.arange(frequency.size) * ambiguous_range(sweep) / frequency.size
     ax = _axes(ax, (7.0, 3.6))
     low, high = (_level(values, peak) for values in np.percentile(power, SPREAD, axis=1))
     ax.fill_between(range_, low, high, color=COLOURS[5], alpha=0.18, linewidth=0,

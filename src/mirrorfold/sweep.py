@@ -212,6 +212,11 @@ def wave_speed(sweep: xr.Dataset) -> float:
     return float(sweep.attrs.get("wave_speed", speed_of_light))
 
 
+def wavenumber(sweep: xr.Dataset) -> NDArray[np.float64]:
+    """Wavenumbers [rad/m] at the frequencies, ``2 pi f / c`` with the sweep's own speed of waves."""
+    return np.asarray(2.0 * np.pi * sweep["frequency"].values.astype(float) / wave_speed(sweep))
+
+
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     """The sweep in the project's own convention, or a plain word on what is wrong with it.
 

@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.constants import speed_of_light
 from scipy.ndimage import maximum_filter
 
 from mirrorfold.calibration.record import Array, checked_pairs, recorded, with_samples
@@ -22,6 +21,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.focusing.taper import window
+from mirrorfold.sweep import wave_speed, wavenumber
 
 GUIDES = 32
 """Guide stars: enough to average out their neighbours, few enough to be the bright ones."""
@@ -79,9 +79,10 @@ def autofocus(
     if guides < 1:
         raise InputError(f"guides is {guides!r}, expected at least one")
     frequency = sweep["frequency"].values.astype(float)
-    own_x, own_y = default_grid(frequency, tx, rx, maximum_pixels=PIXELS)
+    own_x, own_y = default_grid(frequency, tx, rx, wave_speed(sweep), maximum_pixels=PIXELS)
     grid = (np.asarray(own_x if x is None else x), np.asarray(own_y if y is None else y))
-    centre = 2.0 * np.pi * float(frequency.mean()) / speed_of_light
+    k = wavenumber(sweep)
+    centre = float(k.mean())
     report = progress or (lambda done, total: None)
     before = amplitude = _image(sweep, *grid)
     report(1, ROUNDS + 1)
@@ -91,7 +92,6 @@ def autofocus(
         contribution = _contributions(best, stars)
         tx_delay, rx_delay = _delays(contribution, centre)
         tx_delay, rx_delay = _without_shift(tx_delay, tx), _without_shift(rx_delay, rx)
-        k = 2.0 * np.pi * frequency / speed_of_light
         turn = np.exp(1j * k[:, None] * tx_delay)[:, :, None] * np.exp(1j * k[:, None] * rx_delay)[:, None, :]
         tried = best.assign(s=best["s"].copy(data=(best["s"].values * turn).astype(np.complex64)))
         sharper = _image(tried, *grid)
@@ -144,7 +144,7 @@ def _contributions(sweep: xr.Dataset, stars: Array) -> NDArray[np.complex128]:
     """What every pair contributes to every star, (stars, tx, rx)."""
     tx, rx = positions(sweep)
     s = sweep["s"].values
-    k = 2.0 * np.pi * sweep["frequency"].values.astype(float) / speed_of_light
+    k = wavenumber(sweep)
     taper = window("hann", k.size, "taper").real
     found = np.empty((len(stars), len(tx), len(rx)), dtype=complex)
     for n, star in enumerate(stars):

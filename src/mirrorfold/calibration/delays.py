@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.taper import window
@@ -56,13 +55,14 @@ class Fit:
     residual: float
 
 
-def fit_delays(s: NDArray[np.complexfloating], frequency: Array, length: Array, *, largest_error: float) -> Fit:
+def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, largest_error: float) -> Fit:
     """Fit ``S = a[m] g_i h_k exp(-j k_m (d_ik + t_i + r_k))``.
 
     Parameters
     ----------
     s : (frequencies, tx, rx) complex array
-    frequency : (frequencies,) array [Hz]
+    k : (frequencies,) array [rad/m]
+        Wavenumbers.
     length : (tx, rx) array [m]
         The paths d over the reflector.
     largest_error : float [m]
@@ -77,11 +77,10 @@ def fit_delays(s: NDArray[np.complexfloating], frequency: Array, length: Array, 
     InputError
         If there are fewer than three frequencies, or the reflector is not heard.
     """
-    if frequency.size < 3:
-        raise InputError(f"the sweep has {frequency.size} frequencies, expected three at least to measure delays")
-    k = 2.0 * np.pi * frequency / speed_of_light
+    if k.size < 3:
+        raise InputError(f"the sweep has {k.size} frequencies, expected three at least to measure delays")
     centre = float(k.mean())
-    taper = window("hann", frequency.size, "taper").real[:, None, None]
+    taper = window("hann", k.size, "taper").real[:, None, None]
     # The way over the reflector is taken out, so that its echo stands at a delay near zero in every pair.
     aligned = taper * s * np.exp(1j * k[:, None, None] * length)
     offset = k - centre

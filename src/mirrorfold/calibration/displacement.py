@@ -13,6 +13,7 @@ from mirrorfold.calibration.elements import LARGEST_ERROR
 from mirrorfold.calibration.record import Array, checked_pairs, millimetres, place, recorded
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.errors import InputError
+from mirrorfold.sweep import wavenumber
 
 CONDITION = 1e-3
 """Combinations of displacement and cable length that the measured places tell apart worse than this, as a share of
@@ -63,8 +64,7 @@ def estimate_displacement(
         one = checked_pairs(one, "sweep")
         tx, rx = positions(one)
         centre = place(np.asarray(where), "at")
-        frequency = one["frequency"].values.astype(float)
-        fit = fit_delays(one["s"].values, frequency, sphere_paths(tx, rx, centre, radius), largest_error=largest)
+        fit = fit_delays(one["s"].values, wavenumber(one), sphere_paths(tx, rx, centre, radius), largest_error=largest)
         towards = (centre - rx) / np.linalg.norm(centre - rx, axis=1)[:, None]
         rows.append(np.column_stack([-towards, np.ones(len(rx))])[fit.rx_valid])
         measured.append((fit.rx_delay + fit.tx_delay[fit.tx_valid].mean())[fit.rx_valid])

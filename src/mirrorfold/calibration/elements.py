@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.record import Array, check_same_axes, checked_pairs, place, with_samples
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.errors import InputError
+from mirrorfold.sweep import wavenumber
 
 LARGEST_ERROR = 5e-3
 """Largest delay of one element that is looked for [m], unless told otherwise."""
@@ -112,8 +112,7 @@ def estimate_elements(
     fits = []
     for one, centre in zip(sweeps, centres, strict=True):
         length = sphere_paths(tx, rx, centre, radius)
-        frequency = one["frequency"].values.astype(float)
-        fits.append(fit_delays(one["s"].values, frequency, length, largest_error=largest_error))
+        fits.append(fit_delays(one["s"].values, wavenumber(one), length, largest_error=largest_error))
     tx_valid = np.all([fit.tx_valid for fit in fits], axis=0)
     rx_valid = np.all([fit.rx_valid for fit in fits], axis=0)
     offsets = _resolve_offsets(fits, tx, rx, centres)
@@ -168,7 +167,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
                 f"the {name} positions of sweep and calibration differ by up to {1e3 * apart:.3g} mm; "
                 "calibrate with a sweep of the same array"
             )
-    k = 2.0 * np.pi * sweep["frequency"].values.astype(float) / speed_of_light
+    k = wavenumber(sweep)
     s = sweep["s"].values * np.exp(1j * k[:, None] * calibration.tx_delay)[:, :, None]
     s *= np.exp(1j * k[:, None] * calibration.rx_delay)[:, None, :]
     if gains:

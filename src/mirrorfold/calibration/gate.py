@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
-from mirrorfold.calibration.record import Array, with_samples
+from mirrorfold.calibration.record import with_samples
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, check_sweep
 
@@ -52,15 +51,13 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
             "the ambiguous range"
         )
     s = np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
-    gated = np.moveaxis(gate_samples(s, frequency, first, last), 0, sweep["s"].get_axis_num("frequency"))
+    gated = np.moveaxis(gate_samples(s, farthest, first, last), 0, sweep["s"].get_axis_num("frequency"))
     return with_samples(sweep, gated, f"time gate from {first:g} to {last:g} m")
 
 
-def gate_samples(s: NDArray[np.complexfloating], frequency: Array, start: float, stop: float) -> NDArray[np.complex128]:
-    """Samples (frequency, ...) of what arrives between two ranges [m], which count around the ambiguous range."""
-    count = frequency.size
-    step = (frequency[-1] - frequency[0]) / (count - 1)
-    farthest = speed_of_light / (2.0 * step)
+def gate_samples(s: NDArray[np.complexfloating], farthest: float, start: float, stop: float) -> NDArray[np.complex128]:
+    """Samples (frequency, ...) of what arrives between two ranges [m], which count around the ambiguous range [m]."""
+    count = len(s)
     flank = FLANK_CELLS * farthest / count
     middle, half = 0.5 * (start + stop), 0.5 * (stop - start)
     away = np.arange(count) * farthest / count - middle

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.gate import gate_samples
 from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
 from mirrorfold.errors import InputError
+from mirrorfold.sweep import ambiguous_range, wavenumber
 
 WEAKEST_DB = -40.0
 """Reference amplitudes below this level against their median are not divided by: there the instrument is deaf, and
@@ -57,12 +57,11 @@ def normalise_by_reference(
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
     tx, rx = positions(reference)
     length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)
-    frequency = reference["frequency"].values.astype(float)
-    response = reference["s"].values * np.exp(2j * np.pi / speed_of_light * frequency[:, None, None] * length)
+    response = reference["s"].values * np.exp(1j * wavenumber(reference)[:, None, None] * length)
     if gate is not None:
         if not np.isfinite(gate) or gate <= 0:
             raise InputError(f"gate is {gate!r}, expected a positive number of metres")
-        response = gate_samples(response, frequency, -gate, gate)
+        response = gate_samples(response, ambiguous_range(reference), -gate, gate)
     if not per_channel:
         response = response.mean(axis=(1, 2), keepdims=True)
     level = np.abs(response)

@@ -111,8 +111,9 @@ def remove_cable(sweep: xr.Dataset, length: float) -> xr.Dataset:
     ----------
     sweep : xarray.Dataset
     length : float [m]
-        Electrical length of all cables of the way from the generator to the receiver together, beyond what
-        earlier steps took away; echoes move nearer by half of it. A negative length moves them away.
+        Electrical length, as of light in vacuum, of all cables of the way from the generator to the receiver
+        together, beyond what earlier steps took away; echoes move nearer by half of it, less where the waves of the
+        scene are slower. A negative length moves them away.
     """
     if not isinstance(length, (int, float)) or not np.isfinite(length):
         raise InputError(f"cable length is {length!r}, expected a finite number of metres")

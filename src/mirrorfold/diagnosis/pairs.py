@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
+
+from mirrorfold.sweep import wavenumber
 
 Array = NDArray[np.float64]
 
@@ -51,8 +52,7 @@ def pairs_of(sweep: xr.Dataset) -> Pairs:
 
     Of a leading dimension, such as polarization, the first entry is taken.
     """
-    speed = float(sweep.attrs.get("wave_speed", speed_of_light))
-    wavenumber = 2.0 * np.pi / speed * sweep["frequency"].values.astype(float)
+    k = wavenumber(sweep)
     if "antenna_position" in sweep.variables:
         tx = rx = sweep["antenna_position"].values.astype(float)
         tx_of = rx_of = np.arange(len(tx))
@@ -60,9 +60,9 @@ def pairs_of(sweep: xr.Dataset) -> Pairs:
     else:
         tx, rx = (sweep[name].values.astype(float) for name in ("tx_position", "rx_position"))
         tx_of, rx_of = (index.ravel() for index in np.indices((len(tx), len(rx))))
-        s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0].reshape(wavenumber.size, -1)
+        s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0].reshape(k.size, -1)
     origin = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
-    return Pairs(s, wavenumber, tx - origin, rx - origin, tx_of, rx_of)
+    return Pairs(s, k, tx - origin, rx - origin, tx_of, rx_of)
 
 
 def on_a_line(pairs: Pairs) -> Pairs:

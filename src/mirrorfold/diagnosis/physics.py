@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.calibration.repairs import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
-from mirrorfold.diagnosis.pairs import Array, Pairs, on_a_line, pairs_of
+from mirrorfold.diagnosis.pairs import Pairs, on_a_line, pairs_of
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
+from mirrorfold.sweep import wave_speed
 
 COARSE_PITCH = 15.0
 """Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
@@ -58,12 +60,12 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
             found = (_far_apart(pairs) or direct_findings(every)) if "rx" in sweep.dims else []
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
-    found += _findings(explain(waves), 2.0 * np.pi / pairs.wavenumber)
+    found += _findings(explain(waves), speed_of_light / wave_speed(sweep))
     return found, {"waves": True, "exchange": exchange}
 
 
-def _findings(made: Explanation, wavelength: Array) -> list[Finding]:
-    """The mistakes of an explanation that is sure enough."""
+def _findings(made: Explanation, index: float) -> list[Finding]:
+    """The mistakes of an explanation that is sure enough; cables are as long as for light in vacuum."""
     found = []
     if made.sure >= SURE_ENOUGH:
         if made.conjugated:
@@ -81,13 +83,13 @@ def _findings(made: Explanation, wavelength: Array) -> list[Finding]:
             )
             found.append(Finding("tx-rx-exchanged", what, made.sure, "--swap-tx-rx"))
     if made.offset and made.sure >= SURE_ENOUGH:
-        direction = "far" if made.offset > 0 else "near"
+        direction, cable = "far" if made.offset > 0 else "near", 2.0 * made.offset * index
         what = (
             f"Echoes stand {abs(made.offset):.2f} m too {direction} for the curvature of their waves "
-            f"(+-{max(made.offset_error, 0.02):.2f} m): a delay of {2 * made.offset:.2f} m of cable is left in the "
+            f"(+-{max(made.offset_error, 0.02):.2f} m): a delay of {cable:.2f} m of cable is left in the "
             "sweep."
         )
-        found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {2 * made.offset:.2f}"))
+        found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {cable:.2f}"))
     return found
 
 
