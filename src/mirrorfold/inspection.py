@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
 from mirrorfold.errors import InputError
@@ -451,8 +452,6 @@ def _pitch(position: Array) -> float | None:
     places = np.unique(position, axis=0)
     if len(places) < 2:
         return None
-    from scipy.spatial import cKDTree
-
     return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
 
 

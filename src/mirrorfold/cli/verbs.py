@@ -243,13 +243,13 @@ def focus(
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
         geometry = load_geometry(sweep)
+    prepare, describe = import_module("mirrorfold.focusing").prepare, mf.info  # two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         # The plan is made while the samples are read and described.
         reading = beside.submit(read, sweep, "sweep")
-        described = beside.submit(lambda: mf.info(reading.result(), diagnose=False))
-        with suppress(InputError):  # focusing says what is wrong
-            prepare = import_module("mirrorfold.focusing").prepare
-            if geometry is not None:
+        described = beside.submit(lambda: describe(reading.result(), diagnose=False))
+        if geometry is not None:
+            with suppress(InputError):  # focusing says what is wrong
                 prepare(geometry, **axes, tolerance=tolerance, taper=taper)
         measured = reading.result()
         with progress("focusing") as report:
