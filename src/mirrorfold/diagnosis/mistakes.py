@@ -15,9 +15,9 @@ from mirrorfold.diagnosis.wavefronts import Wavefronts
 Array = NDArray[np.float64]
 
 PENALTY = 0.03
-"""What each mistake, a range offset among them, has to explain more than the sweep as it stands, in the mean fit: half
-the smallest margin by which single mistakes showed in full-wave simulations of 3 cm arrays, a tenth of that of 8 cm
-arrays. No wrong explanation fitted better than the right one for its free offset."""
+"""What each mistake, a range offset among them, has to explain more than the sweep as it stands, in the mean fit: a
+third of the smallest margin by which single mistakes showed in full-wave simulations of 3 cm arrays, a tenth of that of
+8 cm arrays. No wrong explanation fitted better than the right one for its free offset."""
 
 RESAMPLES = 200
 """Draws of the gates, with repetition, that tell how sure a conclusion is (Efron, Ann. Statist. 7, 1979)."""

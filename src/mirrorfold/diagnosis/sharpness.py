@@ -55,8 +55,11 @@ WHAT = {
 
 
 def sharpness_findings(sweep: xr.Dataset) -> tuple[list[Finding], bool]:
-    """The mistakes that smear the image of a moving antenna, and whether any of the four images stood out."""
-    if sweep.attrs.get("scene_center") is None or min(sweep["s"].shape[-2:]) < FEWEST:
+    """The mistakes that smear the image of a moving antenna, and whether any of the four images stood out.
+
+    Of a sweep ``s(frequency, position)`` with the attribute `scene_center`.
+    """
+    if min(sweep["s"].shape[-2:]) < FEWEST:
         return [], False
     first = sweep.isel(dict.fromkeys(sweep["s"].dims[:-2], 0))
     if not np.any(first["s"].values):
