@@ -25,7 +25,7 @@ from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.diagnosis import diagnose
-from mirrorfold.scene import parse_scene
+from mirrorfold.scenes.floor_plan import parse_scene
 
 FAMILIES = ("one wall", "two walls", "corridor", "three bounces", "drywall", "discs")
 EXPECTED = {

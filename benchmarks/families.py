@@ -21,8 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 import mirrorfold as mf
-from mirrorfold.metrics import visible_truth
-from mirrorfold.scene import Scene, parse_scene
+from mirrorfold.scenes.floor_plan import Scene, parse_scene
+from mirrorfold.scoring.images import visible_truth
 
 Generator = np.random.Generator
 Surface = dict[str, Any]

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 import mirrorfold as mf
-from mirrorfold.folding import FoldPlan
+from mirrorfold.folding.plan import FoldPlan
 from mirrorfold.viewing.server import TOKEN_HEADER, Server
 from mirrorfold.viewing.session import Session
 
@@ -40,7 +40,7 @@ def timed(act: Callable[[int], Any], repeats: int = REPEATS) -> tuple[float, flo
 
 
 def main() -> None:
-    scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "hidden_corner.toml"))))
+    scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", "hidden_corner.toml"))))
     sweep = mf.simulate(scene)
     image = mf.focus(sweep, x=np.linspace(-2.3, 1.7, 800), y=np.linspace(0.2, 3.0, 600), tolerance=1e-3)
     found = mf.fold(image, sweep=sweep)

@@ -26,15 +26,15 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 import mirrorfold as mf
-from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
-from mirrorfold.geometry import reflect
-from mirrorfold.peaks import find_peaks, to_radar_volume
-from mirrorfold.planes import find_planes
-from mirrorfold.scene import parse_scene
-from mirrorfold.simulation.meshes import solids
-from mirrorfold.simulation.raster import find_echoes, measure
-from mirrorfold.volume_folding import find_worlds, folded_voxels
-from mirrorfold.volume_score import patch_contrast
+from mirrorfold.common.geometry import reflect
+from mirrorfold.detection.planes import find_planes
+from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
+from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+from mirrorfold.folding.volumes import find_worlds, folded_voxels
+from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.scoring.volumes import patch_contrast
+from mirrorfold.simulation.raster.meshes import solids
+from mirrorfold.simulation.raster.sweep import find_echoes, measure
 
 Content = dict[str, Any]
 
@@ -49,7 +49,7 @@ SNR_DB = 20.0
 
 def shipped(name: str) -> Content:
     """The content of a shipped scene."""
-    return tomllib.loads(files("mirrorfold").joinpath("scenes", f"{name}.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def part(content: Content, name: str) -> Content:
@@ -278,7 +278,7 @@ def simulator_error() -> float:
     scene = parse_scene(content)
     echoes, _ = find_echoes(scene, bounces=1, seed=0, density=0.1)
     fast = measure(scene, echoes)
-    from mirrorfold.beam import beam_direction
+    from mirrorfold.common.beams import beam_direction
 
     azimuth, elevation = scene.scanner.angles
     frequency = scene.band.frequency

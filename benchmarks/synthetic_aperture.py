@@ -24,7 +24,7 @@ from rich.table import Table
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.scene import Circle, Scene, load_scene
+from mirrorfold.scenes.floor_plan import Circle, Scene, load_scene
 
 LARGEST_DELAY = 2e-3
 SNR_DB = 20.0
@@ -35,7 +35,7 @@ CABLE = 1.7
 
 def scene() -> Scene:
     """The shipped scene."""
-    found = load_scene(Path(str(files("mirrorfold").joinpath("scenes", "synthetic_aperture.toml"))))
+    found = load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", "synthetic_aperture.toml"))))
     assert isinstance(found, Scene)
     return found
 

@@ -14,7 +14,7 @@ import mirrorfold as mf
 # The scene comes along. Its file is also the truth that the result will be compared with; nothing on the way there
 # looks at it.
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "hidden_corner.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "hidden_corner.toml"))
 sweep = mf.simulate(scene, snr_db=20.0, seed=1)
 print(sweep["s"].sizes)
 

@@ -9,8 +9,8 @@ the tree of mirrors: what is seen by way of a mirror may be a mirror.
 import matplotlib.pyplot as plt
 
 import mirrorfold as mf
-from mirrorfold.levels import COLOURS
-from mirrorfold.scene import parse_scene
+from mirrorfold.common.decibels import COLOURS
+from mirrorfold.scenes.floor_plan import parse_scene
 
 # %%
 # Three metal panels turn the view to the left, ahead, and to the left again, like a periscope. At its end stands a

@@ -17,7 +17,7 @@ from matplotlib.animation import FuncAnimation
 import mirrorfold as mf
 
 FREQUENCY = 4e9
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "hidden_corner.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "hidden_corner.toml"))
 scene = replace(scene, surface=tuple(replace(surface, roughness=None) for surface in scene.surface))
 
 # %%

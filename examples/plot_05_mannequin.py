@@ -15,7 +15,7 @@ import mirrorfold as mf
 # %%
 # The scene comes along; for this page the scan is coarsened to 81 x 81 beams.
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "drywall-mannequin.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "drywall-mannequin.toml"))
 axes = {name: replace(getattr(scene.scanner, name), points=81) for name in ("azimuth", "elevation")}
 scene = replace(scene, scanner=replace(scene.scanner, **axes))
 sweep = mf.simulate(scene, snr_db=20.0)

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 
 import mirrorfold as mf
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "corridor.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "corridor.toml"))
 angles = {name: replace(getattr(scene.scanner, name), points=61) for name in ("azimuth", "elevation")}
 scene = replace(scene, scanner=replace(scene.scanner, **angles))
 sweep = mf.simulate(scene, snr_db=20.0, bounces=2)

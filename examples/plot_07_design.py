@@ -10,7 +10,7 @@ long it takes.
 import matplotlib.pyplot as plt
 
 import mirrorfold as mf
-from mirrorfold import plot_plan
+from mirrorfold.plotting import planning as plot_plan
 
 ROUGHNESS = (50e-6, 200e-6)
 plan = mf.plan(

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.scene import parse_scene
+from mirrorfold.scenes.floor_plan import parse_scene
 
 # %%
 # A wall, and what it shows; and the sphere alone, before the same array.

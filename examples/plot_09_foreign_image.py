@@ -19,7 +19,7 @@ import mirrorfold as mf
 # Some other tool has made this image; here we borrow our own, throw the phase away, and keep 8 bits of amplitude in
 # dB, as a picture would.
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "hidden_corner.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "hidden_corner.toml"))
 scene = replace(scene, array=replace(scene.array, elements=121), band=replace(scene.band, points=301))
 x, y = np.arange(-1.9, 1.2, 0.005), np.arange(0.6, 3.3, 0.005)
 image = mf.focus(mf.simulate(scene), x=x, y=y, tolerance=1e-3)

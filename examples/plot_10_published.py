@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 
 import mirrorfold as mf
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "hidden_corner.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "hidden_corner.toml"))
 scene = replace(scene, array=replace(scene.array, elements=121), band=replace(scene.band, points=301))
 sweep = mf.add_noise(mf.simulate(scene), snr_db=0.0, seed=3)
 

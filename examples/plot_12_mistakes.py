@@ -15,7 +15,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 
-scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "hidden_corner.toml"))
+scene = mf.load_scene(str(files("mirrorfold") / "scenes" / "shipped" / "hidden_corner.toml"))
 scene = replace(scene, array=replace(scene.array, elements=81), band=replace(scene.band, points=301))
 right = mf.add_noise(mf.simulate(scene), snr_db=20.0, seed=0)
 

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mirrorfold as mf
-from mirrorfold.scene import parse_scene
+from mirrorfold.scenes.floor_plan import parse_scene
 
 ROUGH = {"rms_height": 0.1e-3, "correlation_length": 0.4e-3}
 scene = parse_scene(

@@ -10,7 +10,7 @@ import xarray as xr
 from browser import chromium  # noqa: F401
 from scipy.constants import speed_of_light
 
-from mirrorfold.geometry import reflect, segment_normal
+from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.sweep import make_sweep
 
 SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.constants import speed_of_light
 from scipy.special import hankel2, j0, jv, y0
 
-from mirrorfold.scene import Scene, parse_scene
+from mirrorfold.scenes.floor_plan import Scene, parse_scene
 from mirrorfold.simulation.fullwave.contours import contours
 from mirrorfold.simulation.fullwave.discretisation import ZETA, Nodes, discretise
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirrorfold.scene import parse_scene
+from mirrorfold.scenes.floor_plan import parse_scene
 
 ROUGH = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 BOARD = {"material": "plasterboard", "roughness": ROUGH, "volume_depth": 0.015}

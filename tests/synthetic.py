@@ -7,7 +7,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
-from mirrorfold.polar import PolarImage
+from mirrorfold.detection.image_view import PolarImage
 
 FREQUENCY_START, FREQUENCY_STOP, FREQUENCY_POINTS = 290e9, 300e9, 401
 BAND = (FREQUENCY_STOP - FREQUENCY_START) * FREQUENCY_POINTS / (FREQUENCY_POINTS - 1)

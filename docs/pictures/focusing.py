@@ -11,9 +11,9 @@ from scipy.constants import speed_of_light
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from mirrorfold.common.windows import window
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.taper import window
 from mirrorfold.focusing.tfm import direct_sum
 from mirrorfold.sweep import make_sweep
 

@@ -27,7 +27,7 @@ def main() -> None:
         folder = Path(temporary)
         browser = started.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         for name, snr_db in (("hidden_corner", None), ("corridor", 20.0)):
-            scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", f"{name}.toml"))))
+            scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml"))))
             sweep = mf.simulate(scene, snr_db=snr_db)
             reconstruction = mf.reconstruct(sweep)
             page = mf.report(reconstruction, folder / f"{name}.html", scene=scene)

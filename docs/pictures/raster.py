@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import mirrorfold as mf
-from mirrorfold import plot_volume
+from mirrorfold.plotting import volumes as plot_volume
 
 HERE = Path(__file__).resolve().parent
 DPI = 80
@@ -15,7 +15,7 @@ DPI = 80
 def main() -> None:
     """Simulate the shipped scenes, fold them and draw."""
     for name in ("drywall-mannequin", "drywall-control", "corridor"):
-        scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", f"{name}.toml"))))
+        scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml"))))
         result = mf.reconstruct(mf.simulate(scene, snr_db=20.0))
         plot_volume.body(result).savefig(HERE / f"raster-{name}-body.png", dpi=DPI)
         if name != "drywall-control":

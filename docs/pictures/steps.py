@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 import mirrorfold as mf
-from mirrorfold.levels import COLOURS, TRUTH_COLOUR
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 
 HERE = Path(__file__).resolve().parent
 BEFORE = (-2.2, 1.15, -0.15, 3.15)
@@ -124,7 +124,7 @@ def arrow(axes: plt.Axes, start: object, stop: object, colour: str) -> None:
 
 def main() -> None:
     """Simulate the hidden corner, fold it, and draw each step."""
-    scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "hidden_corner.toml"))))
+    scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", "hidden_corner.toml"))))
     reconstruction = mf.reconstruct(mf.simulate(scene))
 
     figure, axes = panel(BEFORE)

@@ -19,20 +19,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
-    from mirrorfold import plot, plot_volume
+    from mirrorfold import plotting as plot
+    from mirrorfold.describing.facts import info
+    from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
-    from mirrorfold.folding import FoldPlan, fold
-    from mirrorfold.inspection import info
+    from mirrorfold.folding.plan import FoldPlan, fold
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
-    from mirrorfold.metrics import score
-    from mirrorfold.planning import plan
+    from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import reconstruct
     from mirrorfold.reporting import report
-    from mirrorfold.scene import Scene, load_scene
+    from mirrorfold.scenes.floor_plan import Scene, load_scene
+    from mirrorfold.scenes.solids import Scene3D
+    from mirrorfold.scoring.images import score
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
-    from mirrorfold.solids import Scene3D
     from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
     from mirrorfold.viewing import view
 
@@ -40,38 +41,38 @@ __version__ = "0.1.0"
 
 _HOME = {
     "FocusPlan": "focusing",
-    "FoldPlan": "folding",
+    "FoldPlan": "folding.plan",
     "InputError": "errors",
-    "Scene": "scene",
-    "Scene3D": "solids",
+    "Scene": "scenes.floor_plan",
+    "Scene3D": "scenes.solids",
     "add_noise": "sweep",
     "check_sweep": "sweep",
     "export": "io",
     "focus": "focusing",
-    "fold": "folding",
+    "fold": "folding.plan",
     "import_data": "io",
     "import_image": "io",
-    "info": "inspection",
+    "info": "describing.facts",
     "load": "io",
-    "load_scene": "scene",
+    "load_scene": "scenes.floor_plan",
     "make_monostatic_sweep": "sweep",
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
-    "plan": "planning",
+    "plan": "describing.planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "report": "reporting",
     "save": "io",
     "save_touchstone": "io",
-    "score": "metrics",
+    "score": "scoring.images",
     "simulate": "simulation",
     "to_voxels": "focusing",
     "view": "viewing",
 }
 """The module that each name of the flat face comes from."""
 
-_MODULES = {"calibrate": "calibration", "plot": "plot", "plot_volume": "plot_volume"}
+_MODULES = {"calibrate": "calibration", "plot": "plotting", "plot_volume": "plotting.volumes"}
 """Modules of the flat face, by the names that they have there."""
 
 __all__ = [  # noqa: RUF022  in the order of the work
@@ -132,7 +133,7 @@ def load_ipython_extension(shell: Any) -> None:
     """
 
     def show(tree: Any) -> str:
-        return importlib.import_module("mirrorfold.notebook").to_html(tree)
+        return importlib.import_module("mirrorfold.viewing.notebook").to_html(tree)
 
     shell.display_formatter.formatters["text/html"].for_type_by_name("xarray.core.datatree", "DataTree", show)
 

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from mirrorfold.focusing import focus
-from mirrorfold.folding import fold
+from mirrorfold.folding.plan import fold
 from mirrorfold.sweep import is_monostatic, is_raster
 
 Progress = Callable[[int, int], None]

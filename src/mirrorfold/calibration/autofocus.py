@@ -17,10 +17,10 @@ from scipy.ndimage import maximum_filter
 
 from mirrorfold.calibration.record import Array, checked_pairs, recorded, with_samples
 from mirrorfold.calibration.reflectors import positions
+from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.grid import default_grid
-from mirrorfold.focusing.taper import window
 from mirrorfold.sweep import wave_speed, wavenumber
 
 GUIDES = 32

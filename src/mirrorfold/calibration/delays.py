@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.taper import window
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -82,8 +82,8 @@ def plan(
     json
         Print all numbers as one JSON object.
     """
+    from mirrorfold.describing.planning import Instrument
     from mirrorfold.io.files import check_output, written_whole
-    from mirrorfold.planning import Instrument
 
     if output is not None:
         check_output(output)
@@ -114,7 +114,7 @@ def plan(
     )
     files: list[Any] = []
     if output is not None:
-        from mirrorfold import plot_plan
+        from mirrorfold.plotting import planning as plot_plan
 
         with written_whole(output) as temporary:
             plot_plan.plan(found, roughness=heights, detection_db=detection_db).savefig(temporary)

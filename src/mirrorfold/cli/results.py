@@ -74,7 +74,7 @@ def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> li
     if "z" not in reconstruction.children["objects"].variables:
         mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
         return [RECONSTRUCTION, PICTURE, REPORT]
-    from mirrorfold import plot_volume
+    from mirrorfold.plotting import volumes as plot_volume
 
     mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)

@@ -75,7 +75,7 @@ def demo(
 
     file = DEMO_SCENES[scene]
     check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
-    text = package_files("mirrorfold").joinpath("scenes", file).read_text(encoding="utf-8")
+    text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
         (directory / file).write_text(text, encoding="utf-8")
         truth = mf.load_scene(directory / file)
@@ -308,7 +308,7 @@ def fold(
     json
         Print mirrors and counts as one JSON object.
     """
-    from mirrorfold.given import read_lines
+    from mirrorfold.detection.known_mirrors import read_lines
     from mirrorfold.io.files import check_output
 
     check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])

@@ -15,11 +15,11 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.beam import beam_radius
+from mirrorfold.common.beams import beam_radius
+from mirrorfold.detection.planes import find_planes
+from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.focusing import focus
-from mirrorfold.peaks import find_peaks, to_radar_volume
-from mirrorfold.planes import find_planes
 from mirrorfold.sweep import ambiguous_range
 
 Array = NDArray[np.float64]

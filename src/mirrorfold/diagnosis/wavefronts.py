@@ -29,9 +29,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import for_each
 from mirrorfold.diagnosis.pairs import Pairs
 from mirrorfold.focusing.tfm import unit_phasor
-from mirrorfold.focusing.threads import for_each
 
 Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]

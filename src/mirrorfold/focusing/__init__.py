@@ -5,7 +5,7 @@ from __future__ import annotations
 from mirrorfold.focusing.api import focus
 from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
 from mirrorfold.focusing.plan import FocusPlan, prepare
-from mirrorfold.focusing.raster import focus_raster, plan_view, to_voxels
+from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 
 __all__ = [
     "FocusPlan",

@@ -9,14 +9,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.threads import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.plan import Apodization, check_measurement, make_problem, prove
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.raster import focus_raster, to_voxels
+from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
 from mirrorfold.focusing.tfm import focus_exact
-from mirrorfold.focusing.threads import Progress
 from mirrorfold.sweep import is_raster
 from mirrorfold.sweep import wave_speed as own_wave_speed
 

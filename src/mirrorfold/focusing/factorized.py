@@ -17,11 +17,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import Progress, for_each
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
 from mirrorfold.focusing.nodes import UnsuitedError
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.tfm import ROUNDING, focus_exact, unit_phasor
-from mirrorfold.focusing.threads import Progress, for_each
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

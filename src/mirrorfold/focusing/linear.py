@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import Progress
 from mirrorfold.focusing.lattice import Lattice, across, build_lattice, line_of, natural_pitch
 from mirrorfold.focusing.nodes import Sector, UnsuitedError
-from mirrorfold.focusing.polar import PolarSector
+from mirrorfold.focusing.polar_plan import PolarSector
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.tfm import ROUNDING, focus_exact
-from mirrorfold.focusing.threads import Progress
 from mirrorfold.focusing.window import windowed
 
 SECTOR_EDGES = (1.5, 3.0, 6.0)

@@ -10,6 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.memory import available_memory
+from mirrorfold.common.threads import Progress
+from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.factorized import FactorizedPlan
@@ -17,10 +20,7 @@ from mirrorfold.focusing.grid import default_grid, extent
 from mirrorfold.focusing.linear import PolarPlan
 from mirrorfold.focusing.nodes import UnsuitedError
 from mirrorfold.focusing.problem import Problem, pixel_axis
-from mirrorfold.focusing.taper import window
 from mirrorfold.focusing.tfm import ROUNDING, TABLE_BYTES, focus_exact
-from mirrorfold.focusing.threads import Progress
-from mirrorfold.memory import available_memory
 from mirrorfold.sweep import MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, antenna_positions, check_sweep
 from mirrorfold.sweep import wave_speed as own_wave_speed
 

@@ -24,9 +24,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import jv
 
+from mirrorfold.common.threads import Progress, for_each
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.threads import Progress, for_each
 
 Tables = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
 """Of the antennas on one tile: reference path [cells], path less that, real and imaginary part of the phase factor."""

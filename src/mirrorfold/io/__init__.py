@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
-    from mirrorfold.scene import Scene
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 
 def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D:
@@ -34,7 +34,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     """
     path = Path(path)
     if path.suffix.lower() == ".toml":
-        from mirrorfold.scene import load_scene
+        from mirrorfold.scenes.floor_plan import load_scene
 
         return load_scene(path)
     _prepare_to_read(path)

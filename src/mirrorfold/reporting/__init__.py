@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 if TYPE_CHECKING:
-    from mirrorfold.scene import Scene
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 LARGEST_PAGE = 6_000_000
 """Of the file [bytes]: it still goes as an attachment."""
@@ -45,7 +45,7 @@ def report(
     from mirrorfold.io.netcdf import check_reconstruction
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
-    from mirrorfold.scene import load_scene
+    from mirrorfold.scenes.floor_plan import load_scene
 
     path = Path(path)
     checked = check_reconstruction(reconstruction)

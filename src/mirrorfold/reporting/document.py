@@ -16,11 +16,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold import __version__
-from mirrorfold.levels import COLOURS, TRUTH_COLOUR, bounce_label, reference
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
 
 if TYPE_CHECKING:
-    from mirrorfold.scene import Scene
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def to_document(
         "facts": _facts(objects, mirrors),
     }
     if scene is not None and scored:
-        from mirrorfold.metrics import score
+        from mirrorfold.scoring.images import score
 
         document["score"] = score_rows(score(reconstruction, scene))
     return document
@@ -180,7 +180,7 @@ def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
         return [np.round(piece, 4).tolist() for piece in pieces]
-    from mirrorfold.simulation.meshes import solids
+    from mirrorfold.simulation.raster.meshes import solids
 
     around = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
     return [

@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.errors import InputError
-from mirrorfold.scene import Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, load_scene
 from mirrorfold.simulation.horns import point_sources
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.solids import Scene3D
 
 SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
@@ -98,7 +98,7 @@ def simulate(
 
     Examples
     --------
-    >>> from mirrorfold.scene import parse_scene
+    >>> from mirrorfold.scenes.floor_plan import parse_scene
     >>> scene = parse_scene({
     ...     "name": "mirror at one metre",
     ...     "array": {"elements": 1, "pitch": 0.5e-3},
@@ -129,7 +129,7 @@ def simulate(
     if not isinstance(scene, Scene):
         if solver == "fullwave":
             raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
-        from mirrorfold.simulation.raster import simulate_raster
+        from mirrorfold.simulation.raster.sweep import simulate_raster
 
         return simulate_raster(
             scene, bounces=int(bounces), seed=int(seed), snr_db=snr_db, force=force, progress=progress
@@ -139,7 +139,7 @@ def simulate(
     scene, gather = point_sources(scene)
     settings: dict[str, Any]
     if solver == "rays":
-        from mirrorfold.simulation.rays import scattered_field
+        from mirrorfold.simulation.rays.sweep import scattered_field
 
         s = scattered_field(scene, bounces=int(bounces), seed=int(seed), progress=progress)
         settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
@@ -231,7 +231,7 @@ def estimate(
     """
     scene = load_scene(scene) if isinstance(scene, str | Path) else scene
     if not isinstance(scene, Scene):
-        from mirrorfold.simulation import raster
+        from mirrorfold.simulation.raster import sweep as raster
 
         return raster.estimate(scene, bounces=bounces, seed=seed)
     if solver != "fullwave":

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.arrays import LinearArray
-from mirrorfold.scene import Scene
+from mirrorfold.scenes.arrays import LinearArray
+from mirrorfold.scenes.floor_plan import Scene
 
 HALF_WAVE_TOLERANCE = 0.01
 """Share of half a wavelength by which sources may stand further apart: a beam's replica stays at the horizon."""

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mirrorfold.scene import Scene
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 
 def view(
@@ -44,7 +44,7 @@ def view(
         If there is no such file, the port cannot be had, or the scene is wrong.
     """
     from mirrorfold.errors import InputError
-    from mirrorfold.scene import load_scene
+    from mirrorfold.scenes.floor_plan import load_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 

@@ -13,18 +13,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.detection.known_mirrors import check_lines, write_lines
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
-from mirrorfold.folding import PRESETS, FoldPlan, fold, initial_image
-from mirrorfold.given import check_lines, write_lines
+from mirrorfold.folding.plan import PRESETS, FoldPlan, fold, initial_image
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 
 if TYPE_CHECKING:
-    from mirrorfold.scene import Scene
-    from mirrorfold.solids import Scene3D
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 Array = NDArray[np.float64]
 

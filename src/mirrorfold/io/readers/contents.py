@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.memory import available_memory
 from mirrorfold.errors import InputError
-from mirrorfold.memory import available_memory
 
 HARMLESS_BYTES = 64 << 20
 """What a file may expand to in any case."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
-from mirrorfold.scene import Band, Scene, load_scene
+from mirrorfold.scenes.floor_plan import Band, Scene, load_scene
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import currents
@@ -64,7 +64,7 @@ def near_field(
 
     Examples
     --------
-    >>> from mirrorfold.scene import parse_scene
+    >>> from mirrorfold.scenes.floor_plan import parse_scene
     >>> scene = parse_scene({
     ...     "name": "strip",
     ...     "array": {"elements": 1, "pitch": 0.5e-3},

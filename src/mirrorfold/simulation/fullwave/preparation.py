@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.memory import available_memory
 from mirrorfold.errors import InputError
-from mirrorfold.memory import available_memory
-from mirrorfold.scene import Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene, Surface
 from mirrorfold.simulation.fullwave.compression import compress
 from mirrorfold.simulation.fullwave.contours import contours, outline_length
 from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise

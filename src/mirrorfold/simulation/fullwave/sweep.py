@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.memory import available_memory
 from mirrorfold.errors import InputError
-from mirrorfold.memory import available_memory
-from mirrorfold.scene import Band, Scene
+from mirrorfold.scenes.floor_plan import Band, Scene
 from mirrorfold.simulation.fullwave.checkpoint import Checkpoint, fingerprint
 from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
@@ -195,7 +195,7 @@ def longest_strong_echo(scene: Scene) -> float:
 
     Splines are left out, which rays cannot follow.
     """
-    from mirrorfold.simulation.rays import scattered_field
+    from mirrorfold.simulation.rays.sweep import scattered_field
 
     straight = tuple(surface for surface in scene.surface if surface.kind != "curve")
     if not straight:

@@ -1,0 +1,1 @@
+"""What a file holds and resolves, and what a measurement will show before it is made."""

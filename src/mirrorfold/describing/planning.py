@@ -1,0 +1,331 @@
+"""What a measurement will show, before it is made: resolution, ambiguity, mirrors, bounces, data, time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import Boltzmann, speed_of_light
+
+from mirrorfold.describing.facts import resolution
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.grid import default_grid
+from mirrorfold.scenes.materials import Dielectric, coherent_factor, material, names
+
+Array = NDArray[np.float64]
+
+ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+"""Angles of incidence at which a wall is described [degree]."""
+
+TEMPERATURE = 290.0
+"""Of noise figures, by definition [K]."""
+
+BYTES_PER_SAMPLE = 8
+"""complex64."""
+
+MOST_BOUNCES = 12
+"""No scene was ever folded as deep."""
+
+SAMPLES_PER_SECOND = 8e7
+PIXELS_PER_SECOND = 2e7
+"""Speed of focusing on two cores by the structured path, from `benchmarks/focus.py`: 161 x 161 x 201 samples to 600 x
+800 pixels in 80 ms."""
+
+FOLDING_PIXELS_PER_SECOND = 1e6
+"""Speed of steps 2 to 6 on two cores, from `benchmarks/families.py`: two to three seconds for three million pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instrument:
+    """The radar's electronics, for the link budget and the time.
+
+    Attributes
+    ----------
+    power_dbm : float [dBm]
+        Transmitted; 0 is a modest frequency extender at 0.3 THz.
+    gain_dbi : float [dBi]
+        Of each antenna, transmitting and receiving; 20 is a small horn.
+    noise_figure_db : float [dB]
+        Of the receiver, conversion loss included.
+    if_bandwidth : float [Hz]
+        Of the receiver: one sample takes its inverse.
+    settling : float [s]
+        Between two samples, on top of that.
+    moving : float [s]
+        From one position of a stage to the next; zero where all antennas are there at once.
+    """
+
+    power_dbm: float = 0.0
+    gain_dbi: float = 20.0
+    noise_figure_db: float = 20.0
+    if_bandwidth: float = 1e4
+    settling: float = 5e-5
+    moving: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not isinstance(value, (int, float)) or not np.isfinite(value):
+                raise InputError(f"{name} is {value!r}, expected a finite number")
+        if self.if_bandwidth <= 0 or self.settling < 0 or self.moving < 0:
+            raise InputError("if_bandwidth must be above zero, settling and moving must not be negative")
+
+
+def plan(
+    *,
+    band: tuple[float, float],
+    points: int,
+    aperture: float,
+    pitch: float,
+    range: float,
+    rx_aperture: float | None = None,
+    rx_pitch: float | None = None,
+    materials: Sequence[str] = ("plasterboard",),
+    roughness: tuple[float, float | None] = (50e-6, None),
+    target: float = 1e-3,
+    leg: float | None = None,
+    detection_db: float = 13.0,
+    instrument: Instrument | None = None,
+) -> dict[str, Any]:
+    """What a radar with two line arrays will resolve in a room, and how many bounces it will see.
+
+    *Walls.* ``|R|^2 rho^2`` of the power is mirrored and ``|R|^2 (1 - rho^2)`` scattered by the surface, with Fresnel's
+    coefficient R of the half-space and what roughness leaves, ``rho = exp(-(4 pi h cos(t) / lambda)^2 / 2)`` (Ament
+    1953; Recommendation ITU-R P.2040 for the materials).
+
+    *Link budget.* A target of cross section sigma at the range r returns ``P G^2 lambda^2 sigma / ((4 pi)^3 r^4)``, by
+    way of n mirrors ``(|R|^2 rho^2)^(2 n)`` of it, from ``r = range + n leg``. Focusing adds up all samples in phase,
+    which multiplies signal over noise, ``k T F`` times the bandwidth of the receiver, by their number.
+
+    Parameters
+    ----------
+    band : (start, stop) [Hz]
+    points : int
+        Frequencies, both ends included.
+    aperture, pitch : float [m]
+        Length of the transmitting array and distance of neighbours.
+    range : float [m]
+        To the farthest thing in line of sight.
+    rx_aperture, rx_pitch : float [m], optional
+        Of the receiving array; the same by default.
+    materials : list of str, default ("plasterboard",)
+        Of the walls, by the names of scene files; the first serves for the link budget.
+    roughness : (rms height, correlation length or None) [m], default (50 um, None)
+        Without a correlation length the heights vary slowly.
+    target : float [m^2], default 0.001
+        Cross section of what is to be seen in one resolution cell.
+    leg : float [m], optional
+        Way that each bounce adds to the range; half of `range` by default.
+    detection_db : float [dB], default 13
+        Signal over noise in the image from which a thing counts as seen.
+    instrument : Instrument, optional
+
+    Returns
+    -------
+    dict
+        Plain numbers, strings, lists and dicts, named as by `mirrorfold.info`, with `remarks`.
+
+    Raises
+    ------
+    InputError
+        If an argument makes no sense.
+    """
+    leg = 0.5 * range if leg is None else leg
+    _check(band, points, aperture, pitch, range, rx_aperture, rx_pitch, roughness, target, leg, detection_db)
+    instrument = instrument or Instrument()
+    if not materials:
+        raise InputError(f"materials is empty, expected one or more of: {', '.join(MATERIALS)}")
+    frequency = np.linspace(band[0], band[1], points)
+    tx = _line(aperture, pitch)
+    rx = _line(aperture if rx_aperture is None else rx_aperture, pitch if rx_pitch is None else rx_pitch)
+    facts, remarks = resolution(frequency, tx, rx)
+    wavelength = speed_of_light / float(frequency.mean())
+    facts["cross_range_resolution_m"] = {f"{range:g}": wavelength * range / max(float(np.ptp(tx)), float(np.ptp(rx)))}
+    walls = {name: wall(name, float(frequency.mean()), roughness) for name in materials}
+    budget = _link_budget(
+        facts, walls[materials[0]], range, leg, target, wavelength, len(tx) * len(rx), points, instrument
+    )
+    by_noise = sum(1 for row in budget if row["snr_db"] >= detection_db) - 1
+    by_ambiguity = sum(1 for row in budget if row["range_m"] <= facts["ambiguous_range_m"]) - 1
+    samples = len(tx) * len(rx) * points
+    x, y = default_grid(frequency, tx, rx)
+    measuring = samples * (1.0 / instrument.if_bandwidth + instrument.settling)
+    measuring += instrument.moving * (len(tx) * len(rx) - 1)
+    pixels = x.size * y.size
+    if by_ambiguity < 0:
+        remarks.append(
+            f"The ambiguous range, {facts['ambiguous_range_m']:.3g} m, is shorter than the room, {range:g} m; "
+            f"measure at least {_points_for(range, band)} frequencies."
+        )
+    elif by_ambiguity < min(by_noise, 3):
+        needed = _points_for(range + leg * min(by_noise, 3), band)
+        remarks.append(
+            f"Echoes of more than {by_ambiguity} bounces arrive beyond the ambiguous range, "
+            f"{facts['ambiguous_range_m']:.3g} m, and wrap around into the scene; measure at least {needed} "
+            "frequencies."
+        )
+    if by_noise < 0:
+        remarks.append(
+            "Not even the line of sight stands above the noise; transmit more power, narrow the bandwidth, or come "
+            "nearer."
+        )
+    diffuse = walls[materials[0]]["diffuse_db"][0]
+    if diffuse is None or diffuse < INVISIBLE_DB:
+        remarks.append("The walls are so smooth that they scatter next to nothing: away from broadside they stay dark.")
+    if walls[materials[0]]["specular_te_db"][3] < DULL_DB:
+        remarks.append("The walls mirror so little at 45 degrees that bounces fade quickly; choose a lower band.")
+    return {
+        "kind": "plan",
+        **facts,
+        "walls": walls,
+        "link_budget": budget,
+        "bounces_above_noise": by_noise if by_noise >= 0 else None,
+        "bounces_unambiguous": by_ambiguity if by_ambiguity >= 0 else None,
+        "bounces": max(min(by_noise, by_ambiguity), 0) if min(by_noise, by_ambiguity) >= 0 else None,
+        "samples": samples,
+        "data_megabytes": samples * BYTES_PER_SAMPLE / 1e6,
+        "measuring_s": measuring,
+        "image_pixels": pixels,
+        "focusing_s": samples / SAMPLES_PER_SECOND + pixels / PIXELS_PER_SECOND,
+        "folding_s": pixels / FOLDING_PIXELS_PER_SECOND,
+        "remarks": remarks,
+    }
+
+
+INVISIBLE_DB = -60.0
+"""Share of the power that a wall scatters below which it cannot be found but by its glint [dB]."""
+
+DULL_DB = -25.0
+"""Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
+
+
+def wall(
+    name: str, frequency: float, roughness: tuple[float, float | None], angles: Sequence[float] = ANGLES
+) -> dict[str, Any]:
+    """Shares of the power that a wall mirrors and scatters, by angle of incidence [degree].
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    frequency : float [Hz]
+    roughness : (rms height, correlation length or None) [m]
+    angles : list of float [degree]
+
+    Returns
+    -------
+    dict
+        `angle_deg`; `specular_te_db`, `specular_tm_db` for E perpendicular to the plane of incidence and in it;
+        `diffuse_db` of the mean of both. None where there is no power.
+    """
+    specular, diffuse = shares(name, np.array(frequency), np.radians(angles), roughness)
+    return {
+        "angle_deg": [float(angle) for angle in angles],
+        "specular_te_db": [_decibel(value) for value in specular[0]],
+        "specular_tm_db": [_decibel(value) for value in specular[1]],
+        "diffuse_db": [_decibel(value) for value in diffuse.mean(axis=0)],
+    }
+
+
+def shares(name: str, frequency: Array, angle: Array, roughness: tuple[float, float | None]) -> tuple[Array, Array]:
+    """Mirrored and scattered shares of the power, (2, ...) each for TE and TM; frequency [Hz], angle [rad]."""
+    kind = material(name)
+    perpendicular = np.abs(kind.reflection(frequency, angle)) ** 2
+    parallel = np.ones_like(perpendicular)
+    if isinstance(kind, Dielectric):
+        # E in the plane of incidence: (e cos t - sqrt(e - sin^2 t)) / (e cos t + sqrt(e - sin^2 t)).
+        permittivity = kind.permittivity(frequency)
+        inside = np.sqrt(permittivity - np.sin(angle) ** 2)
+        outside = permittivity * np.cos(angle)
+        parallel = np.abs((outside - inside) / (outside + inside)) ** 2
+    left = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
+    reflected = np.stack([perpendicular, parallel])
+    return reflected * left, reflected * (1.0 - left)
+
+
+def _link_budget(
+    facts: dict[str, Any], walls: dict[str, Any], range_: float, leg: float, target: float, wavelength: float,
+    pairs: int, points: int, instrument: Instrument,
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Range and signal over noise of a target by number of bounces, at 45 degrees on every wall."""
+    noise = Boltzmann * TEMPERATURE * instrument.if_bandwidth * 10.0 ** (instrument.noise_figure_db / 10.0)
+    power = 1e-3 * 10.0 ** (instrument.power_dbm / 10.0) * 10.0 ** (instrument.gain_dbi / 5.0)
+    loss = walls["specular_te_db"][ANGLES.index(45.0)]
+    rows = []
+    for bounces in np.arange(MOST_BOUNCES + 1):
+        distance = range_ + leg * bounces
+        received = power * wavelength**2 * target / ((4.0 * np.pi) ** 3 * distance**4)
+        sample = 10.0 * np.log10(received / noise) + 2.0 * bounces * loss
+        rows.append(
+            {
+                "bounces": int(bounces),
+                "range_m": float(distance),
+                "sample_snr_db": float(sample),
+                "snr_db": float(sample + 10.0 * np.log10(pairs * points)),
+            }
+        )
+    return rows
+
+
+def _line(aperture: float, pitch: float) -> Array:
+    """Antennas on a line of that length, (n, 3) [m]."""
+    count = round(aperture / pitch) + 1
+    return np.outer(pitch * (np.arange(count) - (count - 1) / 2), [1.0, 0.0, 0.0])
+
+
+def _points_for(range_: float, band: tuple[float, float]) -> int:
+    """Frequencies for an ambiguous range, ``M > 1 + 2 B R / c``."""
+    return int(np.ceil(1.0 + 2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 1
+
+
+def _check(
+    band: tuple[float, float], points: int, aperture: float, pitch: float, range_: float, rx_aperture: float | None,
+    rx_pitch: float | None, roughness: tuple[float, float | None], target: float, leg: float, detection_db: float,
+) -> None:  # fmt: skip
+    """Refuse what makes no sense.
+
+    Raises
+    ------
+    InputError
+        With the first such argument.
+    """
+    if len(band) != 2 or not np.isfinite(band).all() or not 0 < band[0] < band[1]:
+        raise InputError(f"band is {band!r}, expected two rising frequencies in hertz, for example (270e9, 300e9)")
+    if isinstance(points, bool) or not isinstance(points, (int, np.integer)) or not 2 <= points <= LARGEST_COUNT:
+        raise InputError(f"points is {points!r}, expected a whole number of frequencies of at least 2")
+    lengths = {"aperture": aperture, "pitch": pitch, "range": range_, "target": target}
+    lengths |= {
+        name: value for name, value in (("rx_aperture", rx_aperture), ("rx_pitch", rx_pitch)) if value is not None
+    }
+    for name, value in lengths.items():
+        if not np.isfinite(value) or value <= 0:
+            unit = "square metres" if name == "target" else "metres"
+            raise InputError(f"{name} is {value!r}, expected a number of {unit} above zero")
+    if not np.isfinite(leg) or leg < 0:
+        raise InputError(f"leg is {leg!r}, expected a number of metres of at least zero")
+    if not np.isfinite(detection_db):
+        raise InputError(f"detection_db is {detection_db!r}, expected a number of decibels")
+    if not np.isfinite(roughness[0]) or roughness[0] < 0 or (roughness[1] is not None and not roughness[1] > 0):
+        raise InputError(f"roughness is {roughness!r}, expected an rms height and a correlation length in metres")
+    for length, step, side in (
+        (aperture, pitch, "aperture"),
+        (rx_aperture or aperture, rx_pitch or pitch, "rx_aperture"),
+    ):
+        if step > length * (1 + 1e-9):
+            raise InputError(f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches")
+        if length / step > LARGEST_COUNT:
+            raise InputError(f"{side} has {length / step:.3g} pitches, expected at most {LARGEST_COUNT:g}")
+
+
+LARGEST_COUNT = 100_000
+"""Antennas or frequencies; more are a slip of the unit."""
+
+
+def _decibel(share: float) -> float | None:
+    return 10.0 * float(np.log10(share)) if share > 0 else None
+
+
+MATERIALS = names()
+"""What `materials` may hold."""

@@ -1,0 +1,229 @@
+"""Pictures of folded volumes: the body in a vertical cross-section, and the whole scene in perspective.
+
+The plan view before and after folding is drawn by `mirrorfold.plotting.figures.before_after`, as for a floor plan.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from mirrorfold.scenes.solids import Scene3D
+
+Array = NDArray[np.float64]
+
+FLOOR_DB = -20.0
+"""Of the pictures of bodies: speckle fades by 10 dB, and foil outshines cloth by as much."""
+
+SMOOTHING = 0.013
+"""Length over which the power of neighbouring points is averaged [m], about the radius of the beam."""
+
+CELL = 0.008
+"""Pixels of the cross-section [m]."""
+
+FEWEST = 30
+"""Points that make a body."""
+
+LARGEST_CLUSTER_GAP = 0.12
+"""Points further apart than this [m] belong to different things."""
+
+
+def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
+    """Columns of all points.
+
+    Raises
+    ------
+    InputError
+        If the reconstruction has two dimensions.
+    """
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "z" not in objects.variables:
+        raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")
+    return {str(name): objects[name].values for name in objects.variables}
+
+
+def _largest_thing(points: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) belong to the largest connected group."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(LARGEST_CLUSTER_GAP, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
+    group = connected_components(graph, directed=False)[1]
+    return np.asarray(group == np.argmax(np.bincount(group)))
+
+
+def _last_mirror(reconstruction: xr.DataTree, chain: str) -> Array:
+    """True place (3,) of the mirror through which a chain shows things."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    index = int(np.flatnonzero(mirrors["chain"].values == chain)[0])
+    return np.array([float(mirrors[f"folded_center_{axis}"][index]) for axis in "xyz"])
+
+
+def has_body(reconstruction: xr.DataTree) -> bool:
+    """Whether enough objects were seen by way of a mirror for `body`."""
+    columns = _points(reconstruction)
+    return int(((columns["bounces"] > 0) & (columns["surface"] == "object")).sum()) >= FEWEST
+
+
+def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
+    """The largest hidden thing as it stands, seen from the front, and cut from the side.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+        Of a volume.
+    floor_db : float [dB]
+        Amplitude shown as the darkest, below the brightest.
+
+    Raises
+    ------
+    InputError
+        If the reconstruction has two dimensions, or nothing was seen by way of a mirror.
+    """
+    from scipy.spatial import cKDTree
+
+    columns = _points(reconstruction)
+    hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
+    if hidden.sum() < FEWEST:
+        raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
+    points = np.stack([columns[axis][hidden] for axis in "xyz"], axis=-1)
+    amplitude = columns["amplitude"][hidden].astype(float)
+    mine = _largest_thing(points)
+    points, amplitude = points[mine], amplitude[mine]
+    # Across: the horizontal direction of largest extent; ahead: the way to it from where the waves came.
+    middle = points.mean(axis=0)
+    flat = np.linalg.eigh(np.cov((points - middle)[:, :2].T))[1]
+    across = np.array([*flat[:, 1], 0.0])
+    ahead = np.array([*flat[:, 0], 0.0])
+    if (_last_mirror(reconstruction, columns["chain"][hidden][mine][0]) - middle) @ ahead < 0.0:
+        ahead = -ahead
+    # As whoever faces the thing sees it: its own right is on the left.
+    across = np.cross(ahead, [0.0, 0.0, 1.0]) * -1.0
+    u, v = (points - middle) @ across, (points - middle) @ ahead
+    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+    front, side = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    x = np.arange(u.min() - 0.08, u.max() + 0.08, CELL)
+    z = np.arange(points[:, 2].min() - 0.08, points[:, 2].max() + 0.08, CELL)
+    grid = np.stack(np.broadcast_arrays(x[None, :], z[:, None]), axis=-1).reshape(-1, 2)
+    tree = cKDTree(np.stack([u, points[:, 2]], axis=1))
+    distance, index = tree.query(grid, k=min(12, len(u)), distance_upper_bound=2.5 * SMOOTHING)
+    weight = np.where(np.isfinite(distance), np.exp(-0.5 * (distance / SMOOTHING) ** 2), 0.0)
+    power = np.append(amplitude**2, 0.0)[index]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shown = 10.0 * np.log10(np.sum(weight * power, axis=1) / np.sum(weight, axis=1))
+    shown[distance[:, 0] > 1.4 * SMOOTHING] = np.nan
+    shown -= np.nanmax(shown)
+    extent = (x[0], x[-1], z[0], z[-1])
+    picture = front.imshow(
+        shown.reshape(z.size, x.size), origin="lower", extent=extent, vmin=floor_db, vmax=0.0, cmap="inferno"
+    )
+    front.set(title="seen from the front", xlabel="across [m]", ylabel="height z [m]", aspect="equal", facecolor="0.92")
+    figure.colorbar(picture, ax=front, label=f"amplitude [dB], floor {floor_db:g} dB", shrink=0.8)
+    cut = np.abs(u) < 0.10
+    side.scatter(v[~cut], points[~cut, 2], s=3, color="0.8", label="all of it", linewidths=0)
+    side.scatter(v[cut], points[cut, 2], s=7, color=COLOURS[1], label="within 10 cm of the middle", linewidths=0)
+    side.set(title="cross-section from the side", xlabel="ahead [m]", ylabel="height z [m]", aspect="equal")
+    side.set_ylim(front.get_ylim())
+    side.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize=8, markerscale=2.0, frameon=False)
+    return figure
+
+
+def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: bool = True) -> Figure:
+    """The whole scene in perspective: points by their number of bounces, mirrors as rectangles.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+        Of a volume.
+    scene : Scene3D, optional
+        The truth, its walls drawn as thin outlines.
+    folded : bool
+        At their true places, or where they stood before.
+    """
+    columns = _points(reconstruction)
+    suffix, prefix = ("", "folded_") if folded else ("_initial", "")
+    points = np.stack([columns[axis + suffix] for axis in "xyz"], axis=-1)
+    figure = Figure(figsize=(9.0, 7.5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    for i in range(mirrors.sizes.get("mirror", 0)):
+        corners = np.stack([mirrors[f"{prefix}corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
+        outline = np.vstack([corners, corners[:1]])
+        axes.plot(*outline.T, color=COLOURS[int(mirrors["generation"][i]) % len(COLOURS) - 1], linewidth=1.4)
+    if scene is not None:
+        _draw_walls(axes, scene)
+    on_mirror = columns["surface"] == "mirror"
+    for bounces in np.unique(columns["bounces"]):
+        colour = COLOURS[int(bounces) % len(COLOURS)]
+        for wall in (True, False):
+            which = (columns["bounces"] == bounces) & (on_mirror == wall)
+            if not which.any():
+                continue
+            chosen = points[which]
+            if wall:
+                chosen = chosen[:: max(1, len(chosen) // 1500)]
+            label = f"{bounces} bounce{'s' if bounces != 1 else ''}{', mirrors' if wall else ''}"
+            axes.scatter(*chosen.T, s=1.2 if wall else 4.0, color=colour, alpha=0.25 if wall else 0.8, linewidths=0,
+                         label=label, depthshade=not wall)  # fmt: skip
+    origin = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    axes.scatter(*origin, marker="^", color="black", s=50, label="radar")
+    axes.set(xlabel="cross-range x [m]", ylabel="range y [m]", zlabel="height z [m]")
+    everything = np.vstack([points, [origin]])
+    axes.set_box_aspect(np.maximum(np.ptp(everything, axis=0), 0.3), zoom=1.05)
+    axes.view_init(elev=24.0, azim=-62.0)
+    axes.set_title("corrected: every echo folded back" if folded else "as the radar sees it, ghosts behind the walls")
+    axes.legend(loc="upper left", fontsize=8, markerscale=1.5, frameon=False)
+    return figure
+
+
+def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
+    """The floor plan of a scene: the outline of everything in it as seen from above, thin, and the radar as a triangle.
+
+    Parameters
+    ----------
+    scene : Scene3D
+    ax : matplotlib.axes.Axes, optional
+        New ones by default.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    from mirrorfold.simulation.raster.meshes import solids
+
+    ax = Figure(figsize=(7.0, 6.0), layout="constrained", dpi=150).subplots() if ax is None else ax
+    for solid in solids(scene):
+        flat = solid.vertices[:, :2]
+        try:
+            outline = flat[ConvexHull(flat).vertices]
+        except QhullError:  # an upright panel has no area from above
+            order = np.argsort(flat @ np.linalg.svd(flat - flat.mean(axis=0))[2][0])
+            outline = flat[order[[0, -1]]]
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color=TRUTH_COLOUR, linewidth=0.9)
+    ax.plot(*scene.scanner.origin[:2], marker="^", markersize=9, color="black", markeredgecolor="white",
+            linestyle="none", zorder=5)  # fmt: skip
+    ax.set(xlabel="cross-range x [m]", ylabel="range y [m]", aspect="equal")
+    return ax
+
+
+def _draw_walls(axes: Any, scene: Scene3D) -> None:
+    """Outlines of the true flat walls."""
+    from mirrorfold.simulation.raster.meshes import solids
+
+    for solid in solids(scene):
+        for quad in solid.quads[::2]:
+            corners = quad.center + np.array([u * quad.right + v * quad.up for u, v in _AROUND])
+            axes.plot(*corners.T, color="#CC0000", linewidth=0.7)
+
+
+_AROUND = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))

@@ -1,0 +1,410 @@
+"""Scenes: the surfaces, the array and the band of a simulation, and the ground truth of a score.
+
+A scene file is TOML; `load_scene` reads it and reports everything that is wrong with it at once.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from difflib import get_close_matches
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError, field_validator
+from pydantic.dataclasses import dataclass
+
+from mirrorfold.common.decibels import TRUTH_COLOUR
+from mirrorfold.common.svg import Stroke, card, picture
+from mirrorfold.errors import InputError
+from mirrorfold.scenes import materials
+from mirrorfold.scenes.arrays import STRICT, LinearArray
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.solids import Scene3D
+
+Array = NDArray[np.float64]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Point2 = tuple[Finite, Finite]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Band:
+    """Equally spaced frequencies.
+
+    Attributes
+    ----------
+    start, stop : float [Hz]
+    points : int
+        Number of frequencies, both ends included.
+    """
+
+    start: Positive
+    stop: Positive
+    points: Annotated[int, Field(ge=2)]
+
+    def __post_init__(self) -> None:
+        if not self.stop > self.start:
+            raise ValueError(f"stop ({self.stop:g} Hz) must lie above start ({self.start:g} Hz)")
+
+    @property
+    def frequency(self) -> Array:
+        """The frequencies, shape (points,) [Hz]."""
+        return np.linspace(self.start, self.stop, self.points)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Roughness:
+    """Gaussian heights with a Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``.
+
+    Attributes
+    ----------
+    rms_height : float [m]
+    correlation_length : float [m]
+    """
+
+    rms_height: NonNegative
+    correlation_length: Positive
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Surface:
+    """What surfaces of all shapes share.
+
+    Attributes
+    ----------
+    name : str
+    material : str
+        A name that `mirrorfold.scenes.materials` knows.
+    roughness : Roughness, optional
+        Smooth where it is not given: such a surface is a mirror and nothing else.
+    volume_depth : float [m], default 0
+        Depth over which the inside of the wall scatters too: 1-3 cm for drywall at 0.3 THz.
+    """
+
+    name: str
+    material: str = "pec"
+    roughness: Roughness | None = None
+    volume_depth: NonNegative = 0.0
+
+    @field_validator("material")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        materials.material(value)
+        return value
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The outline as connected polylines, shape (n, 2) [m]; curves in chords of at most `spacing` [m].
+
+        Raises
+        ------
+        NotImplementedError
+            Never for the shapes of this module.
+        """
+        raise NotImplementedError
+
+    def sample(self, spacing: float) -> tuple[Array, Array, Array]:
+        """Points on the surface at most `spacing` [m] apart.
+
+        Returns
+        -------
+        points : (n, 2) array [m]
+        normals : (n, 2) array
+            Unit normals, to the left of the direction of travel.
+        lengths : (n,) array [m]
+            Of the piece of outline that each point stands for.
+        """
+        points, normals, lengths = [], [], []
+        for piece in self.pieces(spacing):
+            for start, end in pairwise(piece):
+                length = float(np.linalg.norm(end - start))
+                count = max(1, int(np.ceil(length / spacing)))
+                along = (np.arange(count) + 0.5) / count
+                points.append(start + along[:, None] * (end - start))
+                normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
+                normals.append(np.tile(normal, (count, 1)))
+                lengths.append(np.full(count, length / count))
+        return np.concatenate(points), np.concatenate(normals), np.concatenate(lengths)
+
+
+def _arc_points(center: Point2, radius: float, start: float, stop: float, spacing: float) -> Array:
+    """Vertices of chords along a circle; angles in degrees, counter-clockwise from +x."""
+    count = max(8, int(np.ceil(abs(np.radians(stop - start)) * radius / spacing)))
+    angle = np.radians(np.linspace(start, stop, count + 1))
+    return np.asarray(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Segment(_Surface):
+    """A straight wall from `start` to `end` [m]."""
+
+    kind: Literal["segment"] = "segment"
+    start: Point2
+    end: Point2
+
+    def __post_init__(self) -> None:
+        if self.start == self.end:
+            raise ValueError("start and end are the same point; a segment needs a length")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The segment itself."""
+        return [np.array([self.start, self.end])]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Polyline(_Surface):
+    """Straight pieces through `points` [m], at least two."""
+
+    kind: Literal["polyline"] = "polyline"
+    points: Annotated[tuple[Point2, ...], Field(min_length=2)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; each piece needs a length")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The polyline itself."""
+        return [np.array(self.points)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Arc(_Surface):
+    """Part of a circle, from `start_angle` to `stop_angle` [degree], counter-clockwise from +x."""
+
+    kind: Literal["arc"] = "arc"
+    center: Point2
+    radius: Positive
+    start_angle: Finite
+    stop_angle: Finite
+
+    def __post_init__(self) -> None:
+        if not 0 < abs(self.stop_angle - self.start_angle) <= 360:
+            raise ValueError("start_angle and stop_angle must differ, by at most 360 degrees")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the arc."""
+        return [_arc_points(self.center, self.radius, self.start_angle, self.stop_angle, spacing)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Circle(_Surface):
+    """A closed circle around `center` [m] of `radius` [m]."""
+
+    kind: Literal["circle"] = "circle"
+    center: Point2
+    radius: Positive
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the circle; clockwise, so that the normals of `sample` point outward."""
+        return [_arc_points(self.center, self.radius, 360.0, 0.0, spacing)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Curve(_Surface):
+    """A smooth curve through `points` [m], by cubic splines with continuous second derivative.
+
+    In a scene file the points may come from a file beside it, ``file = "profile.csv"`` (or .npy), with one x and y per
+    row. Where the last point is the first one, the curve is closed.
+    """
+
+    kind: Literal["curve"] = "curve"
+    points: Annotated[tuple[Point2, ...], Field(min_length=4)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; a spline needs distinct ones")
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the curve ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    def spline(self) -> tuple[Callable[..., Array], float]:
+        """The curve as a function of the length of the chords so far [m], and the total of that length."""
+        from scipy.interpolate import CubicSpline
+
+        points = np.array(self.points)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        return CubicSpline(along, points, bc_type="periodic" if self.is_closed else "not-a-knot"), float(along[-1])
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the curve."""
+        spline, length = self.spline()
+        count = max(len(self.points), int(np.ceil(length / spacing)))
+        return [np.asarray(spline(np.linspace(0.0, length, count + 1)))]
+
+
+Surface = Segment | Polyline | Arc | Circle | Curve
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Scene:
+    """Everything that a simulation needs to know, and a score compares with.
+
+    Attributes
+    ----------
+    name : str
+    dimensions : int
+        2.
+    array : LinearArray
+    band : Band
+    surface : tuple of Segment, Polyline, Arc, Circle or Curve
+        In the order of the file; may be empty.
+    """
+
+    name: str
+    dimensions: Literal[2] = 2
+    array: LinearArray
+    band: Band
+    surface: tuple[Annotated[Surface, Field(discriminator="kind")], ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [surface.name for surface in self.surface]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+
+    def _repr_html_(self) -> str:
+        """The floor plan and the facts, for notebooks."""
+        strokes = [
+            Stroke(piece, TRUTH_COLOUR, label=surface.name)
+            for surface in self.surface
+            for piece in surface.pieces(0.02)
+        ]
+        positions = np.concatenate([self.array.tx_position, self.array.rx_position])
+        facts = [
+            ("surfaces", ", ".join(surface.name for surface in self.surface) or "none"),
+            ("antennas", f"{len(self.array.tx_position)} transmitters, {len(self.array.rx_position)} receivers"),
+            ("aperture", f"{np.ptp(positions, axis=0).max() * 1e3:.3g} mm"),
+            ("band", f"{self.band.start / 1e9:g} to {self.band.stop / 1e9:g} GHz, {self.band.points} frequencies"),
+        ]
+        return card(self.name, picture(strokes, positions.mean(axis=0), title=f"floor plan of {self.name}"), facts)
+
+
+def load_scene(path: str | Path) -> Scene | Scene3D:
+    """Read a scene file.
+
+    Raises
+    ------
+    InputError
+        With every mistake in the file and its place.
+    """
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a scene file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML ({error}); correct it or start from an example scene") from None
+    return parse_scene(_with_points_from_files(content, path), source=str(path))
+
+
+def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content of a scene file, with the points that curves keep in files beside it.
+
+    Raises
+    ------
+    InputError
+        If such a file is missing or does not hold two columns of numbers.
+    """
+    surfaces = content.get("surface")
+    if not isinstance(surfaces, list):
+        return content
+    read = []
+    for index, surface in enumerate(surfaces):
+        if isinstance(surface, dict) and surface.get("kind") == "curve" and isinstance(surface.get("file"), str):
+            place = f"{path}: surface[{index}].file"
+            if "points" in surface:
+                raise InputError(f"{place} is given beside points; leave out one of the two")
+            points = _read_points(path.parent / surface["file"], place)
+            surface = {name: value for name, value in surface.items() if name != "file"} | {"points": points}
+        read.append(surface)
+    return {**content, "surface": read}
+
+
+def _read_points(path: Path, place: str) -> list[list[float]]:
+    """The rows x, y [m] of an .npy or a .csv file; the latter may have one line of headings.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read.
+    """
+    expected = "expected an .npy or .csv file with one x and y [m] per row"
+    if path.suffix not in (".npy", ".csv"):
+        raise InputError(f"{place} is {path.name!r}, {expected}; convert it")
+    try:
+        if path.suffix == ".npy":
+            points = np.load(path, allow_pickle=False)
+        else:
+            lines = path.read_text(encoding="utf-8").splitlines()
+            headed = bool(lines) and any(letter.isalpha() and letter not in "eE" for letter in lines[0])
+            points = np.loadtxt(lines, delimiter=",", ndmin=2, skiprows=int(headed))
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error).splitlines()[0]
+        raise InputError(f"{place}: {path} cannot be read ({reason}); {expected}") from None
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
+        raise InputError(f"{place}: {path} holds an array of shape {points.shape}, {expected}")
+    return [[float(x), float(y)] for x, y in points]
+
+
+def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene3D:
+    """A scene, of two dimensions or of three, from the content of a scene file, as `tomllib` returns it.
+
+    Raises
+    ------
+    InputError
+        With every mistake and its place; `source` names the file in the message.
+    """
+    kinds: tuple[str, ...] = _KINDS
+    fields, scene = _FIELDS, Scene  # type: tuple[list[str], Any]
+    if content.get("dimensions") == 3:
+        from mirrorfold.scenes import solids
+
+        kinds, fields, scene = solids.KINDS, solids.FIELDS, solids.Scene3D
+    try:
+        return TypeAdapter(scene).validate_python(content)
+    except ValidationError as error:
+        mistakes = [_explain(item, kinds, fields) for item in error.errors(include_url=False)]
+        raise InputError(f"{source}: {'; '.join(mistakes)}") from None
+
+
+def _explain(item: Any, kinds: tuple[str, ...], fields: list[str]) -> str:
+    """One mistake in plain words, with its place such as ``surface[1].start``."""
+    place = ""
+    for part in item["loc"]:
+        if isinstance(part, int):
+            place += f"[{part}]"
+        elif part not in kinds:
+            place += f".{part}" if place else str(part)
+    place = place or "file"
+    found = item["input"]
+    if item["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else "remove it"
+        return f"{place} is not a known entry, {hint}"
+    if item["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
+        return f"{place} is missing, add it"
+    if item["type"] == "union_tag_invalid":
+        return f"{place}.kind is {found.get('kind')!r}, expected one of {', '.join(kinds)}"
+    if item["type"] == "union_tag_not_found":
+        return f"{place}.kind is missing, expected one of {', '.join(kinds)}"
+    if item["type"] == "value_error":
+        return f"{place}: {item['ctx']['error']}"
+    message = item["msg"].removeprefix("Input should be ")
+    return f"{place} is {found!r}, expected {message}"
+
+
+_KINDS = ("segment", "polyline", "arc", "circle", "curve")
+_FIELDS = sorted(
+    {
+        name
+        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle, Curve)
+        for name in cls.__dataclass_fields__
+    }
+)

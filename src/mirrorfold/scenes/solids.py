@@ -1,0 +1,348 @@
+"""Three-dimensional scenes: panels, solids, bodies and patches before a raster scanner.
+
+The same TOML as in two dimensions, with ``dimensions = 3`` and a ``[scanner]`` in place of an ``[array]``. Every shape
+has a frame of its own, x to its right, y to its front and z up, in which its parts and patches are described.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+from pydantic.dataclasses import dataclass
+
+from mirrorfold.common.decibels import TRUTH_COLOUR
+from mirrorfold.common.geometry import Isometry, unit
+from mirrorfold.common.svg import Stroke, card, picture
+from mirrorfold.scenes import materials
+from mirrorfold.scenes.arrays import STRICT
+from mirrorfold.scenes.floor_plan import Band, NonNegative, Roughness
+from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
+
+Array = NDArray[np.float64]
+Point2 = tuple[Finite, Finite]
+Share = Annotated[float, Field(ge=0, le=1)]
+TALLEST_BODY = 2.5
+"""A mannequin above this height [m] was probably given in other units."""
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Substance:
+    """A dielectric without a name.
+
+    Attributes
+    ----------
+    permittivity : float
+        Relative.
+    conductivity : float [S/m]
+    """
+
+    permittivity: Annotated[float, Field(ge=1, allow_inf_nan=False)]
+    conductivity: NonNegative = 0.0
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Finish:
+    """What surfaces of all shapes share: what they are made of and how they scatter.
+
+    Attributes
+    ----------
+    material : str or Substance
+        A name that `mirrorfold.scenes.materials` knows, or permittivity and conductivity.
+    roughness : Roughness, optional
+        Takes from the specular reflection what it scatters diffusely.
+    diffuse_fraction : float
+        Share of the remaining reflected power that is scattered diffusely: folds, fabric, texture.
+    volume_depth : float [m]
+        Depth over which the inside of a wall scatters too.
+    loss_db : float [dB]
+        Taken from everything that is reflected, on top of the material's own loss.
+    """
+
+    material: str | Substance = "pec"
+    roughness: Roughness | None = None
+    diffuse_fraction: Share = 0.0
+    volume_depth: NonNegative = 0.0
+    loss_db: NonNegative = 0.0
+
+    @field_validator("material")
+    @classmethod
+    def _known(cls, value: str | Substance) -> str | Substance:
+        if isinstance(value, str):
+            materials.material(value)
+        return value
+
+    @property
+    def substance(self) -> materials.Material:
+        """The material itself."""
+        if isinstance(self.material, str):
+            return materials.material(self.material)
+        return materials.Dielectric(self.material.permittivity, 0.0, self.material.conductivity, 0.0)
+
+
+def turned(heading: float, position: Point3) -> Isometry:
+    """The frame at a position [m] whose front, its y axis, is turned by `heading` [degree] from +y towards +x."""
+    angle = np.radians(heading)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return Isometry(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]), np.array(position))
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Solid(Finish):
+    """A named shape."""
+
+    name: str
+
+    @property
+    def frame(self) -> Isometry:
+        """From the shape's own coordinates to the scene's."""
+        return Isometry.identity(3)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Panel(_Solid):
+    """A flat rectangle, seen from both sides: a wall, a floor, a board.
+
+    Attributes
+    ----------
+    center : (3,) [m]
+    normal : (3,)
+        Need not have length one.
+    width, height : float [m]
+        The width is measured horizontally; for a horizontal panel along x.
+    """
+
+    kind: Literal["panel"] = "panel"
+    center: Point3
+    normal: Point3
+    width: Positive
+    height: Positive
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(self.normal) > 0:
+            raise ValueError("normal must have a length above zero, for example [0, -1, 0]")
+
+    @property
+    def frame(self) -> Isometry:
+        """The normal is its front."""
+        front = unit(self.normal)
+        right = np.array([front[1], -front[0], 0.0])
+        right = unit(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
+        return Isometry(np.stack([right, front, np.cross(right, front)], axis=1), np.array(self.center))
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Box(_Solid):
+    """A box of `size` (along its x, y, z) around `center` [m], turned by `heading`; `rounding` is its edges' radius."""
+
+    kind: Literal["box"] = "box"
+    center: Point3
+    size: tuple[Positive, Positive, Positive]
+    heading: Finite = 0.0
+    rounding: NonNegative = 0.0
+
+    def __post_init__(self) -> None:
+        if 2.0 * self.rounding >= min(self.size):
+            raise ValueError(f"rounding is {self.rounding:g} m, expected less than half the smallest side")
+
+    @property
+    def frame(self) -> Isometry:
+        """Around the center."""
+        return turned(self.heading, self.center)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Sphere(_Solid):
+    """A sphere around `center` [m] of `radius` [m]."""
+
+    kind: Literal["sphere"] = "sphere"
+    center: Point3
+    radius: Positive
+
+    @property
+    def frame(self) -> Isometry:
+        """Around the center."""
+        return turned(0.0, self.center)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Cylinder(_Solid):
+    """A closed cylinder of `radius` [m] whose axis runs from `start` to `end` [m]."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    start: Point3
+    end: Point3
+    radius: Positive
+
+    def __post_init__(self) -> None:
+        if self.start == self.end:
+            raise ValueError("start and end are the same point; a cylinder needs a length")
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Mesh(_Solid):
+    """A closed triangle mesh from an STL, OBJ or PLY file, z up, in `scale` metres, its origin at `position`."""
+
+    kind: Literal["mesh"] = "mesh"
+    path: Path
+    scale: Positive = 1.0
+    position: Point3 = (0.0, 0.0, 0.0)
+    heading: Finite = 0.0
+
+    @property
+    def frame(self) -> Isometry:
+        """Where the file's coordinates go."""
+        return turned(self.heading, self.position)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Mannequin(_Solid):
+    """A standing body.
+
+    Attributes
+    ----------
+    position : (3,) [m]
+        On the ground, between the feet.
+    height : float [m]
+    heading : float [degree]
+        Where it looks, from +y towards +x.
+    arms : (2,) [degree]
+        How far the left and the right arm are lifted sideways.
+    elbows : (2,) [degree]
+        How far they are bent, forearms to the front.
+    stride : float [degree]
+        The left leg to the front, the right one to the back.
+    """
+
+    kind: Literal["mannequin"] = "mannequin"
+    position: Point3
+    height: Positive = 1.75
+    heading: Finite = 0.0
+    arms: tuple[Annotated[float, Field(ge=0, le=170)], Annotated[float, Field(ge=0, le=170)]] = (12.0, 12.0)
+    elbows: tuple[Annotated[float, Field(ge=0, le=150)], Annotated[float, Field(ge=0, le=150)]] = (10.0, 10.0)
+    stride: Annotated[float, Field(ge=-45, le=45)] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.height > TALLEST_BODY:
+            raise ValueError(
+                f"height is {self.height:g} m, expected at most {TALLEST_BODY:g} m; "
+                f"heights are metres, perhaps {self.height / 1000:g} m was meant"
+            )
+
+    @property
+    def frame(self) -> Isometry:
+        """Between the feet, looking ahead."""
+        return turned(self.heading, self.position)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Patch(_Solid):
+    """A region of another surface with another finish: all of it that a prism meets from one side.
+
+    Attributes
+    ----------
+    on : str
+        Name of the surface.
+    center : (3,) [m]
+        In that surface's own frame, as is the direction.
+    direction : (3,)
+        Out of the surface: only what faces it is covered.
+    outline : (n, 2) [m]
+        Corners around the center, to the right and up as seen against `direction`; simple, not crossing itself.
+    """
+
+    kind: Literal["patch"] = "patch"
+    on: str
+    center: Point3 = (0.0, 0.0, 0.0)
+    direction: Point3 = (0.0, 1.0, 0.0)
+    outline: Annotated[tuple[Point2, ...], Field(min_length=3)]
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(self.direction) > 0:
+            raise ValueError("direction must have a length above zero, for example [0, 1, 0]")
+
+    def covers(self, points: Array, normals: Array) -> NDArray[np.bool_]:
+        """Which points (n, 3) with normals, in the frame of the surface below, lie under the patch."""
+        from matplotlib.path import Path as Outline
+
+        towards = unit(self.direction)
+        left = np.cross([0.0, 0.0, 1.0], towards)
+        # Seen against the direction, up stays up and right is the surface's left for one that faces the viewer.
+        right = unit(left) if np.linalg.norm(left) > 1e-9 else np.array([1.0, 0.0, 0.0])
+        up = np.cross(towards, right)
+        offset = points - np.array(self.center)
+        inside = Outline(np.array(self.outline)).contains_points(np.stack([offset @ right, offset @ up], axis=1))
+        return np.asarray(inside & (normals @ towards > 0.0))
+
+
+Surface3D = Panel | Box | Sphere | Cylinder | Mesh | Mannequin | Patch
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Scene3D:
+    """Everything that a simulation needs to know, and a score compares with.
+
+    Attributes
+    ----------
+    name : str
+    dimensions : int
+        3.
+    scanner : Scanner
+    band : Band
+    surface : tuple of Panel, Box, Sphere, Cylinder, Mesh, Mannequin or Patch
+    """
+
+    name: str
+    dimensions: Literal[3]
+    scanner: Scanner
+    band: Band
+    surface: tuple[Annotated[Surface3D, Field(discriminator="kind")], ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [surface.name for surface in self.surface]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+        solids = [surface.name for surface in self.surface if surface.kind != "patch"]
+        for surface in self.surface:
+            if isinstance(surface, Patch) and surface.on not in solids:
+                raise ValueError(f"patch {surface.name!r} lies on {surface.on!r}, expected one of {', '.join(solids)}")
+
+    def _repr_html_(self) -> str:
+        """The floor plan of the panels, with dots where other things stand, and the facts, for notebooks."""
+        strokes = []
+        for surface in self.surface:
+            if isinstance(surface, Patch):
+                continue
+            frame = surface.frame
+            if isinstance(surface, Panel):
+                half = 0.5 * surface.width * frame.linear[:2, 0]
+                ends = np.array([frame.shift[:2] - half, frame.shift[:2] + half])
+                strokes.append(Stroke(ends, TRUTH_COLOUR, label=surface.name))
+            else:
+                strokes.append(Stroke(frame.shift[None, :2], TRUTH_COLOUR, 9.0, dots=True, label=surface.name))
+        azimuth, elevation = self.scanner.angles
+        facts = [
+            ("surfaces", ", ".join(surface.name for surface in self.surface) or "none"),
+            ("beams", f"{azimuth.size} x {elevation.size}"),
+            ("band", f"{self.band.start / 1e9:g} to {self.band.stop / 1e9:g} GHz, {self.band.points} frequencies"),
+        ]
+        return card(self.name, picture(strokes, self.scanner.origin, title=f"floor plan of {self.name}"), facts)
+
+    def patches(self, name: str) -> list[tuple[int, Patch]]:
+        """The patches on the surface of that name with their index; where they overlap, the later one covers."""
+        return [(i, patch) for i, patch in enumerate(self.surface) if isinstance(patch, Patch) and patch.on == name]
+
+
+KINDS = ("panel", "box", "sphere", "cylinder", "mesh", "mannequin", "patch")
+FIELDS = sorted(
+    {
+        name
+        for cls in (Scene3D, Band, Scanner, Steps, Leakage, Roughness, Substance, *get_args(Surface3D))
+        for name in cls.__dataclass_fields__
+    }
+)
+"""The kinds of surfaces, and all entries that a scene file may have."""

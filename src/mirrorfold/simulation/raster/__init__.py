@@ -1,0 +1,1 @@
+"""Simulation of a raster scan by rays in three dimensions."""

@@ -1,0 +1,1 @@
+"""Simulation by rays in the floor plan: frozen scatterers, and the specular paths to each of them."""

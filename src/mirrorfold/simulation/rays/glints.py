@@ -1,0 +1,196 @@
+"""Glints: specular returns of arcs and circles, in line of sight and seen over chains of mirrors.
+
+With the images of both antennas at the distances d1 and d2 from the specular point and the angle of incidence t on a
+curve of radius a, geometrical optics gives the amplitude ``1 / sqrt(q)``, ``q = d1 + d2 + 2 d1 d2 / (a cos t)`` on the
+convex side and with a minus sign on the concave one (Kouyoumjian and Pathak, Proc. IEEE 62, 1974). Where q is
+negative the ray has passed a caustic and leads in phase by a quarter turn, the factor +j for ``exp(+jwt)``. Near a
+caustic q vanishes, but the field stays below what physical optics gives when the whole arc
+adds in phase, ``sqrt(k / (2 pi)) cos t W / sqrt(d1 d2)`` for an arc of length W, which is taken as the limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from mirrorfold.simulation.rays.outline import Outline
+from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
+
+Array = NDArray[np.float64]
+
+NODES = 64
+"""Points on an arc between which the slope of the path length is searched for changes of sign."""
+
+BISECTIONS = 30
+"""Halvings of such an interval: they leave 1e-10 rad, and an error of the length of second order in that."""
+
+MOST = 4
+"""Specular points that a circle has for two given ends, at most: Alhazen's problem is of fourth degree."""
+
+
+@dataclass(frozen=True, eq=False)
+class Glints:
+    """The glints of one arc over one pair of chains.
+
+    Attributes
+    ----------
+    tx, rx : (glints,) arrays of int
+    length : (glints,) array [m]
+        Of the whole path.
+    share : (glints,) array
+        1, or less for a path along the edge of a beam.
+    spreading : (glints,) array [m]
+        The q of geometrical optics; negative behind a caustic.
+    legs : (glints,) array [m^2]
+        The product d1 d2.
+    end_cosine : (glints,) array
+        Of the angle of incidence on the arc.
+    tx_cosine, rx_cosine : (bounces, glints) arrays
+        Of the angles of incidence on the mirrors of the chains.
+    """
+
+    tx: NDArray[np.intp]
+    rx: NDArray[np.intp]
+    length: Array
+    share: Array
+    spreading: Array
+    legs: Array
+    end_cosine: Array
+    tx_cosine: Array
+    rx_cosine: Array
+
+
+def sees_arc(chain: Chain, arc: Array, world: Outline) -> bool:
+    """Whether any antenna sees one of `NODES` points of the arc (5,) over the chain."""
+    angle = arc[3] + arc[4] * (np.arange(NODES) + 0.5) / NODES
+    position = arc[:2] + arc[2] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return trace(chain, Points.free(position), world).length.size > 0
+
+
+def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glints:
+    """All glints of an arc with the transmitters over one chain and the receivers over another.
+
+    Parameters
+    ----------
+    arc : (5,) array
+        As in `Outline`.
+    tx_chain, rx_chain : Chain
+        Each from the antennas to the arc.
+    world : Outline
+    """
+    shape = (tx_chain.images.shape[1], rx_chain.images.shape[1], MOST)
+    share, distance = np.zeros(shape), np.empty((*shape, 2))
+    cosine, convex = np.empty(shape), np.empty(shape)
+    tx_cosine = np.empty((*shape, len(tx_chain.facets)))
+    rx_cosine = np.empty((*shape, len(rx_chain.facets)))
+    _glints(
+        arc,
+        tx_chain.images,
+        tx_chain.window,
+        tx_chain.mirrors,
+        rx_chain.images,
+        rx_chain.window,
+        rx_chain.mirrors,
+        world.facets,
+        world.arcs,
+        share,
+        distance,
+        cosine,
+        convex,
+        tx_cosine,
+        rx_cosine,
+    )
+    found = np.nonzero(share)
+    to_tx, to_rx = distance[found].T
+    legs = to_tx * to_rx
+    return Glints(
+        tx=found[0],
+        rx=found[1],
+        length=to_tx + to_rx,
+        share=share[found],
+        spreading=to_tx + to_rx + convex[found] * 2.0 * legs / (arc[2] * cosine[found]),
+        legs=legs,
+        end_cosine=cosine[found],
+        tx_cosine=tx_cosine[found].T,
+        rx_cosine=rx_cosine[found].T,
+    )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, by: float) -> float:
+    """Derivative of the path length a - point - b along the arc."""
+    x, y = arc[0] + arc[2] * cos, arc[1] + arc[2] * sin
+    to_a = np.sqrt((x - ax) ** 2 + (y - ay) ** 2)
+    to_b = np.sqrt((x - bx) ** 2 + (y - by) ** 2)
+    return float(cos * ((y - ay) / to_a + (y - by) / to_b) - sin * ((x - ax) / to_a + (x - bx) / to_b))
+
+
+@njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+def _glints(
+    arc: Array,
+    tx_images: Array,
+    tx_window: Array,
+    tx_mirrors: Array,
+    rx_images: Array,
+    rx_window: Array,
+    rx_mirrors: Array,
+    facets: Array,
+    arcs: Array,
+    share: Array,
+    distance: Array,
+    cosine: Array,
+    convex: Array,
+    tx_cosine: Array,
+    rx_cosine: Array,
+) -> None:
+    """Fill the (tx, rx, MOST) tables of glints; the share is left at 0 where there is none."""
+    angles = arc[3] + arc[4] * np.arange(NODES + 1) / NODES
+    cos_nodes, sin_nodes = np.cos(angles), np.sin(angles)
+    if arc[4] >= 2.0 * np.pi:
+        # The last node of a circle is its first: rounding must not lose a root there.
+        cos_nodes[NODES], sin_nodes[NODES] = cos_nodes[0], sin_nodes[0]
+    for n in prange(tx_images.shape[1]):
+        ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
+        for m in range(rx_images.shape[1]):
+            bx, by = rx_images[-1, m, 0], rx_images[-1, m, 1]
+            count = 0
+            previous = _slope(cos_nodes[0], sin_nodes[0], arc, ax, ay, bx, by)
+            for node in range(1, NODES + 1):
+                slope = _slope(cos_nodes[node], sin_nodes[node], arc, ax, ay, bx, by)
+                rises = previous < 0.0
+                changes = rises != (slope < 0.0)
+                previous = slope
+                if not changes or count == MOST:
+                    continue
+                low, high = angles[node - 1], angles[node]
+                for _ in range(BISECTIONS):
+                    middle = 0.5 * (low + high)
+                    if (_slope(np.cos(middle), np.sin(middle), arc, ax, ay, bx, by) < 0.0) == rises:
+                        low = middle
+                    else:
+                        high = middle
+                nx, ny = np.cos(0.5 * (low + high)), np.sin(0.5 * (low + high))
+                x, y = arc[0] + arc[2] * nx, arc[1] + arc[2] * ny
+                above_a = (ax - x) * nx + (ay - y) * ny
+                above_b = (bx - x) * nx + (by - y) * ny
+                # With the ends on different sides the way leads through the arc instead of being reflected.
+                if above_a * above_b <= 0.0:
+                    continue
+                share_a, to_a = follow(
+                    x, y, -1, n, tx_images, tx_window, tx_mirrors, facets, arcs, tx_cosine[n, m, count]
+                )
+                if share_a == 0.0:
+                    continue
+                share_b, to_b = follow(
+                    x, y, -1, m, rx_images, rx_window, rx_mirrors, facets, arcs, rx_cosine[n, m, count]
+                )
+                if share_b == 0.0:
+                    continue
+                share[n, m, count] = share_a * share_b
+                distance[n, m, count, 0], distance[n, m, count, 1] = to_a, to_b
+                cosine[n, m, count] = abs(above_a) / to_a
+                convex[n, m, count] = 1.0 if above_a > 0.0 else -1.0
+                count += 1

@@ -1,0 +1,137 @@
+"""The outlines of a scene as rays meet them: straight facets and circular arcs, all of them opaque.
+
+Arcs stay exact. As chords they would cost a test each, and a convex surface would shadow itself at every joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Scene, Segment
+
+Array = NDArray[np.float64]
+
+TOUCH = 1e-6
+"""Distance [m] within which the end of a ray lies on an outline instead of being shadowed by it: a thousandth of a
+wavelength at 300 GHz, and far above the rounding of coordinates."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Facets and arcs; as obstacles they are counted through, the facets first.
+
+    Attributes
+    ----------
+    facets : (f, 2, 2) array [m]
+        Start and end of each straight facet.
+    arcs : (a, 5) array
+        Center x, y [m], radius [m], first angle [rad] and angular span [rad], counter-clockwise.
+    surface : (f + a,) array of int
+        Which surface of the scene each obstacle belongs to.
+    """
+
+    facets: Array
+    arcs: Array
+    surface: NDArray[np.int64]
+
+
+def outline(scene: Scene) -> Outline:
+    """The outline of a two-dimensional scene.
+
+    Raises
+    ------
+    InputError
+        If a surface has a shape that is neither straight nor circular.
+    """
+    facets: list[tuple[int, Array]] = []
+    arcs: list[tuple[int, tuple[float, ...]]] = []
+    for index, surface in enumerate(scene.surface):
+        if isinstance(surface, Segment):
+            facets.append((index, np.array([surface.start, surface.end])))
+        elif isinstance(surface, Polyline):
+            corners = np.array(surface.points)
+            facets += [(index, corners[i : i + 2]) for i in range(len(corners) - 1)]
+        elif isinstance(surface, Arc):
+            first, last = sorted((np.radians(surface.start_angle), np.radians(surface.stop_angle)))
+            arcs.append((index, (*surface.center, surface.radius, first, last - first)))
+        elif isinstance(surface, Circle):
+            arcs.append((index, (*surface.center, surface.radius, 0.0, 2.0 * np.pi)))
+        else:
+            raise InputError(
+                f"surface[{index}] {surface.name!r} is a {surface.kind}, which rays cannot follow; "
+                "expected a segment, polyline, arc or circle"
+            )
+    return Outline(
+        facets=np.array([facet for _, facet in facets]).reshape(-1, 2, 2),
+        arcs=np.array([arc for _, arc in arcs]).reshape(-1, 5),
+        surface=np.array([index for index, _ in [*facets, *arcs]], dtype=np.int64),
+    )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -> int:
+    """How often (0 or 1) the way p -> q crosses a facet, its ends included, touching at p or q left out."""
+    ax, ay = facet[0, 0], facet[0, 1]
+    sx, sy = facet[1, 0] - ax, facet[1, 1] - ay
+    dx, dy = qx - px, qy - py
+    denominator = dx * sy - dy * sx
+    if denominator == 0.0:
+        return 0
+    along_facet = ((ax - px) * dy - (ay - py) * dx) / denominator
+    if not 0.0 <= along_facet <= 1.0:
+        return 0
+    along_ray = ((ax - px) * sy - (ay - py) * sx) / denominator
+    margin = TOUCH / np.sqrt(dx * dx + dy * dy)
+    return 1 if margin < along_ray < 1.0 - margin else 0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> int:
+    """How often (0, 1 or 2) the way p -> q crosses an arc, touching at p or q left out."""
+    dx, dy = qx - px, qy - py
+    ox, oy = px - arc[0], py - arc[1]
+    radius = arc[2]
+    length = np.sqrt(dx * dx + dy * dy)
+    if length <= TOUCH:
+        return 0
+    dx, dy = dx / length, dy / length
+    nearest = -(ox * dx + oy * dy)
+    half_chord2 = radius * radius - (ox * dy - oy * dx) ** 2
+    if not half_chord2 > 0.0:
+        return 0
+    half_chord = np.sqrt(half_chord2)
+    count = 0
+    for sign in (-1.0, 1.0):
+        distance = nearest + sign * half_chord
+        if TOUCH < distance < length - TOUCH:
+            angle = np.arctan2(oy + distance * dy, ox + distance * dx)
+            if (angle - arc[3]) % (2.0 * np.pi) <= arc[4]:
+                count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Array, through: int) -> bool:
+    """Whether an obstacle stands on the straight way p -> q.
+
+    Parameters
+    ----------
+    px, py, qx, qy : float [m]
+    facets, arcs : (f, 2, 2) and (a, 5) arrays
+        As in `Outline`.
+    through : int
+        The obstacle that has to be crossed exactly once, because p lies inside the wall that it is the face of;
+        -1 for none.
+    """
+    for i in range(facets.shape[0]):
+        if _crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == through else 0):
+            return True
+    for i in range(arcs.shape[0]):
+        if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if facets.shape[0] + i == through else 0):
+            return True
+    return False

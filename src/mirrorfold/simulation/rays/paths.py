@@ -1,0 +1,318 @@
+"""Chains of mirrors and the paths over them, by the method of images.
+
+A chain names the straight facets that a ray leaving an antenna meets, in their order. Each antenna has an image in
+the chain and a *window*: the part of the last facet that the images before it light. A point is seen over the
+chain where the straight line from the image passes the window and no obstacle shadows a leg of the folded path
+(Borish, J. Acoust. Soc. Am. 75, 1827, 1984).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_distance
+from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
+
+Array = NDArray[np.float64]
+
+EDGE = 1e-9
+"""Distance [m] from the end of a window within which a path grazes it; above the rounding of coordinates."""
+
+PROBES = 1024
+"""Points on the windows, of all antennas together, that decide whether anything of a mirror is seen. They are staggered
+from antenna to antenna: an array misses no gap wider than about a thousandth of its windows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Straight mirrors in the order in which a ray from the antenna meets them.
+
+    Attributes
+    ----------
+    facets : tuple of int
+        Empty for the direct way.
+    mirrors : (bounces, 2, 2) array [m]
+        Start and end of these facets.
+    images : (bounces + 1, n, 2) array [m]
+        The n antennas, their images in the first mirror, the images of these in the second ...
+    window : (n, 2, 2) array [m]
+        The lit part of the last mirror; NaN where there is none, and for the direct way.
+    """
+
+    facets: tuple[int, ...]
+    mirrors: Array
+    images: Array
+    window: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """What paths lead to.
+
+    Attributes
+    ----------
+    position : (p, 2) array [m]
+    normal : (p, 2) array
+        Of the side from which the point is seen; zero where it is seen from all sides.
+    through : (p,) array of int
+        The obstacle in front of the point, which a path to it has to cross; -1 for none.
+    """
+
+    position: Array
+    normal: Array
+    through: NDArray[np.int64]
+
+    @classmethod
+    def free(cls, position: Array) -> Points:
+        """Points that are seen from all sides."""
+        return cls(position, np.zeros_like(position), np.full(len(position), -1, dtype=np.int64))
+
+
+def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
+    """All chains of up to `bounces` mirrors of which any antenna sees something, the direct way first.
+
+    Parameters
+    ----------
+    antennas : (n, 2) array [m]
+    world : Outline
+    bounces : int
+
+    Returns
+    -------
+    list of Chain
+        Sorted by their number of mirrors.
+    """
+    nowhere = np.full((len(antennas), 2, 2), np.nan)
+    generation = [Chain((), np.empty((0, 2, 2)), antennas[None], nowhere)]
+    found = list(generation)
+    for _ in range(bounces):
+        longer = (_extend(chain, facet, world) for chain in generation for facet in range(len(world.facets)))
+        generation = [chain for chain in longer if chain is not None]
+        found += generation
+    return found
+
+
+def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
+    """The chain with one more mirror, or None where no antenna sees that one over the chain."""
+    if chain.facets and chain.facets[-1] == facet:
+        return None
+    start, end = world.facets[facet]
+    image = chain.images[-1]
+    normal = segment_normal(start, end)
+    # An antenna in the mirror's own line sees it edge-on: it is no mirror then.
+    lit = np.abs(signed_distance(image, start, normal)) > TOUCH
+    first, last = np.zeros(len(image)), np.ones(len(image))
+    if chain.facets:
+        first, last = _lit_part(start, end, image, chain.window)
+    lit &= last > first
+    if not lit.any():
+        return None
+    first, last = np.where(lit, first, 0.0), np.where(lit, last, 0.0)
+    ends = start + np.stack([first, last], axis=1)[..., None] * (end - start)
+    window = np.where(lit[:, None, None], ends, np.nan)
+    if not _any_seen(window, chain.images, chain.window, chain.mirrors, world.facets, world.arcs):
+        return None
+    return Chain(
+        facets=(*chain.facets, facet),
+        mirrors=np.concatenate([chain.mirrors, world.facets[facet][None]]),
+        images=np.concatenate([chain.images, reflect(image, start, normal)[None]]),
+        window=window,
+    )
+
+
+def _lit_part(start: Array, end: Array, image: Array, window: Array) -> tuple[Array, Array]:
+    """Which part of a facet, as fractions of its length, lies in the light cast from images through windows.
+
+    Obstacles are left out. The lit region is where three linear functions are positive: it lies between the two
+    rays along the window's ends, and beyond the window.
+    """
+    a, b = window[:, 0], window[:, 1]
+    turned = cross2(a - image, b - image) < 0.0
+    a, b = np.where(turned[:, None], b, a), np.where(turned[:, None], a, b)
+    beyond = cross2(start - a, b - a), cross2(end - a, b - a)
+    first, last = np.zeros(len(image)), np.ones(len(image))
+    for at_start, at_end in (
+        (cross2(a - image, start - image), cross2(a - image, end - image)),
+        (cross2(start - image, b - image), cross2(end - image, b - image)),
+        beyond,
+    ):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            zero = at_start / (at_start - at_end)
+        first = np.where(at_start < 0.0, np.where(at_end > 0.0, np.maximum(first, zero), np.inf), first)
+        last = np.where((at_end < 0.0) & (at_start >= 0.0), np.minimum(last, zero), last)
+    # A facet in the window's own line is lit edge-on, which is not at all; neither is one by an empty window.
+    lit = np.maximum(*beyond) > TOUCH * np.linalg.norm(b - a, axis=-1)
+    return first, np.where(lit, last, -np.inf)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow(
+    px: float,
+    py: float,
+    through: int,
+    antenna: int,
+    images: Array,
+    window: Array,
+    mirrors: Array,
+    facets: Array,
+    arcs: Array,
+    cosines: Array,
+) -> tuple[float, float]:
+    """The share that arrives, and the length [m], of the path from an antenna over a chain to the point p.
+
+    The share is 0 where p is not seen, and a half where the path just grazes the end of the window: the field on the
+    edge of a beam is half of that within. Every monostatic path in a dihedral corner meets its vertex,
+    where the two orders of reflection hold a half each.
+
+    Walks the folded path back from p, each leg towards the next image. ``cosines[i]`` receives the cosine of the
+    angle of incidence on mirror i.
+    """
+    bounces = mirrors.shape[0]
+    ix, iy = images[bounces, antenna, 0], images[bounces, antenna, 1]
+    dx, dy = ix - px, iy - py
+    length = np.sqrt(dx * dx + dy * dy)
+    share = 1.0
+    if bounces > 0:
+        ax, ay = window[antenna, 0, 0], window[antenna, 0, 1]
+        sx, sy = window[antenna, 1, 0] - ax, window[antenna, 1, 1] - ay
+        denominator = dx * sy - dy * sx
+        along_ray = ((ax - px) * sy - (ay - py) * sx) / denominator
+        # A point on the mirror, or in front of it on the image's side, is not seen in it.
+        if not TOUCH < along_ray * length < length - TOUCH:
+            return 0.0, length
+        along_window = ((ax - px) * dy - (ay - py) * dx) / denominator
+        end = EDGE / np.sqrt(sx * sx + sy * sy)
+        if not -end < along_window < 1.0 + end:
+            return 0.0, length
+        if not end < along_window < 1.0 - end:
+            share = 0.5
+    x, y = px, py
+    for level in range(bounces, 0, -1):
+        ax, ay = mirrors[level - 1, 0, 0], mirrors[level - 1, 0, 1]
+        sx, sy = mirrors[level - 1, 1, 0] - ax, mirrors[level - 1, 1, 1] - ay
+        dx, dy = images[level, antenna, 0] - x, images[level, antenna, 1] - y
+        denominator = dx * sy - dy * sx
+        along_ray = ((ax - x) * sy - (ay - y) * sx) / denominator
+        cosines[level - 1] = abs(denominator) / np.sqrt((dx * dx + dy * dy) * (sx * sx + sy * sy))
+        hit_x, hit_y = x + along_ray * dx, y + along_ray * dy
+        if shadowed(x, y, hit_x, hit_y, facets, arcs, through):
+            return 0.0, length
+        x, y = hit_x, hit_y
+        through = -1
+    if shadowed(x, y, images[0, antenna, 0], images[0, antenna, 1], facets, arcs, through):
+        return 0.0, length
+    return share, length
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _any_seen(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
+    """Whether an antenna sees a point of its next window over the chain."""
+    scratch = np.empty(mirrors.shape[0])
+    antennas = next_window.shape[0]
+    probes = PROBES // antennas + 1
+    for probe in range(-2, probes):
+        for n in range(antennas):
+            if np.isnan(next_window[n, 0, 0]):
+                continue
+            # The ends come first: all monostatic paths in a corner meet its vertex.
+            u = probe + 2.0 if probe < 0 else (probe + (n + 0.5) / antennas) / probes
+            x = next_window[n, 0, 0] + u * (next_window[n, 1, 0] - next_window[n, 0, 0])
+            y = next_window[n, 0, 1] + u * (next_window[n, 1, 1] - next_window[n, 0, 1])
+            if follow(x, y, -1, n, images, window, mirrors, facets, arcs, scratch)[0] > 0.0:
+                return True
+    return False
+
+
+@dataclass(frozen=True, eq=False)
+class ChainPaths:
+    """The paths over one chain.
+
+    Attributes
+    ----------
+    antenna, point : (paths,) arrays of int
+        Where each path starts and ends.
+    length : (paths,) array [m]
+    share : (paths,) array
+        1, or a half for a path along the edge of a beam.
+    cosine : (bounces, paths) array
+        Of the angle of incidence on each mirror.
+    end_cosine : (paths,) array
+        Of the angle to the normal at the point.
+    """
+
+    antenna: NDArray[np.intp]
+    point: NDArray[np.intp]
+    length: Array
+    share: Array
+    cosine: Array
+    end_cosine: Array
+
+
+def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
+    """All paths from the antennas over the chain to the points.
+
+    Parameters
+    ----------
+    chain : Chain
+    points : Points
+    world : Outline
+
+    Returns
+    -------
+    ChainPaths
+        Sorted by antenna, then by point.
+    """
+    shape = (chain.images.shape[1], len(points.position))
+    share, length, end_cosine = np.zeros(shape), np.empty(shape), np.empty(shape)
+    cosine = np.empty((*shape, len(chain.facets)))
+    _trace(
+        points.position,
+        points.normal,
+        points.through,
+        chain.images,
+        chain.window,
+        chain.mirrors,
+        world.facets,
+        world.arcs,
+        share,
+        length,
+        cosine,
+        end_cosine,
+    )
+    antenna, point = seen = np.nonzero(share)
+    return ChainPaths(antenna, point, length[seen], share[seen], cosine[seen].T.copy(), end_cosine[seen])
+
+
+@njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+def _trace(
+    position: Array,
+    normal: Array,
+    through: NDArray[np.int64],
+    images: Array,
+    window: Array,
+    mirrors: Array,
+    facets: Array,
+    arcs: Array,
+    share: Array,
+    length: Array,
+    cosine: Array,
+    end_cosine: Array,
+) -> None:
+    """Fill the (n, p) tables of the paths; the share is left at 0 where there is none."""
+    bounces = mirrors.shape[0]
+    for n in prange(images.shape[1]):
+        for p in range(position.shape[0]):
+            px, py = position[p, 0], position[p, 1]
+            # The last leg points from the last image, whatever the number of mirrors.
+            dx, dy = images[bounces, n, 0] - px, images[bounces, n, 1] - py
+            facing = dx * normal[p, 0] + dy * normal[p, 1]
+            if facing <= 0.0 and (normal[p, 0] != 0.0 or normal[p, 1] != 0.0):
+                continue
+            share[n, p], length[n, p] = follow(
+                px, py, through[p], n, images, window, mirrors, facets, arcs, cosine[n, p]
+            )
+            end_cosine[n, p] = facing / length[n, p]

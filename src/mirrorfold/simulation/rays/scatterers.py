@@ -1,0 +1,223 @@
+"""Diffuse scatterers, frozen at random places on every rough surface and inside every wall with a depth.
+
+A scatterer turns the field E that meets it into the wave ``sigma E exp(-j k d) / sqrt(d)``. Its mean strength is
+
+``|sigma|^2 = l cos(ti) Q(ti) cos(ts) Q(ts) / (2 C)``,  ``C = integral of Q cos over [0, pi/2]``,
+
+with l the length of outline it stands for and Q(t) the share of the power arriving at angle t that is scattered.
+The law is symmetric in both angles, hence reciprocal; it is a product, so that each way contributes a factor of its
+own; and it conserves energy at every angle of incidence: the power scattered into the half circle is
+``l cos(ti) Q(ti)``. Where Q does not depend on the angle it is Lambert's law, ``l Q cos(ti) cos(ts) / 2``; for slight
+roughness of short correlation it is the first-order perturbation result, proportional to ``cos(ti)^2 cos(ts)^2``
+(Rice, Comm. Pure Appl. Math. 4, 1951).
+
+*The surface* scatters what its roughness takes from the specular beam, ``Q = |R|^2 (1 - rho^2)``. *The inside* of a
+wall scatters back the share `VOLUME_SHARE` of the power that enters, ``1 - |R|^2``. Waves cross the inside straight
+and as fast as in air: depths are those which a radar image shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.floor_plan import Scene, Surface
+from mirrorfold.scenes.materials import coherent_factor, material
+from mirrorfold.simulation.rays.outline import Outline
+from mirrorfold.simulation.rays.paths import Points
+
+Array = NDArray[np.float64]
+
+VOLUME_SHARE = 0.1
+"""Share of the power entering a wall that its inside scatters back: a porous board such as drywall then returns
+several times more from its inside than a surface of 50 um rms height does at 0.3 THz."""
+
+ANGLES, ANGLE_WEIGHTS = np.polynomial.legendre.leggauss(64)
+"""Quadrature over the angle of incidence, on [-1, 1]; the integrands are smooth."""
+
+
+def specular_coefficient(surface: Surface, frequency: ArrayLike, cosine: ArrayLike) -> NDArray[np.complex128]:
+    """Fresnel's coefficient times what roughness leaves of it.
+
+    Parameters
+    ----------
+    surface : Surface
+    frequency : (...) array [Hz]
+    cosine : (...) array
+        Of the angle of incidence.
+
+    Returns
+    -------
+    (...) complex array, broadcast from both.
+    """
+    angle = np.arccos(np.clip(cosine, 0.0, 1.0))
+    coefficient = material(surface.material).reflection(frequency, angle)
+    return np.asarray(coefficient * _coherent(surface, frequency, angle))
+
+
+def _coherent(surface: Surface, frequency: ArrayLike, angle: ArrayLike) -> Array:
+    """What roughness leaves of the specular amplitude of a surface; 1 for a smooth one."""
+    if surface.roughness is None:
+        return np.ones(np.broadcast_shapes(np.shape(frequency), np.shape(angle)))
+    return coherent_factor(
+        surface.roughness.rms_height,
+        frequency,
+        angle,
+        correlation_length=surface.roughness.correlation_length,
+    )
+
+
+@dataclass(frozen=True)
+class DiffuseLaw:
+    """How strongly a surface, or the inside of a wall, scatters.
+
+    Attributes
+    ----------
+    surface : Surface
+    inside : bool
+        Of the wall instead of on its face.
+    """
+
+    surface: Surface
+    inside: bool
+
+    def share(self, frequency: ArrayLike, angle: ArrayLike) -> Array:
+        """Q, the share of the power arriving at `angle` [rad] that is scattered, (...) array."""
+        reflected = np.abs(material(self.surface.material).reflection(frequency, angle)) ** 2
+        if self.inside:
+            return np.asarray(VOLUME_SHARE * (1.0 - reflected))
+        return np.asarray(reflected * (1.0 - _coherent(self.surface, frequency, angle) ** 2))
+
+    def factor(self, frequency: Array, cosine: Array) -> Array:
+        """The share of one way in ``|sigma|`` for unit length, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``.
+
+        Parameters
+        ----------
+        frequency : (f, 1) array [Hz]
+        cosine : (p,) array
+
+        Returns
+        -------
+        (f, p) array [m^(1/4)]
+        """
+        nodes = 0.25 * np.pi * (ANGLES + 1.0)
+        total = 0.25 * np.pi * (self.share(frequency, nodes) * np.cos(nodes)) @ ANGLE_WEIGHTS
+        angle = np.arccos(np.clip(cosine, 0.0, 1.0))
+        return np.asarray(np.sqrt(np.cos(angle) * self.share(frequency, angle)) / (2.0 * total[:, None]) ** 0.25)
+
+
+@dataclass(frozen=True, eq=False)
+class Scatterers:
+    """Where the scatterers are and what they do.
+
+    Attributes
+    ----------
+    points : Points
+        A rough surface has separate scatterers for its two sides, since nothing passes through it.
+    weight : (s,) complex array [m^(1/4)]
+        What each scatterer contributes to one way besides the factor of its law; squared, it is a complex
+        Gaussian number whose mean power is the length of outline that the scatterer stands for. A resolution
+        cell shows fully developed speckle this way, however few scatterers it holds.
+    law : (s,) array of int
+        Index into `laws`.
+    laws : tuple of DiffuseLaw
+    """
+
+    points: Points
+    weight: NDArray[np.complex128]
+    law: NDArray[np.int64]
+    laws: tuple[DiffuseLaw, ...]
+
+
+def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Scatterers:
+    """Scatterers on all rough surfaces of a scene and inside its walls.
+
+    Parameters
+    ----------
+    scene : Scene
+    world : Outline
+        Of the same scene.
+    spacing : float [m]
+        Largest mean distance of neighbours along the outline; the mean power does not depend on it.
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If a surface into which no wave enters is given a volume depth.
+    """
+    laws: list[DiffuseLaw] = []
+    parts: list[tuple[Array, Array, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64]]] = []
+    for obstacle, index in enumerate(world.surface):
+        surface = scene.surface[index]
+        # One generator for each obstacle: what another surface is made of leaves the speckle of this one alone.
+        generator = np.random.default_rng([seed, obstacle])
+        for law in _laws(surface, scene.band.start):
+            laws.append(law)
+            for side in (1.0, -1.0):
+                foot, normal, length = _along(world, obstacle, side, spacing, generator)
+                depth = np.zeros(len(foot))
+                if law.inside:
+                    reach = surface.volume_depth
+                    if obstacle >= len(world.facets) and side > 0.0:
+                        # Behind the convex side of an arc the wall cannot be deeper than its center.
+                        reach = min(reach, world.arcs[obstacle - len(world.facets), 2])
+                    depth = _depth(reach, generator.uniform(size=len(foot)))
+                gaussian = generator.standard_normal((len(foot), 2)) @ np.array([1.0, 1.0j]) * np.sqrt(0.5)
+                parts.append(
+                    (
+                        foot - depth[:, None] * normal,
+                        normal,
+                        np.full(len(foot), obstacle if law.inside else -1),
+                        np.sqrt(gaussian * np.sqrt(length)),
+                        np.full(len(foot), len(laws) - 1),
+                    )
+                )
+    if not parts:
+        return Scatterers(Points.free(np.empty((0, 2))), np.empty(0, complex), np.empty(0, np.int64), ())
+    position, normals, through, weight, which = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Scatterers(Points(position, normals, through), weight, which, tuple(laws))
+
+
+def _laws(surface: Surface, frequency: float) -> list[DiffuseLaw]:
+    """The ways in which a surface scatters: on its face, inside, both or not at all."""
+    laws = []
+    if surface.roughness is not None and surface.roughness.rms_height > 0.0:
+        laws.append(DiffuseLaw(surface, inside=False))
+    if surface.volume_depth > 0.0:
+        law = DiffuseLaw(surface, inside=True)
+        if not law.share(frequency, 0.0) > 0.0:
+            raise InputError(
+                f"surface {surface.name!r}: volume_depth is {surface.volume_depth:g} m, but no wave enters the "
+                f"material {surface.material!r}; choose another one such as 'plasterboard', or remove volume_depth"
+            )
+        laws.append(law)
+    return laws
+
+
+def _along(
+    world: Outline, obstacle: int, side: float, spacing: float, generator: np.random.Generator
+) -> tuple[Array, Array, float]:
+    """Points on an obstacle, one at a random place in each of equal cells; their normals, and the cells' length."""
+    if obstacle < len(world.facets):
+        start, end = world.facets[obstacle]
+        length = float(np.linalg.norm(end - start))
+    else:
+        x, y, radius, first, span = world.arcs[obstacle - len(world.facets)]
+        length = float(radius * span)
+    cells = max(1, int(np.ceil(length / spacing)))
+    along = (np.arange(cells) + generator.uniform(size=cells)) / cells
+    if obstacle < len(world.facets):
+        normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
+        return start + along[:, None] * (end - start), np.tile(side * normal, (cells, 1)), length / cells
+    angle = first + span * along
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.array([x, y]) + radius * outward, side * outward, length / cells
+
+
+def _depth(reach: float, uniform: Array) -> Array:
+    """Depths [m] with the density ``exp(-2 z / reach)`` on [0, reach], the decay of power there and back."""
+    return np.asarray(-0.5 * reach * np.log1p(-uniform * (1.0 - np.exp(-2.0))))

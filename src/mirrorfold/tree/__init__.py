@@ -1,0 +1,1 @@
+"""Steps 3 and 4 of the algorithm: who is seen through whom."""

@@ -1,0 +1,75 @@
+"""How a notebook shows a Reconstruction: a small picture and the facts; of other trees, what xarray shows.
+
+A Reconstruction is an `xarray.DataTree` like any other, and stays one on disk and through every operation. So it is not
+the object that knows how to show itself, but the notebook that is told: IPython asks a formatter by type.
+`import mirrorfold` tells it where IPython runs, and ``%load_ext mirrorfold`` does at any time later.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from html import escape
+
+import xarray as xr
+
+from mirrorfold.common.svg import card
+
+DOTS_PER_INCH = 72
+"""Of the picture: small enough for a notebook of many cells."""
+
+
+def to_html(tree: xr.DataTree) -> str:
+    """A reconstruction as HTML; of any other tree what xarray makes of it.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+
+    Returns
+    -------
+    str
+    """
+    if tree.attrs.get("mirrorfold_kind") != "reconstruction" or tree.parent is not None:
+        return _plain(tree)
+    from mirrorfold.errors import InputError
+    from mirrorfold.io.netcdf import check_reconstruction
+    from mirrorfold.reporting.document import _facts, mirror_rows, title_of
+
+    try:
+        checked = check_reconstruction(tree)
+    except InputError:  # under construction, or taken apart
+        return _plain(tree)
+    mirrors = mirror_rows(checked)
+    facts = [(row[0], row[1]) for row in _facts(checked.children["objects"].to_dataset(inherit=False), mirrors)]
+    for mirror in mirrors[:LONGEST_LIST]:
+        seen = "radar" if mirror["parent"] < 0 else f"mirror {mirror['parent']}"
+        facts.append((f"mirror {mirror['number']}", f"{mirror['length']:.2f} m, seen through {seen}"))
+    if len(mirrors) > LONGEST_LIST:
+        facts.append(("", f"and {len(mirrors) - LONGEST_LIST} more"))
+    if checked.attrs.get("remark"):
+        facts.append(("remark", str(checked.attrs["remark"])))
+    return card(title_of(checked), _picture(checked), facts)
+
+
+LONGEST_LIST = 8
+"""Mirrors that are listed."""
+
+
+def _plain(tree: xr.DataTree) -> str:
+    """What xarray shows; its text where it cannot show a group whose coordinates hide the root's of the same name."""
+    try:
+        return str(tree._repr_html_())
+    except ValueError:
+        return f"<pre>{escape(str(tree.to_dataset(inherit=False)))}</pre>"
+
+
+def _picture(reconstruction: xr.DataTree) -> str:
+    """Before and after, as an image element."""
+    import mirrorfold.plotting as plot
+
+    content = io.BytesIO()
+    plot.before_after(reconstruction).savefig(content, format="png", dpi=DOTS_PER_INCH)
+    data = base64.b64encode(content.getvalue()).decode("ascii")
+    words = "the initial image with its mirrors, and the corrected scene"
+    return f'<img src="data:image/png;base64,{data}" alt="{words}" style="max-width:100%">'

@@ -1,0 +1,357 @@
+"""Mirrors: lines found where they are, whichever way they lie, and nothing else taken for one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from synthetic import diffuse, empty_view, radar_view, together
+
+from mirrorfold.common.geometry import cross2
+from mirrorfold.detection.image_echoes import Echoes, find_echoes, find_pixels
+from mirrorfold.detection.line_fit import across_profiles, leading_edge, refined
+from mirrorfold.detection.lines import MINIMUM_LENGTH, find_mirrors
+from mirrorfold.detection.mirror import Mirror, line_cell
+
+NOISE = 0.01
+
+
+def look(points, amplitude, seed=0, **where):
+    view = radar_view(points, amplitude, noise=NOISE, seed=seed, **where)
+    echoes = find_echoes(view)
+    return view, echoes, find_mirrors(echoes, view)
+
+
+def errors(mirror, start, end):
+    """Angle [degree] between a mirror and the line start-end, and distance [mm] of its middle from it."""
+    direction = (end - start) / np.linalg.norm(end - start)
+    angle = np.degrees(np.arcsin(abs(cross2(direction, mirror.direction))))
+    return angle, 1e3 * abs(float(cross2(direction, mirror.middle - start)))
+
+
+def wall_at(middle, incidence, length):
+    """Ends of a wall around `middle` that the radar at the origin sees at that angle [degree] to its normal."""
+    angle = np.arctan2(middle[1], middle[0]) + np.radians(90.0 + incidence)
+    half = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
+    return middle - half, middle + half
+
+
+def random_wall(seed, length=0.8, obliquity=70.0):
+    random = np.random.default_rng([seed, 1])
+    middle = empty_view().to_points(random.uniform(0.9, 1.9), random.uniform(-0.5, 0.5))
+    return wall_at(middle, random.uniform(-obliquity, obliquity), length)
+
+
+def thick(start, end, seed, depth):
+    """Scatterers exponentially deep behind a face."""
+    points, amplitude = diffuse(start, end, seed, spacing=0.001)
+    random = np.random.default_rng([seed, 9])
+    away = np.array([start[1] - end[1], end[0] - start[0]]) / np.linalg.norm(end - start)
+    away = away * np.sign(away @ start)
+    return points + random.exponential(depth, len(points))[:, None] * away, amplitude
+
+
+def bare_mirrors(echoes, view, monkeypatch):
+    """Mirrors without the search for the leading edge."""
+    with monkeypatch.context() as patch:
+        patch.setattr("mirrorfold.detection.lines.leading_edge", lambda mirror, polar: mirror)
+        return find_mirrors(echoes, view)
+
+
+@pytest.mark.parametrize("incidence", [-30.0, 40.0])
+def test_the_ends_of_a_short_wall_hardly_turn_it(incidence):
+    """The cells at the ends of a slanting row turn it by 0.1 degree, towards the same side for any speckle."""
+    start, end = wall_at(empty_view().to_points(1.1, 0.3), incidence, 0.4)
+    turns = []
+    for seed in range(25):
+        _, _, (mirror,) = look(*diffuse(start, end, seed), seed=seed)
+        along = mirror.direction * np.sign(mirror.direction @ (end - start))
+        turns.append(np.degrees(np.arcsin(cross2(end - start, along) / np.linalg.norm(end - start))))
+    assert abs(np.mean(turns)) < 0.075
+    assert np.std(turns) < 0.11
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(
+    st.integers(0, 10**6),
+    st.floats(0.9, 1.9),
+    st.floats(-0.5, 0.5),
+    st.floats(-75.0, 75.0),
+    st.floats(0.5, 1.0),
+)
+def test_a_wall_is_found_to_a_tenth_of_a_degree_and_half_a_millimetre(seed, range_, u, incidence, length):
+    start, end = wall_at(empty_view().to_points(range_, u), incidence, length)
+    view, _, mirrors = look(*diffuse(start, end, seed), seed=seed)
+    assert len(mirrors) == 1
+    (mirror,) = mirrors
+    angle, offset = errors(mirror, start, end)
+    assert angle < 0.1
+    assert offset < 0.5
+    # Its ends are as sharp as the resolution along it.
+    _, cell = line_cell(view, np.stack([start, end]), mirror.direction)
+    ends = [mirror.start, mirror.end]
+    if np.linalg.norm(mirror.start - start) > np.linalg.norm(mirror.end - start):
+        ends.reverse()
+    assert (np.linalg.norm(np.array(ends) - [start, end], axis=1) < 1.5 * cell).all()
+    assert mirror.fill > 0.9
+
+
+def test_the_stated_errors_are_no_smaller_than_the_true_ones():
+    ratios = []
+    for seed in range(10):
+        start, end = random_wall(seed)
+        _, _, (mirror,) = look(*diffuse(start, end, seed), seed=seed)
+        angle, offset = errors(mirror, start, end)
+        ratios.append((angle / mirror.angle_error, 1e-3 * offset / mirror.offset_error))
+        assert mirror.angle_error < 0.2
+        assert mirror.offset_error < 0.001
+    assert np.sqrt(np.mean(np.square(ratios), axis=0)).max() < 1.0
+
+
+@pytest.mark.parametrize(("gap", "expected"), [(0.02, [1.02]), (0.15, [0.5, 0.5])])
+@pytest.mark.parametrize("seed", range(3))
+def test_pieces_on_a_line_are_one_mirror_over_a_small_gap_and_two_over_a_large_one(gap, expected, seed):
+    direction, corner = np.array([np.cos(0.35), np.sin(0.35)]), np.array([-0.5, 1.3])
+    pieces = together(
+        diffuse(corner, corner + 0.5 * direction, 2 * seed),
+        diffuse(corner + (0.5 + gap) * direction, corner + (1.0 + gap) * direction, 2 * seed + 1),
+    )
+    _, _, mirrors = look(*pieces, seed=seed)
+    assert len(mirrors) == len(expected)
+    assert_allclose([m.length for m in mirrors], expected, atol=0.03)
+    for mirror in mirrors:
+        angle, offset = errors(mirror, corner, corner + direction)
+        assert angle < 0.2
+        assert offset < 0.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("length", "number"), [(0.18, 0), (0.33, 1)])
+def test_a_short_row_says_too_little_to_be_a_mirror(seed, length, number):
+    start, end = wall_at(np.array([0.2, 1.3]), 15.0 * seed, length)
+    view, echoes, mirrors = look(*diffuse(start, end, seed), seed=seed)
+    assert len(mirrors) == number
+    assert len(find_mirrors(echoes, view, minimum_length=0.1)) == 1
+    assert not find_mirrors(echoes, view, minimum_length=0.5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("radius", [0.15, 0.25])
+def test_an_arc_is_not_a_mirror(seed, radius):
+    random = np.random.default_rng([seed, 3])
+    angle = np.radians(np.arange(210.0, 330.0, np.degrees(0.002 / radius)))
+    center = np.array([random.uniform(-0.6, 0.6), random.uniform(1.2, 2.0)])
+    points = center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    amplitude = random.standard_normal(angle.size) + 1j * random.standard_normal(angle.size)
+    _, echoes, mirrors = look(points, amplitude)
+    assert np.count_nonzero(echoes.strong) > 20
+    assert mirrors == []
+
+
+def clutter(seed, number):
+    random = np.random.default_rng([seed, number])
+    points = np.stack([random.uniform(-0.5, 0.5, number), random.uniform(0.9, 1.9, number)], axis=1)
+    return points, random.standard_normal(number) + 1j * random.standard_normal(number)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_scattered_clutter_is_not_a_mirror(seed):
+    _, echoes, mirrors = look(*clutter(seed, 30), seed=seed)
+    assert np.count_nonzero(echoes.strong) > 30
+    assert mirrors == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wall_amid_clutter_is_found_as_well(seed):
+    start, end = random_wall(seed, obliquity=50.0)
+    _, _, mirrors = look(*together(diffuse(start, end, seed), clutter(seed, 30)), seed=seed)
+    assert len(mirrors) == 1
+    angle, offset = errors(mirrors[0], start, end)
+    assert angle < 0.25
+    assert offset < 1.0
+
+
+def test_nothing_shows_no_mirror():
+    _, echoes, mirrors = look(np.empty((0, 2)), np.empty(0))
+    assert echoes.range.size == 0
+    assert mirrors == []
+
+
+@pytest.fixture(scope="module")
+def room():
+    """Two walls, and something too short to be one."""
+    return look(
+        *together(
+            diffuse((-0.6, 1.1), (0.1, 1.4), 1),
+            diffuse((0.5, 1.9), (0.8, 1.0), 2, strength=2.0),
+            diffuse((-0.3, 1.8), (-0.1, 1.85), 3),
+        )
+    )
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(st.floats(-180.0, 180.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+def test_mirrors_turn_and_move_with_the_radar_and_its_echoes(room, angle, x, y):
+    view, echoes, mirrors = room
+    cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    turn, shift = np.array([[cosine, -sine], [sine, cosine]]), np.array([x, y])
+    moved_view = replace(
+        view, radar=turn @ view.radar + shift, along=turn @ view.along, broadside=turn @ view.broadside
+    )
+    moved = find_mirrors(replace(echoes, position=echoes.position @ turn.T + shift), moved_view)
+    assert len(moved) == len(mirrors) == 2
+    for mirror, other in zip(mirrors, moved, strict=True):
+        start, end = turn @ mirror.start + shift, turn @ mirror.end + shift
+        angle_error, offset = errors(other, start, end)
+        assert angle_error < 0.02
+        assert offset < 0.1
+        assert other.length == pytest.approx(mirror.length, abs=0.01)
+
+
+def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
+    view, echoes, mirrors = room
+    assert_allclose([m.length for m in mirrors], [0.95, 0.76], atol=0.03)
+    assert mirrors[0].strength > 1.4 * mirrors[1].strength
+    scaled = find_mirrors(
+        replace(echoes, amplitude=1e-6 * echoes.amplitude), replace(view, amplitude=1e-6 * view.amplitude)
+    )
+    for mirror, other in zip(mirrors, scaled, strict=True):
+        assert_allclose([other.start, other.end], [mirror.start, mirror.end], atol=1e-6)
+        assert other.strength == pytest.approx(1e-6 * mirror.strength)
+
+
+def test_echoes_that_are_not_usable_support_no_mirror(room):
+    view, echoes, _ = room
+    usable = echoes.position[:, 0] < 0.3
+    found = find_mirrors(echoes, view, usable=usable)
+    assert len(found) == 1
+    assert errors(found[0], np.array([-0.6, 1.1]), np.array([0.1, 1.4]))[1] < 1.0
+    assert find_mirrors(echoes, view, usable=np.zeros_like(usable)) == []
+
+
+def test_a_glint_does_not_turn_a_mirror():
+    start, end = np.array([-0.5, 1.3]), np.array([0.4, 1.5])
+    points, amplitude = diffuse(start, end, 4)
+    # 20 dB above the wall, 1 cm in front of it near one end.
+    glint = start + 0.1 * (end - start) + [0.0, -0.01]
+    _, _, mirrors = look(*together((points, amplitude), (glint[None], [150.0])))
+    angle, offset = errors(max(mirrors, key=lambda m: m.length), start, end)
+    assert angle < 0.3
+    assert offset < 2.0
+
+
+@pytest.mark.parametrize("depth", [0.01, 0.02])
+def test_the_line_of_a_wall_that_scatters_from_inside_is_moved_to_its_face(depth, monkeypatch):
+    before, after = [], []
+    for seed in range(6):
+        start, end = random_wall(seed, length=0.9, obliquity=60.0)
+        view, echoes, mirrors = look(*thick(start, end, seed, depth), seed=seed)
+        assert len(mirrors) == 1
+        before.append(errors(bare_mirrors(echoes, view, monkeypatch)[0], start, end)[1])
+        after.append(errors(mirrors[0], start, end)[1])
+    assert np.mean(before) > 6.0
+    assert np.mean(after) < 0.5 * np.mean(before)
+    assert np.max(after) < (4.5 if depth == 0.01 else 6.5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_line_of_a_thin_wall_is_left_where_it_is(seed):
+    start, end = random_wall(seed, length=0.9)
+    view, _, (mirror,) = look(*diffuse(start, end, seed), seed=seed)
+    assert leading_edge(mirror, view) is mirror
+
+
+def test_a_line_a_little_wrong_is_refined_to_the_image():
+    start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
+    view, _, _ = look(*diffuse(start, end, 5))
+    # Half a degree and half a centimetre off.
+    wrong = Mirror(start + np.array([0.0, 0.009]), end + np.array([0.0, 0.001]))
+    assert errors(wrong, start, end)[0] > 0.4
+    angle, offset = errors(refined(wrong, view), start, end)
+    assert angle < 0.05
+    assert offset < 0.2
+
+
+def test_profiles_across_a_mirror_peak_on_it():
+    start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
+    view, _, _ = look(*diffuse(start, end, 6))
+    along, offset, amplitude = across_profiles(Mirror(start, end), view, reach=1.5, spacing=0.5)
+    assert amplitude.shape == offset.shape == (along.size, 121)
+    assert_allclose(along[[0, -1]], [0.0, np.hypot(0.9, 0.3)])
+    # Where speckle fades, what is left may lie beside the line.
+    bright = amplitude.max(axis=1) > np.median(amplitude.max(axis=1))
+    top = offset[np.arange(along.size), amplitude.argmax(axis=1)]
+    assert np.abs(top[bright]).max() < 0.2 * view.range_cell
+    assert (amplitude[:, [0, -1]].max(axis=1) < 0.3 * amplitude.max(axis=1)).mean() > 0.9
+
+
+def test_the_cell_along_and_across_a_line_is_that_of_range_and_of_angle():
+    view = empty_view()
+    ahead = np.array([[0.0, 2.0]])
+    cross = 2.0 * view.u_cell
+    assert_allclose(np.concatenate(line_cell(view, ahead, np.array([1.0, 0.0]))), [view.range_cell, cross])
+    assert_allclose(np.concatenate(line_cell(view, ahead, np.array([0.0, 1.0]))), [cross, view.range_cell])
+    diagonal = np.concatenate(line_cell(view, ahead, np.array([1.0, 1.0]) / np.sqrt(2.0)))
+    assert_allclose(diagonal, np.hypot(view.range_cell, cross) / np.sqrt(2.0))
+
+
+def test_a_mirror_knows_its_geometry():
+    mirror = Mirror(np.array([1.0, 1.0]), np.array([1.0, 3.0]), strength=5.0)
+    assert mirror.length == 2.0
+    assert_allclose(mirror.direction, [0.0, 1.0])
+    assert_allclose(mirror.normal, [-1.0, 0.0])
+    assert_allclose(mirror.middle, [1.0, 2.0])
+    points = np.array([[0.0, 1.5], [4.0, 1.0]])
+    assert_allclose(mirror.along(points), [0.5, 0.0])
+    assert_allclose(mirror.beside(points), [1.0, -3.0])
+    other = Mirror(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+    image = mirror.reflected(other)
+    assert_allclose([image.start, image.end], [[1.0, 1.0], [3.0, 1.0]], atol=1e-15)
+    assert image.strength == 5.0
+
+
+def test_as_published_every_long_row_of_pixels_is_a_mirror():
+    """Without the tests of straightness, fill and contrast an arc of pixels passes too."""
+    angle = np.radians(np.arange(210.0, 330.0, 0.4))
+    points = np.array([0.1, 1.5]) + 0.25 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    random = np.random.default_rng(1)
+    amplitude = random.standard_normal(angle.size) + 1j * random.standard_normal(angle.size)
+    start, end = np.array([-0.9, 1.2]), np.array([-0.3, 1.3])
+    view, echoes, _ = look(*together((points, amplitude), diffuse(start, end, 2)))
+    published = find_mirrors(find_pixels(view, threshold_db=-25.0), view, tested=False)
+    assert len(published) > len(find_mirrors(echoes, view)) == 1
+    assert all(mirror.length >= MINIMUM_LENGTH for mirror in published)
+    assert min(errors(m, start, end)[1] for m in published if errors(m, start, end)[0] < 3.0) < 10.0
+
+
+def exact_echoes(points):
+    """Echoes at given places, all alike."""
+    view = empty_view()
+    range_, u = view.to_polar(points)
+    ones = np.ones(len(points))
+    return view, Echoes(np.asarray(points), range_, u, ones, 0.005 * ones, ones > 0, 0.1, 1.0)
+
+
+def test_untested_rows_are_fitted_by_least_squares_alone():
+    along = np.linspace(0.0, 0.6, 121)
+    start, direction = np.array([-0.2, 1.0]), np.array([0.8, 0.6])
+    view, echoes = exact_echoes(start + along[:, None] * direction)
+    (mirror,) = find_mirrors(echoes, view, tested=False)
+    ends = sorted([mirror.start.tolist(), mirror.end.tolist()])
+    assert_allclose(ends, [start, start + 0.6 * direction], atol=1e-12)
+
+
+def test_faint_echoes_are_no_evidence_but_continue_a_mirror():
+    start, end = np.array([-0.5, 1.4]), np.array([0.5, 1.6])
+    points, amplitude = diffuse(start, end, 8)
+    view = radar_view(points, amplitude, noise=NOISE)
+    echoes = find_echoes(view)
+    outer = echoes.position[:, 0] > 0.1
+    faded = replace(echoes, strong=echoes.strong & ~outer)
+    assert find_mirrors(replace(echoes, strong=np.zeros_like(outer)), view) == []
+    (mirror,) = find_mirrors(faded, view)
+    assert mirror.length == pytest.approx(np.hypot(1.0, 0.2), abs=0.05)

@@ -1,0 +1,348 @@
+"""Classic mistakes are put into sweeps and must be named, with the command that undoes them; good ones stay silent."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scans import content, panel
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.diagnosis import diagnose
+from mirrorfold.diagnosis.direct import direct_findings
+from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
+from mirrorfold.scenes.floor_plan import parse_scene
+
+MISTAKES = {
+    "none": (),
+    "conjugated": ("conjugated",),
+    "I and Q": ("conjugated",),
+    "reversed": ("frequency-reversed",),
+    "exchanged": ("tx-rx-exchanged",),
+    "millimetres": ("position-unit",),
+    "cable": ("range-offset",),
+}
+
+
+def wrong(sweep, mistake):
+    """The sweep with a mistake."""
+    if mistake == "millimetres":
+        return sweep.assign_coords({f"{a}_position": 1e3 * sweep[f"{a}_position"] for a in ("tx", "rx")})
+    if mistake == "cable":
+        return mf.calibrate.remove_cable(sweep, -1.7)
+    return {
+        "none": lambda s: s,
+        "conjugated": mf.calibrate.conjugate,
+        "I and Q": mf.calibrate.swap_iq,
+        "reversed": mf.calibrate.reverse_frequency,
+        "exchanged": mf.calibrate.swap_tx_rx,
+    }[mistake](sweep)
+
+
+def scene(seed, *, displaced, turned=0.0, elements=61, snr_db=20.0):
+    """Scatterers along random walls, seen by arrays in any direction."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(290e9, 300e9, 301)
+    along = 0.5e-3 * (np.arange(elements) - (elements - 1) / 2)
+    axis = np.array([np.cos(turned), np.sin(turned), 0.0])
+    ahead = np.array([-np.sin(turned), np.cos(turned), 0.0])
+    shift = 0.05 if displaced else 0.0
+    tx, rx = (along - shift)[:, None] * axis, (along + shift)[:, None] * axis
+    start, end = random.uniform([-0.8, 0.6], [0.8, 2.2], (2, 4, 2))
+    place = (start + (end - start) * random.uniform(0, 1, (60, 4, 1))).reshape(-1, 2)
+    place = place[:, :1] * axis + place[:, 1:] * ahead
+    echo = random.standard_normal((2, len(place))).view(float)
+    echo = echo[0] + 1j * echo[1]
+    s = np.empty((frequency.size, elements, elements), dtype=np.complex64)
+    to_tx, to_rx = (np.linalg.norm(place[:, None] - antennas, axis=2) for antennas in (tx, rx))
+    for m, k in enumerate(2 * np.pi * frequency / speed_of_light):
+        s[m] = (echo[:, None] * np.exp(-1j * k * to_tx)).T @ np.exp(-1j * k * to_rx)
+    sweep = mf.make_sweep(s, frequency=frequency, tx_position=tx, rx_position=rx)
+    return mf.add_noise(sweep, snr_db=snr_db, seed=seed)
+
+
+def named(sweep):
+    return tuple(sorted(finding.name for finding in diagnose(sweep)[0]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_each_mistake_is_named_and_good_sweeps_are_not_blamed(seed, mistake):
+    if mistake == "exchanged" and seed % 2:
+        pytest.skip("transmitters and receivers stand at the same places")
+    sweep = scene(seed, displaced=seed % 2 == 0, turned=0.4 * seed, elements=61 if seed % 2 == 0 else 121)
+    assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_in_a_full_wave_sweep(shared_data, mistake):
+    whole = mf.load(shared_data / "two_walls_fullwave.nc")
+    sweep = whole.isel(tx=slice(0, 70), rx=slice(91, 161)) if mistake == "exchanged" else whole.isel(
+        tx=slice(20, 141), rx=slice(20, 141)
+    )  # fmt: skip
+    assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
+
+
+def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    clean = scene(2, displaced=True)
+    for mistake in ("conjugated", "cable"):
+        mf.save(wrong(clean, mistake), "sweep.nc")
+        found = mf.info("sweep.nc")["findings"]
+        assert [finding["name"] for finding in found] == list(MISTAKES[mistake])
+        assert 0.6 <= found[0]["sure"] <= 1.0
+        program, *arguments = found[0]["fix"].split()
+        assert program == "mirrorfold"
+        assert main(arguments) == 0
+        repaired = mf.load("sweep-repaired.nc")
+        assert named(repaired) == ()
+        assert len(repaired.attrs["processing"]) >= 1
+        # The repair leaves the phase to within the length of cable that curvature can tell.
+        spectrum, ideal = (np.abs(np.fft.ifft(one["s"].values[:, 5, 7])) for one in (repaired, clean))
+        assert abs(int(np.argmax(np.correlate(spectrum, ideal, "full"))) - 300) <= (0 if mistake == "conjugated" else 4)
+
+
+def test_a_range_offset_is_measured():
+    found, _ = diagnose(wrong(scene(0, displaced=True), "cable"))
+    assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
+
+
+def faces(seed, elements, cable=0.0):
+    """Echoes of flat mirrors alone, each the image of the transmitter, seen by one short array."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(290e9, 300e9, 301)
+    place = np.zeros((elements, 3))
+    place[:, 0] = 0.5e-3 * (np.arange(elements) - (elements - 1) / 2)
+    s = np.zeros((frequency.size, elements, elements), dtype=complex)
+    for distance, angle in zip(random.uniform(0.6, 2.5, 40), np.radians(random.uniform(-50, 50, 40)), strict=True):
+        ahead = np.array([np.sin(angle), np.cos(angle), 0.0])
+        image = place + 2.0 * (distance - place @ ahead)[:, None] * ahead
+        path = np.linalg.norm(image[:, None] - place, axis=2) + cable
+        s += np.exp(-2j * np.pi / speed_of_light * np.multiply.outer(frequency, path))
+    sweep = mf.make_sweep(s.astype(np.complex64), frequency=frequency, tx_position=place, rx_position=place)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flat_faces_are_not_taken_for_a_wrong_delay(seed):
+    """For points, they would stand at twice their distance."""
+    assert named(faces(seed, 71)) == ()
+    found, _ = diagnose(faces(seed, 71, cable=1.4))
+    assert [finding.name for finding in found] == ["range-offset"]
+    assert float(found[0].remedy.split()[-1]) == pytest.approx(1.4, abs=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 45, 90])
+def test_cables_show_in_three_and_a_half_centimetres_of_a_full_wave_sweep(shared_data, first):
+    part = slice(first, first + 71)
+    sweep = mf.load(shared_data / "two_walls_fullwave.nc").isel(tx=part, rx=part)
+    assert named(sweep) == ()
+    for cable in (1.0, 2.2, 4.4):
+        found, _ = diagnose(mf.calibrate.remove_cable(sweep, -cable))
+        assert [finding.name for finding in found] == ["range-offset"]
+        assert float(found[0].remedy.split()[-1]) == pytest.approx(cable, abs=0.4)
+
+
+@pytest.mark.parametrize("size", [11, 31, 41])
+def test_arrays_too_short_to_tell_distances_are_not_blamed(shared_data, size):
+    whole = mf.load(shared_data / "two_walls_fullwave.nc")
+    for first in (0, 60, 120):
+        part = slice(first, first + size)
+        assert named(mf.add_noise(whole.isel(tx=part, rx=part), snr_db=20.0, seed=first)) == ()
+
+
+def test_exchanged_antennas_at_the_same_places_do_not_matter_and_are_not_judged():
+    sweep = scene(1, displaced=False, elements=41)
+    assert diagnose(sweep)[1]["exchange"] is False
+    assert diagnose(scene(0, displaced=True, elements=41))[1]["exchange"] is True
+
+
+def ring(seed, *, direct):
+    """Antennas around a few scatterers, which hear each other too, or only the scatterers."""
+    random = np.random.default_rng(seed)
+    frequency, turn = np.linspace(1.5e9, 6e9, 101), 2 * np.pi * np.arange(20) / 20
+    place = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), np.zeros(20)], axis=1)
+    inside = np.append(random.uniform(-0.1, 0.1, (4, 2)), np.zeros((4, 1)), axis=1)
+    k = 2 * np.pi / speed_of_light * frequency[:, None, None]
+    way = np.linalg.norm(place[:, None] - inside, axis=2)
+    apart = np.linalg.norm(place[:, None] - place, axis=2)
+    s = sum(0.1 * np.exp(-1j * k * (way[:, None, n] + way[None, :, n])) for n in range(4))
+    s = s + direct * (apart > 0) * np.exp(-1j * k * (apart + 0.1))
+    sweep = mf.make_sweep(s.astype(np.complex64), frequency=frequency, tx_position=place, rx_position=place)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_direct_waves_tell_which_way_time_runs(seed):
+    for direct in (False, True):
+        pairs = pairs_of(ring(seed, direct=direct))
+        assert direct_findings(pairs) == []
+        backwards = direct_findings(replace(pairs, s=pairs.s.conj()))
+        assert [finding.name for finding in backwards] == (["range-reversed"] if direct else [])
+
+
+def flight(seed, degrees):
+    """Point echoes seen by an antenna that flies along an arc, its delays counted from the middle of the scene."""
+    random = np.random.default_rng(seed)
+    frequency, angle = np.linspace(9.3e9, 9.9e9, 160), np.radians(degrees) * np.linspace(-0.5, 0.5, 90)
+    place = 4000.0 * np.stack([np.sin(angle), -np.cos(angle), np.full(90, 0.5)], axis=1)
+    points = np.append(random.uniform(-13, 13, (30, 2)), np.zeros((30, 1)), axis=1)
+    path = 2.0 * np.linalg.norm(place[:, None] - points, axis=2)
+    k = 2 * np.pi / speed_of_light * frequency
+    s = sum(random.exponential() * np.exp(-1j * np.multiply.outer(k, path[:, n])) for n in range(30))
+    s = s + random.standard_normal((*s.shape, 2)).view(complex)[..., 0]
+    sweep = mf.make_monostatic_sweep(s.astype(np.complex64), frequency=frequency, antenna_position=place)
+    return sweep.assign_attrs(scene_center=[0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_smeared_image_tells_the_mistakes_of_a_moving_antenna(seed):
+    for mistake in ("none", "conjugated", "reversed"):
+        assert named(wrong(flight(seed, 15.0), mistake)) == MISTAKES[mistake]
+        # Over a tenth of a degree nothing moves by a range cell, and nothing is said.
+        assert named(wrong(flight(seed, 0.1), mistake)) == ()
+
+
+def test_noise_is_no_mistake():
+    for seed in range(4):
+        sweep = scene(seed, displaced=True, elements=31, snr_db=-60.0)
+        found, judged = diagnose(sweep)
+        assert found == []
+        assert not judged["waves"]
+        # Antennas a hundred metres apart are a mistake whatever the samples hold.
+        found, judged = diagnose(wrong(sweep, "millimetres"))
+        assert [finding.name for finding in found] == ["position-unit"]
+        assert not judged["waves"]
+
+
+def test_a_small_array_is_not_judged():
+    sweep = scene(3, displaced=False, elements=5)
+    found, judged = diagnose(mf.calibrate.conjugate(sweep))
+    assert found == []
+    assert not judged["waves"]
+
+
+def test_of_a_planar_array_one_row_is_looked_at():
+    x, z = np.meshgrid(0.5e-3 * np.arange(9), 0.5e-3 * np.arange(7))
+    places = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
+    frequency = np.linspace(290e9, 300e9, 3)
+    s = np.ones((3, 63, 63), complex)
+    pairs = on_a_line(pairs_of(mf.make_sweep(s, frequency=frequency, tx_position=places, rx_position=places)))
+    kept = pairs.tx[np.unique(pairs.tx_of)]
+    assert 9 <= len(kept) < 63
+    assert np.ptp(kept[:, 2]) <= 1.1e-3
+    assert np.ptp(kept[:, 0]) == pytest.approx(4e-3)
+
+
+def test_what_is_broken_is_said_with_its_remedy(tmp_path, monkeypatch, capsys, sweep):
+    monkeypatch.chdir(tmp_path)
+    samples = sweep["s"].values.copy()
+    samples[3, 2, 2] = np.nan
+    samples[:, 4] = 0.0
+    sweep.assign(s=sweep["s"].copy(data=samples)).to_netcdf("bad.nc", engine="h5netcdf")
+    found = mf.info("bad.nc")
+    assert not found["valid"]
+    assert {finding["name"] for finding in found["findings"]} == {"nan", "dead-channels"}
+    assert main(["info", "bad.nc", "--json"]) == 2
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["findings"][0]["fix"] == "mirrorfold calibrate bad.nc -o bad-repaired.nc --mask"
+    assert "--mask" in printed.err
+    assert main(["calibrate", "bad.nc", "-o", "good.nc", "--mask"]) == 0
+    masked = mf.load("good.nc")
+    assert not masked["s"].values[:, 4].any()
+    assert not masked["s"].values[:, 2, 2].any()
+
+
+def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
+    monkeypatch.chdir(tmp_path)
+    sweep.isel(frequency=slice(None, None, -1)).to_netcdf("falling.nc", engine="h5netcdf")
+    found = mf.info("falling.nc")["findings"]
+    assert [finding["name"] for finding in found] == ["falling-frequencies"]
+    assert main(found[0]["fix"].split()[1:]) == 0
+    np.testing.assert_allclose(mf.load("falling-repaired.nc")["s"], sweep["s"])
+    gappy = sweep.isel(frequency=[0, 1, 2, 5, 6])
+    gappy.to_netcdf("gappy.nc", engine="h5netcdf")
+    assert [finding["name"] for finding in mf.info("gappy.nc")["findings"]] == ["non-uniform-steps"]
+
+
+def raster_scan(seed, *, leakage):
+    """Speckle of a wall in focused beams, nearer than the focus."""
+    random = np.random.default_rng(seed)
+    frequency = np.linspace(270e9, 300e9, 401)
+    angle = np.linspace(-6.0, 6.0, 25)
+    spot, focus = 0.017, 1.6
+    from mirrorfold.common.beams import beam_direction, beam_radius
+
+    depth = random.uniform(0.5, 1.3, 1500)
+    aim = beam_direction(random.uniform(-6.5, 6.5, 1500), random.uniform(-6.5, 6.5, 1500))
+    width = beam_radius(depth, spot_radius=spot, focus_distance=focus, wavelength=1.05e-3)
+    beams = beam_direction(angle[:, None], angle).reshape(-1, 3)
+    off = depth * np.sqrt(np.maximum(1.0 - (beams @ aim.T) ** 2, 0.0))
+    echo = random.standard_normal((1500, 2)).view(complex)[:, 0] * np.exp(-2.0 * (off / width) ** 2) / width**2
+    k = 2 * np.pi * frequency / speed_of_light
+    s = (np.exp(-2j * k[:, None] * depth) @ echo.T).reshape(-1, 25, 25)
+    if leakage:
+        s += 0.1 * np.abs(s).max() * np.exp(-2j * k * 0.1)[:, None, None]
+    attrs = {} if leakage else {"spot_radius": spot, "focus_distance": focus}
+    sweep = mf.make_raster_sweep(s, frequency=frequency, azimuth=angle, elevation=angle, **attrs)
+    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
+
+
+@pytest.mark.parametrize("leakage", [False, True])
+def test_the_range_axis_of_a_scan_runs_forward(leakage):
+    for seed in range(3):
+        sweep = raster_scan(seed, leakage=leakage)
+        assert named(sweep) == ()
+        for repair in (mf.calibrate.conjugate, mf.calibrate.reverse_frequency):
+            assert named(repair(sweep)) == ("range-reversed",)
+        assert diagnose(sweep)[1]["waves"]
+
+
+def test_walls_alone_tell_which_way_range_runs():
+    """Without leakage, and with nothing known of the beam."""
+    wall = panel(center=(0.1, 2.0, 0.0), normal=(-0.3, -1.0, 0.1))
+    sweep = mf.simulate(parse_scene(content(wall, half=10.0)), seed=0, snr_db=10.0)
+    for name in ("spot_radius", "focus_distance"):
+        del sweep.attrs[name]
+    assert named(sweep) == ()
+    (finding,) = diagnose(mf.calibrate.reverse_frequency(sweep))[0]
+    assert finding.name == "range-reversed"
+    assert "flat" in finding.what
+    frames = mf.calibrate.conjugate(sweep).expand_dims(frame=2)
+    assert named(frames) == ("range-reversed",)
+
+
+def test_a_scan_of_which_nothing_is_known_is_not_judged():
+    sweep = raster_scan(0, leakage=False)
+    silent = sweep.drop_attrs().assign_attrs(mirrorfold_kind="sweep")
+    assert isinstance(silent, xr.Dataset)
+    assert diagnose(silent) == ([], {"waves": False, "exchange": False})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", ["none", "conjugated", "reversed"])
+def test_mistakes_in_a_measured_ultrasonic_array(shared_data, mistake):
+    """Aluminium, some centimetres: another wave speed and another scale, and a back wall that mirrors."""
+    from scipy.io import loadmat
+
+    data = loadmat(shared_data / "arim" / "contact_notch_aluminium.mat", squeeze_me=True, struct_as_record=False)
+    data = data["exp_data"]
+    step = data.time[1] - data.time[0]
+    frequency = np.fft.fftfreq(data.time.size, step)
+    used = (frequency > 1e6) & (frequency < 9e6)
+    spectrum = np.fft.fft(data.time_data, axis=0)[used]
+    spectrum *= np.exp(-2j * np.pi * frequency[used] * data.time[0])[:, None]
+    s = np.zeros((used.sum(), 64, 64), dtype=complex)
+    s[:, data.tx - 1, data.rx - 1] = s[:, data.rx - 1, data.tx - 1] = spectrum
+    place = np.outer(data.array.el_xc, [1.0, 0.0, 0.0])
+    sweep = mf.make_sweep(s, frequency=frequency[used], tx_position=place, rx_position=place, wave_speed=6300.0)
+    waves = [finding.name for finding in diagnose(wrong(sweep, mistake))[0] if finding.name in str(MISTAKES)]
+    assert tuple(waves) == MISTAKES[mistake]

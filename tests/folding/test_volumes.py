@@ -1,0 +1,270 @@
+"""Imaging raster scans, and folding what they show: analytic echoes, known scenes, the symmetries of space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scans import BOARD, STEEL, ball, panel, periscope, scene, turned
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
+from mirrorfold.common.windows import window
+from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
+from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+from mirrorfold.folding.volumes import find_worlds
+from mirrorfold.sweep import make_raster_sweep
+
+FREQUENCY = np.linspace(270e9, 300e9, 401)
+SPOT = {"spot_radius": 0.017, "focus_distance": 1.5}
+
+
+def point_sweep(*targets, half=3.0, beams=25, noise=0.0, **attrs):
+    """The exact sweep of point targets (x, y, z) [m]."""
+    angle = np.linspace(-half, half, beams)
+    sight = beam_direction(angle[:, None], angle)
+    s = np.zeros((FREQUENCY.size, beams, beams), dtype=complex)
+    for target in np.array(targets, dtype=float):
+        range_ = np.linalg.norm(target)
+        width = beam_radius(range_, wavelength=speed_of_light / FREQUENCY.mean(), **SPOT)
+        rho = np.linalg.norm(np.cross(sight, target), axis=-1)
+        wave = np.exp(-4j * np.pi * FREQUENCY * range_ / speed_of_light)
+        s += wave[:, None, None] * np.exp(-2.0 * (rho / width) ** 2)
+    generator = np.random.default_rng(0)
+    s += noise * (generator.standard_normal(s.shape) + 1j * generator.standard_normal(s.shape))
+    return make_raster_sweep(s, frequency=FREQUENCY, azimuth=angle, elevation=angle, **(SPOT | attrs))
+
+
+def folded(world, *, bounces=3, seed=0, snr_db=25.0, **settings):
+    return mf.fold(mf.focus(mf.simulate(world, bounces=bounces, seed=seed, snr_db=snr_db)), **settings)
+
+
+def points_of(reconstruction, bounces=None):
+    objects = reconstruction.children["objects"].dataset
+    points = np.stack([objects[axis].values for axis in "xyz"], axis=-1)
+    return (
+        points if bounces is None else points[(objects["bounces"].values == bounces) & (objects["surface"] == "object")]
+    )
+
+
+def test_the_volume_is_the_focusing_sum():
+    sweep = point_sweep((0.02, 1.2, 0.01), (-0.03, 1.5, 0.02), noise=0.01)
+    volume = focus_raster(sweep, limits=(0.9, 1.8), padding=2, remove_leakage=False)
+    range_ = volume["range"].values[::37]
+    assert range_[0] >= 0.9
+    assert volume["range"].values[-1] <= 1.8
+    steer = np.exp(4j * np.pi / speed_of_light * np.outer(range_, FREQUENCY)) * window("hann", FREQUENCY.size, "t")
+    expected = np.einsum("rf,fae->rae", steer, sweep["s"].values)
+    assert np.abs(volume.values[::37] - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_leakage_is_taken_away_and_the_scene_stays():
+    clean = point_sweep((0.02, 1.2, 0.01))
+    leak = 0.5 * np.exp(-4j * np.pi * FREQUENCY * 0.1 / speed_of_light)
+    leaking = clean.assign(s=clean["s"] + leak[:, None, None].astype(np.complex64))
+    near = focus_raster(leaking, limits=(0.0, 0.3))
+    kept = focus_raster(leaking, limits=(0.0, 0.3), remove_leakage=False)
+    assert np.abs(near).max() < 1e-3 * np.abs(kept).max()
+    scene_with, scene_without = (np.abs(focus_raster(s, limits=(1.0, 1.4))) for s in (leaking, clean))
+    assert float(np.abs(scene_with - scene_without).max()) < 0.02 * float(scene_without.max())
+
+
+def test_peaks_have_the_range_to_a_fraction_of_a_sample():
+    for distance in np.linspace(1.2, 1.205, 5):
+        volume = to_radar_volume(focus_raster(point_sweep((0.0, distance, 0.0), noise=0.003)))
+        cloud = find_peaks(volume)
+        best = np.argmax(cloud.amplitude)
+        assert cloud.range[best] == pytest.approx(distance, abs=2e-4)
+        assert np.linalg.norm(cloud.position[best] - [0.0, distance, 0.0]) < 1e-3
+
+
+def test_noise_alone_gives_no_echo():
+    generator = np.random.default_rng(1)
+    s = generator.standard_normal((401, 25, 25, 2)) @ [1.0, 1.0j]
+    angle = np.linspace(-3.0, 3.0, 25)
+    sweep = make_raster_sweep(s, frequency=FREQUENCY, azimuth=angle, elevation=angle, **SPOT)
+    result = mf.reconstruct(sweep)
+    assert result.children["objects"].sizes["point"] == 0
+    assert result.children["mirrors"].sizes["mirror"] == 0
+    assert "no mirror was found" in result.attrs["remark"]
+
+
+def test_normalization_undoes_the_spreading():
+    sweep = point_sweep((0.0, 1.2, 0.0), noise=0.01)
+    width = beam_radius(1.2, wavelength=speed_of_light / FREQUENCY.mean(), **SPOT)
+    plain = np.abs(focus_raster(sweep).sel(range=1.2, method="nearest"))
+    for normalization, gain in (("none", 1.0), ("r2", 1.2**2), ("beam", (width / 0.017) ** 2)):
+        volume = np.abs(focus_raster(sweep, normalization=normalization).sel(range=1.2, method="nearest"))
+        assert np.allclose(volume / plain, gain, rtol=0.01)
+
+
+def test_plan_view_shows_the_strongest_of_each_column():
+    volume = focus_raster(point_sweep((0.03, 1.2, 0.05), (-0.03, 1.4, -0.05)))
+    plan = plan_view(volume, pixel=0.005)
+    assert plan.dims == ("y", "x")
+    for x, y in ((0.03, 1.2), (-0.03, 1.4)):
+        near = plan.where((np.abs(plan["x"] - x) < 0.03) & (np.abs(plan["y"] - y) < 0.03), 0.0)
+        row, column = np.unravel_index(int(near.values.argmax()), near.shape)
+        assert plan["x"].values[column] == pytest.approx(x, abs=0.006)
+        assert plan["y"].values[row] == pytest.approx(y, abs=0.006)
+        assert float(near.max()) == pytest.approx(float(np.abs(volume).max()), rel=0.15)
+    assert mf.fold(plan).attrs["mirrorfold_kind"] == "reconstruction"
+
+
+def test_voxels_interpolate_the_volume():
+    volume = focus_raster(point_sweep((0.03, 1.2, 0.02)), limits=(0.8, 1.6))
+    x, y, z = np.linspace(-0.04, 0.04, 5), np.linspace(1.1, 1.3, 4), np.linspace(-0.03, 0.03, 3)
+    voxels = to_voxels(volume, x=x, y=y, z=z)
+    assert voxels.dims == ("z", "y", "x")
+    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
+    azimuth, elevation = beam_angles(grid)
+    where = {name: xr.DataArray(values, dims=("x", "y", "z")) for name, values in (
+        ("range", np.linalg.norm(grid, axis=-1)), ("azimuth", azimuth), ("elevation", elevation))}  # fmt: skip
+    expected = np.abs(volume).interp(where).transpose("z", "y", "x").values
+    assert np.abs(voxels.values - expected).max() < 1e-3 * expected.max()
+    assert mf.focus(point_sweep((0.03, 1.2, 0.02)), x=x, y=y, z=z).dims == ("z", "y", "x")
+
+
+def wall_world(angle=0.0, lean=0.0, half=8.0, **settings):
+    """A board turned by 45 degrees that shows a ball to the left."""
+    normal = (-np.sqrt(0.5) * np.cos(lean), -np.sqrt(0.5) * np.cos(lean), np.sin(lean))
+    things = [panel("wall", (0.0, 2.0, 0.0), normal, 2.0, 1.6, **BOARD), ball("ball", (-1.1, 2.0, 0.0), 0.16)]
+    return scene(*(turned(thing, angle) for thing in things), half=half, azimuth=angle, **settings)
+
+
+@pytest.mark.parametrize("lean_deg", [0.0, 5.0, -8.0])
+def test_a_wall_at_any_tilt_folds_the_ball_home(lean_deg):
+    world = wall_world(lean=np.radians(lean_deg))
+    score = mf.score(folded(world), world)
+    assert [row["surface"] for row in score["mirrors"]] == ["wall"]
+    assert score["mirrors"][0]["angle_error_deg"] < 0.15
+    assert score["mirrors"][0]["offset_error_mm"] < 5.0
+    assert score["surfaces"]["ball"]["points"] > 30
+    assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
+    assert score["hidden"]["false_fraction"] == 0.0
+    assert score["surfaces"]["ball"]["completeness_3cm"] > 0.95
+
+
+def test_a_thick_wall_is_found_at_its_face():
+    """Volume scattering moves the centroid of the echoes inside, not the mirror."""
+    for depth in (0.0, 0.03):
+        finish = BOARD | {"volume_depth": depth}
+        world = scene(panel("wall", (0.0, 2.0, 0.0), (-1, -1, 0), 2.0, 1.6, **finish), half=6.0, beams=31)
+        (row,) = mf.score(folded(world, bounces=0), world)["mirrors"]
+        assert row["offset_error_mm"] < 3.0
+        assert row["angle_error_deg"] < 0.15
+
+
+def test_turning_the_scene_turns_the_result():
+    here, there = folded(wall_world()), folded(wall_world(angle=20.0))
+    found = here.children["mirrors"].dataset, there.children["mirrors"].dataset
+    normals = [np.array([float(mirrors[f"folded_normal_{a}"][0]) for a in "xyz"]) for mirrors in found]
+    assert beam_angles(-normals[1])[0] - beam_angles(-normals[0])[0] == pytest.approx(20.0, abs=0.1)
+    middle = [points_of(result, 1).mean(axis=0) for result in (here, there)]
+    expected = turned({"center": middle[0]}, 20.0)["center"]
+    assert np.linalg.norm(middle[1] - expected) < 0.008
+
+
+def test_three_bounces_come_home():
+    world = scene(*periscope())
+    volume = mf.focus(mf.simulate(world, snr_db=25.0))
+    # The scan shows 28 cm of the first mirror.
+    found = find_worlds(volume, minimum_size=0.25)
+    assert max(node.generation for node in found.tree.walk()) == 3
+    result = mf.fold(volume, minimum_length=0.25)
+    points = points_of(result, 3)
+    distance = np.abs(np.linalg.norm(points - [-1.5, 1.8, 0.0], axis=1) - 0.15)
+    assert len(points) > 20
+    assert distance.mean() < 0.008
+    score = mf.score(result, world)
+    assert {row["surface"] for row in score["mirrors"]} >= {"first", "second", "third"}
+    # Three mirrors deep, the last plane carries the errors of the two before it.
+    assert max(row["angle_error_deg"] for row in score["mirrors"] if row["surface"]) < 0.3
+    assert score["hidden"]["invented_fraction"] < 0.08
+
+
+def test_a_result_explains_itself_and_survives_the_disk(tmp_path):
+    result = folded(wall_world())
+    again = mf.load(mf.save(result, tmp_path / "result.nc"))
+    for group in ("objects", "mirrors"):
+        xr.testing.assert_equal(
+            result.children[group].to_dataset(inherit=False), again.children[group].to_dataset(inherit=False)
+        )
+    objects = again.children["objects"].dataset
+    assert set(np.unique(objects["chain"])) == {"", "0"}
+    assert ((objects["confidence"] >= 0) & (objects["confidence"] <= 1)).all()
+    assert float(again["intensity"].max()) > 0.0
+    assert mf.info(again)["points_by_bounces"].keys() == {"0", "1"}
+    # The picture of the true scene shows the ball where it stands.
+    near = again["intensity"].sel(x=slice(-1.3, -0.9), y=slice(1.8, 2.2))
+    assert float(near.max()) > 0.2 * float(again["intensity"].max()) * 0.1
+
+
+def test_no_mirror_no_folding():
+    world = scene(ball("ball", (0.1, 2.5, 0.0), 0.2), half=6.0, beams=31)
+    result = folded(world)
+    assert result.attrs["remark"].startswith("no mirror was found")
+    assert set(result.children["objects"]["bounces"].values) == {0}
+    assert np.abs(np.linalg.norm(points_of(result) - [0.1, 2.5, 0.0], axis=1) - 0.2).mean() < 0.008
+
+
+def test_what_stands_behind_an_object_is_not_a_thing():
+    """Objects are opaque: in the beams of a thing in front, later echoes are dropped."""
+    sweep = point_sweep((0.0, 1.2, 0.0), (0.0, 1.5, 0.0), (0.06, 1.5, 0.0), noise=0.003)
+    points = points_of(mf.reconstruct(sweep))
+    ranges = np.linalg.norm(points[np.abs(points[:, 0]) < 0.008], axis=1)
+    assert ranges.max() < 1.3
+    assert np.any((points[:, 0] > 0.05) & (points[:, 1] > 1.45))
+
+
+def test_wrong_volumes_and_settings_are_refused():
+    volume = focus_raster(point_sweep((0.0, 1.2, 0.0)), limits=(1.0, 1.4))
+    with pytest.raises(mf.InputError, match="every pixel is zero"):
+        mf.fold(volume * 0.0)
+    with pytest.raises(mf.InputError, match="not finite"):
+        mf.fold(volume.where(volume["range"] > 1.2))
+    with pytest.raises(mf.InputError, match="at least four samples"):
+        mf.fold(volume[:, :2])
+    with pytest.raises(mf.InputError, match="normalization is 'r3'"):
+        mf.fold(volume, normalization="r3")
+    with pytest.raises(mf.InputError, match="spot_radius"):
+        mf.fold(volume.drop_attrs(), normalization="beam")
+    with pytest.raises(mf.InputError, match="preset"):
+        mf.fold(volume, preset="published")
+    with pytest.raises(mf.InputError, match="minimum_size"):
+        mf.fold(volume, minimum_length=-1.0)
+    sweep = point_sweep((0.0, 1.2, 0.0))
+    for arguments, complaint in (
+        ({"limits": (1.0, 0.5)}, "rising ranges"), ({"padding": 0}, "padding"), ({"normalization": "r"}, "one of"),
+        ({"limits": (1.0, 1.001)}, "less than four samples"),
+    ):  # fmt: skip
+        with pytest.raises(mf.InputError, match=complaint):
+            focus_raster(sweep, **arguments)
+    with pytest.raises(mf.InputError, match="all three or on none"):
+        mf.focus(sweep, x=[0.0, 0.1])
+    with pytest.raises(mf.InputError, match="not finite"):
+        mf.focus(sweep.assign(s=sweep["s"] * np.nan))
+
+
+def test_a_lossy_wall_still_shows_what_is_behind_the_corner():
+    world = scene(panel("wall", (0.0, 2.0, 0.0), (-1, -1, 0), 2.0, 1.6, **(BOARD | {"loss_db": 4.0})),
+                  ball("ball", (-1.1, 2.0, 0.0), 0.16), half=6.0, beams=31)  # fmt: skip
+    assert len(points_of(folded(world), 1)) > 20
+
+
+def test_a_steel_wall_is_a_mirror_too():
+    world = scene(panel("wall", (0.0, 2.0, 0.0), (-1, -1, 0), 2.0, 1.6, **STEEL), ball("ball", (-1.1, 2.0, 0.0), 0.16),
+                  half=6.0, beams=31)  # fmt: skip
+    score = mf.score(folded(world), world)
+    assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
+
+
+def test_a_scan_without_noise_folds_as_one_with_noise():
+    """Far below the echoes, numerical dust is no echo either."""
+    world = wall_world()
+    result = mf.fold(mf.focus(mf.simulate(world)))
+    score = mf.score(result, world)
+    assert [row["surface"] for row in score["mirrors"]] == ["wall"]
+    assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
+    assert score["hidden"]["invented_fraction"] < 0.02

@@ -1,0 +1,116 @@
+"""Pictures: that what is drawn is what the data say, at the right place and in the right colour."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+
+import mirrorfold as mf
+from mirrorfold.common.decibels import COLOURS, decibels
+from mirrorfold.plotting.figures import content_extent
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def test_pixels_are_drawn_around_their_centres(image, ax):
+    drawn = mf.plot.image(image, ax, normalization="none").images[0]
+    assert_allclose(drawn.get_extent(), [-0.41, 0.59, 0.79, 1.59])
+    level = np.asarray(drawn.get_array())
+    assert level.max() == 0.0
+    assert level.min() >= -40.0
+    assert np.unravel_index(level.argmax(), level.shape) == (20, 25)
+
+
+def test_range_normalization_undoes_the_spreading_of_a_line_source():
+    y, x = np.linspace(1.0, 4.0, 31), np.linspace(-1.0, 1.0, 21)
+    spread = xr.DataArray(1.0 / np.hypot(x, y[:, None] - 0.5), dims=("y", "x"), coords={"y": y, "x": x})
+    level = mf.plot.image(spread, radar=(0.0, 0.5)).images[0].get_array()
+    assert_allclose(level, 0.0, atol=1e-9)
+
+
+def test_decibels_are_clipped_at_the_floor_and_do_not_follow_one_glint():
+    amplitude = np.ones((100, 100))
+    amplitude[0, 0], amplitude[0, 1], amplitude[0, 2] = 1e4, 0.1, 0.0
+    level = decibels(amplitude, -40.0)
+    assert_allclose(level[0, :4], [0.0, -20.0, -40.0, 0.0], atol=1e-9)
+    assert_allclose(decibels(np.zeros((3, 3)), -40.0), -40.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"floor_db": 40.0}, "floor_db is 40.0"), ({"normalization": "r3"}, "normalization is 'r3'")],
+)
+def test_wrong_options_are_refused(image, options, words):
+    with pytest.raises(mf.InputError, match=words):
+        mf.plot.image(image, **options)
+    with pytest.raises(mf.InputError, match="expected an image"):
+        mf.plot.image(image.isel(x=0))
+
+
+def test_mirrors_are_numbered_and_coloured_by_bounces(reconstruction, ax):
+    mf.plot.mirrors(reconstruction, ax)
+    assert_allclose(ax.lines[0].get_xydata(), [[0.4, 1.6], [0.6, 0.9]])
+    assert to_hex(ax.lines[0].get_color()) == COLOURS[0].lower()
+    assert [text.get_text() for text in ax.texts] == ["0"]
+
+
+def test_the_shadow_holds_the_ghosts_and_nothing_in_line_of_sight(reconstruction, ax):
+    mf.plot.shadows(reconstruction, ax, reach=10.0)
+    shadow = ax.patches[0].get_path()
+    objects = reconstruction["objects"]
+    initial = np.column_stack([objects["x_initial"], objects["y_initial"]])
+    assert shadow.contains_points(initial).tolist() == [False, False, True, True, True]
+
+
+def test_objects_are_drawn_where_they_stand_in_the_colour_of_their_bounces(reconstruction, ax):
+    mf.plot.corrected(reconstruction, ax)
+    points = {to_hex(line.get_color()): line.get_xydata() for line in ax.lines if line.get_marker() == "o"}
+    assert_allclose(points[COLOURS[0].lower()], [[-0.1, 0.9], [-0.12, 0.95]])
+    assert_allclose(points[COLOURS[1].lower()], [[0.1, 1.5], [0.12, 1.52], [0.14, 1.54]])
+
+
+def test_the_picture_is_cropped_to_what_it_shows(reconstruction):
+    x0, x1, y0, y1 = content_extent(reconstruction, folded=True)
+    margin = 0.06 * 1.6
+    assert_allclose([x0, x1, y0, y1], [-0.12 - margin, 0.6 + margin, -margin, 1.6 + margin])
+    assert content_extent(reconstruction, folded=False)[1] > x1  # the ghosts stand beyond the wall
+
+
+def test_before_and_after_have_one_scale_and_equal_axes(reconstruction, scene_file, tmp_path):
+    figure = mf.plot.before_after(reconstruction, mf.load(scene_file))
+    path = tmp_path / "picture.png"
+    figure.savefig(path)
+    left, right = figure.axes[:2]
+    scale = [panel.bbox.width / np.ptp(panel.get_xlim()) for panel in (left, right)]
+    scale += [panel.bbox.height / np.ptp(panel.get_ylim()) for panel in (left, right)]
+    assert_allclose(scale, scale[0], rtol=1e-6)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["in line of sight", "1 bounce", "truth"]
+    assert path.stat().st_size > 10_000
+
+
+def test_an_empty_reconstruction_can_be_drawn(reconstruction, tmp_path):
+    groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
+    groups["/mirrors"] = groups["/mirrors"].isel(mirror=slice(0))
+    groups["/objects"] = groups["/objects"].isel(point=slice(0))
+    groups["/"]["intensity"] = 0 * groups["/"]["intensity"]
+    empty = xr.DataTree.from_dict(groups)
+    x0, x1, y0, y1 = content_extent(empty, folded=True)
+    assert x0 < -0.5 < 1.5 < x1
+    assert y0 < 0.5 < 2.0 < y1
+    mf.plot.before_after(empty).savefig(tmp_path / "empty.png")
+
+
+def test_scenes_are_drawn_with_all_their_surfaces(scene_file, ax):
+    mf.plot.scene(mf.load(scene_file), ax)
+    assert_allclose(ax.lines[0].get_xydata(), [[-0.2, 0.3], [0.2, 0.34]])
+    assert ax.get_aspect() == 1.0
+    assert "[m]" in ax.get_xlabel()
+    assert "[m]" in ax.get_ylabel()

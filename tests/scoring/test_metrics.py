@@ -1,0 +1,297 @@
+"""Scores of made-up reconstructions whose distances from the truth are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.testing import assert_allclose
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.scoring.images import CELL, thin, visible_truth
+
+ARRAY = {"elements": 3, "pitch": 0.5e-3}
+BAND = {"start": 290e9, "stop": 300e9, "points": 401}
+
+
+def make_scene(*surfaces, **more):
+    named = [{"name": f"surface {i}", **surface} for i, surface in enumerate(surfaces)]
+    return parse_scene({"name": "test", "array": ARRAY, "band": BAND, "surface": named, **more})
+
+
+def segment(start, end, **more):
+    return {"kind": "segment", "start": list(start), "end": list(end), **more}
+
+
+def rebuilt(points, bounces=0, mirrors=()):
+    """A Reconstruction of points and mirrors; each mirror is a pair of ends, or of ends and a generation."""
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    ends = np.array([m[:2] for m in mirrors], dtype=float).reshape(-1, 2, 2)
+    columns = {
+        f"{p}{a}{e}": ("mirror", ends[:, e, i]) for p in ("", "folded_") for i, a in enumerate("xy") for e in (0, 1)
+    }
+    columns["generation"] = ("mirror", np.array([m[2] if len(m) > 2 else 1 for m in mirrors], dtype=np.int32))
+    objects = {
+        "x": ("point", points[:, 0]),
+        "y": ("point", points[:, 1]),
+        "bounces": ("point", np.broadcast_to(np.int32(bounces), len(points))),
+    }
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(), "/objects": xr.Dataset(objects).set_coords(["x", "y"]), "/mirrors": xr.Dataset(columns)}
+    )
+
+
+WALL = segment((-0.3, 1.0), (0.3, 1.0))
+ON_WALL = np.stack([np.arange(-0.295, 0.3, 0.01), np.full(60, 1.0)], axis=1)
+"""In the middle of each cell of a centimetre, so that thinning leaves them alone."""
+
+
+def test_points_on_the_truth_score_one_and_no_distance():
+    result = mf.score(rebuilt(ON_WALL), make_scene(WALL))
+    assert result["points"] == 60
+    # The truth is known every 2 mm.
+    assert result["accuracy_m"] < 0.001
+    assert result["chamfer_m"] < 0.004
+    for name in ("precision", "completeness", "f_score"):
+        assert result[f"{name}_2cm"] == result[f"{name}_5cm"] == 1.0
+    assert result["invented_fraction"] == 0.0
+    assert result["reachable_m"] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("shift", [0.01, -0.01])
+def test_points_a_centimetre_beside_the_truth_are_a_centimetre_off(shift):
+    result = mf.score(rebuilt(ON_WALL + np.array([0.0, shift])), make_scene(WALL))
+    assert result["accuracy_m"] == pytest.approx(0.01, rel=0.02)
+    assert result["chamfer_m"] == pytest.approx(0.01, rel=0.08)
+    assert result["precision_2cm"] == result["completeness_2cm"] == 1.0
+
+
+@pytest.mark.parametrize(("shift", "two", "five", "invented"), [(0.03, 0, 1, 0), (0.07, 0, 0, 0), (0.12, 0, 0, 1)])
+def test_good_fair_and_invented_points_differ_by_their_distance(shift, two, five, invented):
+    result = mf.score(rebuilt(ON_WALL + np.array([0.0, shift])), make_scene(WALL))
+    for name in ("precision", "completeness", "f_score"):
+        assert result[f"{name}_2cm"] == two
+        assert result[f"{name}_5cm"] == five
+    assert result["invented_fraction"] == invented
+    assert result["accuracy_m"] == pytest.approx(shift, rel=0.01)
+
+
+def test_invented_points_cost_precision_and_missing_ones_completeness():
+    invented = np.stack([np.arange(-0.295, -0.2, 0.01), np.full(10, 0.5)], axis=1)
+    half = ON_WALL[:30]
+    result = mf.score(rebuilt(np.concatenate([half, invented])), make_scene(WALL))
+    assert result["points"] == 40
+    assert result["precision_2cm"] == pytest.approx(0.75)
+    assert result["invented_fraction"] == pytest.approx(0.25)
+    # The last point reaches 2 cm further: 295 + 20 + 5 of 600 mm.
+    assert result["completeness_2cm"] == pytest.approx(0.5 + 0.015 / 0.6, abs=0.005)
+    precision, completeness = result["precision_2cm"], result["completeness_2cm"]
+    assert result["f_score_2cm"] == pytest.approx(2 * precision * completeness / (precision + completeness))
+    assert result["accuracy_m"] == pytest.approx(0.25 * 0.5, rel=0.01)
+
+
+def test_a_dense_blob_counts_once():
+    random = np.random.default_rng(0)
+    blob = np.array([0.105, 0.505]) + 0.004 * random.uniform(-1, 1, (1000, 2))
+    result = mf.score(rebuilt(np.concatenate([ON_WALL, blob])), make_scene(WALL))
+    assert result["points"] == 61
+    assert result["invented_fraction"] == pytest.approx(1 / 61)
+
+
+def test_thinning_leaves_one_mean_a_cell():
+    points = np.array([[0.001, 0.001], [0.003, 0.009], [0.0101, 0.001], [-0.001, 0.001]])
+    thinned = thin(points)
+    assert_allclose(thinned[np.argsort(thinned[:, 0])], [[-0.001, 0.001], [0.002, 0.005], [0.0101, 0.001]])
+    assert thin(np.empty((0, 2))).shape == (0, 2)
+    assert_allclose(thin(points, cell=1.0)[:, 0].sum(), -0.001 + np.mean([0.001, 0.003, 0.0101]))
+
+
+def test_thinning_again_changes_little_and_never_adds_points():
+    points = np.random.default_rng(1).uniform(-0.5, 0.5, (3000, 2))
+    once = thin(points)
+    assert len(once) == len(np.unique(np.floor(points / CELL), axis=0))
+    assert_allclose(thin(once), once)
+
+
+def test_without_points_what_is_undefined_is_none_and_nothing_is_complete():
+    result = mf.score(rebuilt([]), make_scene(WALL))
+    for part in (result, result["hidden"]):
+        assert part["points"] == 0
+        assert part["accuracy_m"] is part["chamfer_m"] is part["precision_2cm"] is part["precision_5cm"] is None
+        assert part["invented_fraction"] == 0.0
+    assert result["completeness_2cm"] == result["f_score_2cm"] == result["f_score_5cm"] == 0.0
+    # Nothing is hidden in this scene.
+    assert result["hidden"]["completeness_2cm"] is result["hidden"]["f_score_2cm"] is None
+    assert result["mirrors"] == []
+
+
+def test_in_an_empty_scene_every_point_is_invented():
+    nothing = mf.score(rebuilt([]), make_scene())
+    assert nothing["invented_fraction"] == nothing["reachable_m"] == 0.0
+    assert nothing["completeness_2cm"] is None
+    result = mf.score(rebuilt(ON_WALL, mirrors=[((0, 1), (1, 1))]), make_scene())
+    assert result["invented_fraction"] == 1.0
+    assert result["precision_2cm"] == 0.0
+    assert result["accuracy_m"] is None
+    assert result["mirrors"][0]["surface"] is None
+
+
+def test_the_scene_may_be_a_file(scene_file, reconstruction):
+    by_path = mf.score(reconstruction, scene_file)
+    assert by_path == mf.score(reconstruction, str(scene_file)) == mf.score(reconstruction, mf.load_scene(scene_file))
+    assert by_path["points"] == 5
+
+
+@pytest.mark.parametrize("what", [xr.Dataset(), xr.DataTree()])
+def test_what_is_no_reconstruction_is_refused(what):
+    with pytest.raises(mf.InputError, match="holds no group 'objects'"):
+        mf.score(what, make_scene(WALL))
+
+
+def seen(scene, *, bounces=3):
+    """Middle thirds of every surface: whether they are seen directly, and at all."""
+    points, normals, owner = [], [], []
+    for i, surface in enumerate(scene.surface):
+        p, n, _ = surface.sample(0.002)
+        part = slice(len(p) // 3, 2 * len(p) // 3)
+        points.append(p[part])
+        normals.append(n[part])
+        owner.append(np.full(len(p[part]), i))
+    points, normals, owner = map(np.concatenate, (points, normals, owner))
+    direct, reachable = visible_truth(scene, points, normals, bounces=bounces)
+    assert (direct <= reachable).all()
+    return [(float(direct[owner == i].mean()), float(reachable[owner == i].mean())) for i in range(len(scene.surface))]
+
+
+SCREEN = segment((-0.5, 1.0), (0.1, 1.0))
+MIRROR = segment((0.8, 0.5), (0.8, 2.4))
+HIDDEN = segment((-0.2, 1.6), (-0.2, 1.8))
+"""Behind the screen; the mirror at x = 0.8 shows it at x = 1.8."""
+
+
+def test_what_a_screen_hides_is_seen_by_way_of_a_mirror():
+    assert seen(make_scene(SCREEN, HIDDEN)) == [(1.0, 1.0), (0.0, 0.0)]
+    assert seen(make_scene(SCREEN, MIRROR, HIDDEN)) == [(1.0, 1.0), (1.0, 1.0), (0.0, 1.0)]
+    assert seen(make_scene(SCREEN, MIRROR, HIDDEN), bounces=0)[2] == (0.0, 0.0)
+
+
+def test_a_mirror_shows_only_what_reflects_on_it():
+    """The rays to x = 1.8, y = 1.6 to 1.8 m cross x = 0.8 at y = 0.71 to 0.8 m."""
+    for end, share in ((0.68, 0.0), (0.84, 1.0)):
+        assert seen(make_scene(SCREEN, segment((0.8, 0.5), (0.8, end)), HIDDEN))[2] == (0.0, share)
+    half = seen(make_scene(SCREEN, segment((0.8, 0.5), (0.8, 1.7 / 1.8 * 0.8)), HIDDEN))[2]
+    assert half == (0.0, pytest.approx(0.5, abs=0.04))
+    # Nor with something standing in the way, before the mirror or behind it.
+    for blocker in (segment((0.3, 0.2), (0.3, 0.6)), segment((0.3, 0.9), (0.3, 1.5))):
+        assert seen(make_scene(SCREEN, MIRROR, HIDDEN, blocker), bounces=1)[2] == (0.0, 0.0)
+
+
+def test_short_and_curved_pieces_are_not_counted_on_as_mirrors():
+    for start, share in ((0.68, 1.0), (0.7, 0.0)):
+        assert seen(make_scene(SCREEN, segment((0.8, start), (0.8, 0.84)), HIDDEN))[2] == (0.0, share)
+    curved = {"kind": "arc", "center": [20.8, 1.6], "radius": 20.0, "start_angle": 178.0, "stop_angle": 183.0}
+    assert seen(make_scene(SCREEN, curved, HIDDEN))[2][1] == 0.0
+
+
+def test_two_mirrors_show_what_one_does_not():
+    """A periscope of two mirrors at 45 degrees, with walls all round what they show."""
+    first, second = segment((-0.3, 0.9), (0.3, 1.5)), segment((0.9, 0.8), (1.5, 1.6))
+    target = segment((1.1, 2.2), (1.3, 2.2))
+    screens = segment((0.35, 0.2), (0.35, 0.9)), segment((0.75, 1.7), (0.75, 3.0))
+    parts = (first, second, target, *screens)
+    assert seen(make_scene(*parts), bounces=1)[2][1] == 0.0
+    direct, reachable = seen(make_scene(*parts), bounces=2)[2]
+    assert direct == 0.0
+    assert reachable > 0.5
+
+
+def test_a_surface_is_seen_from_both_sides():
+    """Surfaces have no back: a screen's far side is seen in a mirror behind it."""
+    forward, backward = segment((-0.2, 1.0), (0.2, 1.0)), segment((0.2, 1.0), (-0.2, 1.0))
+    assert seen(make_scene(forward)) == seen(make_scene(backward)) == [(1.0, 1.0)]
+    assert seen(make_scene(SCREEN, MIRROR, segment((-0.2, 1.8), (-0.2, 1.6))))[2] == (0.0, 1.0)
+
+
+def test_nothing_is_seen_edge_on():
+    assert seen(make_scene(segment((0.0, 1.0), (0.0, 1.5)))) == [(0.0, 0.0)]
+    assert seen(make_scene(segment((0.0, 1.0), (0.3, 1.5)))) == [(1.0, 1.0)]
+
+
+def test_nothing_is_seen_beyond_the_ambiguous_range():
+    band = {"start": 290e9, "stop": 300e9, "points": 101}
+    limit = speed_of_light * 100 / (2 * 10e9)
+    assert limit == pytest.approx(1.499, abs=1e-3)
+    near, far = segment((-0.1, 1.45), (0.1, 1.45)), segment((-0.1, 1.55), (0.1, 1.55))
+    assert seen(make_scene(near, band=band)) == [(1.0, 1.0)]
+    assert seen(make_scene(far, band=band)) == [(0.0, 0.0)]
+    # The way by the mirror is 2.5 m long.
+    assert seen(make_scene(SCREEN, MIRROR, HIDDEN, band=band))[2] == (0.0, 0.0)
+
+
+def test_hidden_figures_are_of_hidden_surfaces_and_of_points_seen_by_way_of_mirrors():
+    scene = make_scene(SCREEN, MIRROR, HIDDEN)
+    on_screen = np.stack([np.arange(-0.495, 0.1, 0.01), np.full(60, 1.0)], axis=1)
+    on_hidden = np.stack([np.full(20, -0.205), np.arange(1.605, 1.8, 0.01)], axis=1)
+    points = np.concatenate([on_screen, on_hidden + np.array([0.01, 0.0])])
+    result = mf.score(rebuilt(points, np.repeat([0, 1], [60, 20])), scene)
+    hidden = result["hidden"]
+    assert hidden["surfaces"] == ["surface 2"]
+    assert hidden["points"] == 20
+    assert hidden["accuracy_m"] == pytest.approx(0.005, rel=0.05)
+    assert hidden["precision_2cm"] == hidden["completeness_2cm"] == hidden["f_score_2cm"] == 1.0
+    assert hidden["reachable_m"] == pytest.approx(0.2, abs=0.01)
+    assert result["points"] == 80
+    assert result["precision_2cm"] == 1.0
+    # The same points, said to be seen directly, show nothing of what is hidden.
+    direct = mf.score(rebuilt(points, 0), scene)
+    assert direct["hidden"]["points"] == 0
+    assert direct["hidden"]["completeness_2cm"] == direct["hidden"]["f_score_2cm"] == 0.0
+    assert direct["precision_2cm"] == 1.0
+
+
+def turned(segment_ends, degrees, shift):
+    """A wall turned about its middle and moved along its normal."""
+    start, end = np.array(segment_ends, dtype=float)
+    middle, half = 0.5 * (start + end), 0.5 * (end - start)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    half_turned = np.array([[c, -s], [s, c]]) @ half
+    normal = np.array([-half[1], half[0]]) / np.linalg.norm(half)
+    return middle - half_turned + shift * normal, middle + half_turned + shift * normal
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize(("degrees", "shift"), [(0.0, 0.0), (0.5, 0.002), (-3.0, -0.01)])
+def test_errors_of_a_mirror_are_its_turn_and_its_shift(degrees, shift, swap):
+    ends = turned(((-0.5, 1.0), (0.1, 1.2)), degrees, shift)
+    found = rebuilt(ON_WALL, mirrors=[ends[::-1] if swap else ends])
+    (mirror,) = mf.score(found, make_scene(MIRROR, segment((-0.5, 1.0), (0.1, 1.2))))["mirrors"]
+    assert mirror["surface"] == "surface 1"
+    assert mirror["angle_error_deg"] == pytest.approx(abs(degrees), abs=1e-6)
+    assert mirror["offset_error_mm"] == pytest.approx(1e3 * abs(shift), abs=1e-6)
+    assert mirror["generation"] == 1
+    assert mirror["length_m"] == pytest.approx(np.hypot(0.6, 0.2))
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        turned(((-0.5, 1.0), (0.1, 1.0)), 12.0, 0.0),  # too far turned
+        turned(((-0.5, 1.0), (0.1, 1.0)), 0.0, 0.12),  # too far beside
+        ((0.45, 1.0), (0.75, 1.0)),  # in line with the wall, but too far beyond its end
+    ],
+)
+def test_a_mirror_far_from_all_walls_is_none_of_them(ends):
+    (mirror,) = mf.score(rebuilt(ON_WALL, mirrors=[ends]), make_scene(SCREEN))["mirrors"]
+    assert mirror["surface"] is mirror["angle_error_deg"] is mirror["offset_error_mm"] is None
+
+
+def test_each_leg_of_a_polyline_can_be_a_mirror_and_an_arc_cannot():
+    corner = {"kind": "polyline", "points": [[-0.5, 1.5], [0.5, 1.5], [0.5, 0.8]]}
+    arc = {"kind": "arc", "center": [0.0, 3.0], "radius": 1.0, "start_angle": 225.0, "stop_angle": 315.0}
+    legs = [((-0.4, 1.501), (0.4, 1.501)), ((0.502, 0.9), (0.502, 1.4)), ((-0.3, 2.0), (0.3, 2.0), 2)]
+    result = mf.score(rebuilt(ON_WALL, mirrors=legs), make_scene(corner, arc))
+    assert [m["surface"] for m in result["mirrors"]] == ["surface 0", "surface 0", None]
+    assert_allclose([m["offset_error_mm"] for m in result["mirrors"][:2]], [1.0, 2.0])
+    assert [m["generation"] for m in result["hidden"]["mirrors"]] == [2]

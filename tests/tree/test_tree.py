@@ -1,0 +1,389 @@
+"""Who is seen through whom: generations, opacity, walls; against scenes whose ghosts are known exactly."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from synthetic import diffuse, radar_image, radar_view, together
+
+import mirrorfold as mf
+from mirrorfold.common.geometry import cross2, reflect, segment_normal
+from mirrorfold.detection.image_echoes import find_echoes
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Views
+from mirrorfold.tree.tree import build_tree
+
+NOISE = 0.01
+
+
+def wall(middle, angle, length):
+    """Ends of a wall around `middle`; the angle [degree] counts from +x."""
+    half = 0.5 * length * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    return np.stack([middle - half, middle + half])
+
+
+def seen_by(chain, points):
+    """Where points appear that are seen through mirrors at their true places, the first one first."""
+    for mirror in reversed(chain):
+        points = reflect(points, mirror[0], segment_normal(*mirror))
+    return points
+
+
+def tree_of(*parts, reach=(0.3, 3.0), noise=NOISE, **settings):
+    view = radar_view(*together(*parts), noise=noise, reach=reach)
+    echoes = find_echoes(view)
+    tree, views = build_tree(echoes, view, **settings)
+    return tree, views, view, echoes
+
+
+def line_errors(found, true):
+    """Angle [degree] between two lines given by their ends, and distance [mm] of the middle of the first."""
+    span, direction = found[1] - found[0], true[1] - true[0]
+    sine = cross2(direction, span) / np.linalg.norm(direction) / np.linalg.norm(span)
+    away = cross2(direction, found.mean(axis=0) - true[0]) / np.linalg.norm(direction)
+    return np.degrees(np.arcsin(abs(sine))), 1e3 * abs(away)
+
+
+def nearest(points, truth):
+    return np.linalg.norm(points[:, None] - truth, axis=-1).min(axis=1)
+
+
+# A periscope: the radar sees mirror A, in it mirror B, in that mirror C, and in that one the targets.
+A, B, C = wall((0.0, 1.2), 47.0, 0.8), wall((1.0, 1.25), 44.0, 0.9), wall((1.05, 2.05), 42.0, 1.0)
+TARGETS = np.array([[1.6, 2.0], [1.7, 2.15], [1.65, 1.75]])
+
+
+@pytest.fixture(scope="module")
+def periscope():
+    """Scatterers at the places where the radar sees them."""
+    ghosts = seen_by([A, B, C], TARGETS)
+    rows = [diffuse(*line, seed) for seed, line in enumerate((A, seen_by([A], B), seen_by([A, B], C)))]
+    return together(*rows, (ghosts, np.array([15.0, 15.0j, -15.0])))
+
+
+@pytest.fixture(scope="module")
+def periscope_tree(periscope):
+    return tree_of(periscope, reach=(0.3, 4.3))
+
+
+def test_three_bounces_arrive_where_the_targets_are(periscope_tree):
+    tree, _, view, _ = periscope_tree
+    folds = tree.folds()
+    assert list(folds) == [(), (0,), (0, 0), (0, 0, 0)]
+    for node in tree.walk():
+        assert node.generation == len(node.chain)
+        assert (node.objects.range.size > 0) == (node.generation == 3)
+        if node.line is not None:
+            true = (A, B, C)[node.generation - 1]
+            found = folds[node.chain[:-1]](np.stack([node.line.start, node.line.end]))
+            angle, offset = line_errors(found, true)
+            assert angle < 0.06
+            assert offset < 1.5
+            assert np.linalg.norm(found.mean(axis=0) - true.mean(axis=0)) < 0.02
+            assert node.line.length == pytest.approx(np.linalg.norm(true[1] - true[0]), abs=0.04)
+    deepest = list(tree.walk())[-1]
+    places = folds[0, 0, 0](deepest.objects.position)
+    # An echo lies within the main lobe of its point.
+    assert nearest(places, TARGETS).max() < 0.8 * view.cross_cell(3.65, 0.0)
+    for target in TARGETS:
+        mine = np.linalg.norm(places - target, axis=1) < 0.05
+        assert mine.any()
+        best = places[mine][np.argmax(deepest.objects.amplitude[mine])]
+        assert np.linalg.norm(best - target) < 0.004
+
+
+def test_three_bounces_fold_in_an_image(periscope):
+    x, y = np.arange(-1.0, 1.0, 0.0075), np.arange(0.5, 4.1, 0.0075)
+    result = mf.fold(radar_image(*periscope, x, y))
+    mirrors, objects = result["mirrors"].dataset, result["objects"].dataset
+    assert mirrors["chain"].values.tolist() == ["0", "0/0", "0/0/0"]
+    assert mirrors["generation"].values.tolist() == [1, 2, 3]
+    assert mirrors["parent"].values.tolist() == [-1, 0, 1]
+    for i, (true, ghost) in enumerate(zip((A, B, C), (A, seen_by([A], B), seen_by([A, B], C)), strict=True)):
+        for prefix, line in (("folded_", true), ("", ghost)):
+            found = np.array([[mirrors[f"{prefix}{axis}{end}"].values[i] for axis in "xy"] for end in "01"])
+            angle, offset = line_errors(found, line)
+            assert angle < 0.06
+            assert offset < 1.5
+    places = np.stack([objects["x"].values, objects["y"].values], axis=-1)
+    thing = objects["surface"].values == "object"
+    assert set(objects["chain"].values[thing]) == {"0/0/0"}
+    assert set(objects["bounces"].values[thing]) == {3}
+    assert nearest(places[thing], TARGETS).max() < 0.032
+    initial = np.stack([objects["x_initial"].values, objects["y_initial"].values], axis=-1)
+    assert nearest(initial[thing], seen_by([A, B, C], TARGETS)).max() < 0.032
+    # The face of a mirror is seen by way of the mirrors in front of it only.
+    for bounces, line in enumerate((A, B, C)):
+        face = ~thing & (objects["bounces"].values == bounces)
+        assert face.sum() > 50
+        along = (places[face] - line[0]) @ (line[1] - line[0]) / np.sum((line[1] - line[0]) ** 2)
+        beside = cross2(line[1] - line[0], places[face] - line[0]) / np.linalg.norm(line[1] - line[0])
+        assert np.abs(beside).max() < 0.003
+        assert -0.05 < along.min() < 0.1
+        assert 0.9 < along.max() < 1.05
+    # The folded image is brightest around the targets where nothing else is.
+    around = result["intensity"].sel(x=slice(1.5, 1.8), y=slice(1.6, 2.25))
+    top = np.unravel_index(np.argmax(around.values), around.shape)
+    brightest = np.array([[around["x"].values[top[1]], around["y"].values[top[0]]]])
+    assert around.values.max() == pytest.approx(15.0, rel=0.1)
+    assert nearest(brightest, TARGETS)[0] < 0.01
+
+
+def test_a_tree_tells_what_it_holds(periscope_tree):
+    tree, *_ = periscope_tree
+    nodes = list(tree.walk())
+    assert [node.chain for node in nodes] == [(), (0,), (0, 0), (0, 0, 0)]
+    number = nodes[-1].objects.range.size
+    lines = repr(tree).splitlines()
+    assert lines[0] == "radar: 0 object echoes"
+    assert [line.index("mirror") for line in lines[1:]] == [2, 4, 6]
+    assert lines[3].strip() == f"mirror 0/0/0, {nodes[3].line.length:.2f} m: {number} object echoes"
+    plain = json.loads(tree.to_json())
+    assert plain["line"] is None
+    assert plain["chain"] == []
+    for node in nodes[1:]:
+        (plain,) = plain["mirrors"]
+        assert plain["chain"] == list(node.chain)
+        assert_allclose([plain["line"]["start"], plain["line"]["end"]], [node.line.start, node.line.end])
+        assert plain["line"]["strength"] == node.line.strength
+        assert plain["line"]["angle_error_deg"] == node.line.angle_error
+        assert plain["line"]["offset_error_m"] == node.line.offset_error
+        assert plain["objects"] == node.objects.range.size
+    assert plain["mirrors"] == []
+
+
+def test_the_radars_view_of_the_periscope_opens_mirror_by_mirror(periscope_tree):
+    tree, views, view, _ = periscope_tree
+    assert sorted(views.chain, key=len) == [(0,), (0, 0), (0, 0, 0)]
+    number = {chain: index for index, chain in enumerate(views.chain)}
+    lines = {node.chain: node.line for node in tree.walk()}
+    range_, u = view.to_polar(0.5 * (lines[0,].middle + lines[0, 0].middle))
+    column = views.column(np.atleast_1d(u))
+    for distance, owner in ((0.5, ROOT), (range_, number[0,]), (2.4, number[0, 0]), (3.6, number[0, 0, 0])):
+        assert views.seen_through(np.atleast_1d(distance), column)[0] == owner
+
+
+MIRROR = wall((0.1, 1.2), 35.0, 0.9)
+"""A mirror that all of the following is seen through."""
+
+
+def behind(range_, width, u=0.02, number=7):
+    """Points side by side on an arc around the radar, at that range and that many radians wide."""
+    angle = u + np.linspace(-0.5, 0.5, number) * width
+    return range_ * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def clutter_behind_an_object():
+    """A mirror; in it an object at 1.8 m; behind that along the same rays clutter, and beside it a free point."""
+    return [
+        diffuse(*MIRROR, 3),
+        (behind(1.8, 0.12), np.full(7, 5.0)),
+        (behind(2.15, 0.08, number=4), np.full(4, 2.5)),
+        (behind(2.2, 0.0, u=-0.15, number=1), np.array([3.0])),
+    ]
+
+
+def counts(tree, range_, u=0.02):
+    """Number of object echoes seen through the only mirror near a range and direction."""
+    (node,) = tree.mirrors
+    near = (np.abs(node.objects.range - range_) < 0.04) & (np.abs(node.objects.u - u) < 0.08)
+    return int(np.count_nonzero(near))
+
+
+def test_what_is_behind_an_object_is_multiple_scattering(clutter_behind_an_object):
+    tree, *_ = tree_of(*clutter_behind_an_object)
+    assert counts(tree, 1.8) > 10
+    assert counts(tree, 2.15) == 0
+    assert counts(tree, 2.2, u=-0.15) > 0
+
+
+def test_transparent_objects_hide_nothing(clutter_behind_an_object):
+    opaque, *_ = tree_of(*clutter_behind_an_object)
+    clear, *_ = tree_of(*clutter_behind_an_object, opaque=False)
+    assert counts(clear, 1.8) == counts(opaque, 1.8)
+    assert counts(clear, 2.15) > 4
+    folds = clear.folds()
+    places = folds[0,](clear.mirrors[0].objects.position)
+    assert nearest(seen_by([MIRROR], behind(2.15, 0.08, number=4)), places).max() < 0.01
+
+
+@pytest.mark.parametrize(("decibel", "kept"), [(14.0, False), (26.0, True)])
+def test_what_is_much_stronger_than_all_before_it_is_a_thing_all_the_same(decibel, kept):
+    glint = behind(2.15, 0.0, number=1)
+    tree, *_ = tree_of(
+        diffuse(*MIRROR, 3), (behind(1.8, 0.12), np.full(7, 5.0)), (glint, np.array([5.0 * 10.0 ** (decibel / 20.0)]))
+    )
+    assert (counts(tree, 2.15) > 0) == kept
+
+
+@pytest.mark.parametrize(("depth", "kept"), [(0.045, True), (0.15, False)])
+def test_an_object_hides_what_is_more_than_its_own_depth_behind_it(depth, kept):
+    """The object is 7.5 cm deep: 2.5 range cells."""
+    tree, *_ = tree_of(
+        diffuse(*MIRROR, 3), (behind(1.8, 0.12), np.full(7, 5.0)), (behind(1.8 + depth, 0.02, number=1), [5.0])
+    )
+    (node,) = tree.mirrors
+    assert (node.objects.range.max() > 1.8 + 0.75 * depth) == kept
+
+
+def test_objects_in_line_of_sight_hide_what_is_behind_them_too():
+    parts = [(behind(1.0, 0.12), np.full(7, 5.0)), (behind(1.4, 0.08, number=4), np.full(4, 2.5))]
+    opaque, *_ = tree_of(*parts)
+    clear, *_ = tree_of(*parts, opaque=False)
+    assert opaque.mirrors == clear.mirrors == ()
+    assert opaque.objects.range.max() < 1.1
+    assert clear.objects.range.max() > 1.35
+
+
+def test_a_row_of_clutter_behind_objects_is_no_mirror():
+    screen = np.concatenate([behind(r, 0.2, u=u, number=5) for r, u in ((1.6, 0.01), (1.73, 0.02), (1.86, 0.03))])
+    row = behind(2.3, 0.16, number=2)
+    parts = [diffuse(*MIRROR, 3), (screen, np.full(15, 20.0)), diffuse(*row, 5)]
+    opaque, *_ = tree_of(*parts)
+    clear, *_ = tree_of(*parts, opaque=False)
+    assert [node.chain for node in opaque.walk()] == [(), (0,)]
+    assert [node.chain for node in clear.walk()] == [(), (0,), (0, 0)]
+    assert (
+        line_errors(np.stack([clear.mirrors[0].mirrors[0].line.start, clear.mirrors[0].mirrors[0].line.end]), row)[1]
+        < 1
+    )
+
+
+def beyond(distance):
+    """A point on the line of sight that meets MIRROR in its middle, that far square behind it."""
+    middle = MIRROR.mean(axis=0)
+    away = segment_normal(*MIRROR)
+    cosine = float(middle @ away) / np.linalg.norm(middle)
+    return (middle * (1.0 + distance / abs(cosine) / np.linalg.norm(middle)))[None]
+
+
+@pytest.mark.parametrize(
+    ("distance", "margin", "kept"), [(0.05, 0.04, False), (0.05, 0.0, True), (0.12, 0.04, True), (0.12, 0.15, False)]
+)
+def test_echoes_from_inside_a_wall_are_nothing(distance, margin, kept):
+    """The margin begins where the wall's own resolution cell ends, 2.6 cm behind it."""
+    tree, *_ = tree_of(diffuse(*MIRROR, 3), (beyond(distance), [6.0]), wall_margin=margin)
+    assert len(tree.mirrors) == 1
+    assert (tree.mirrors[0].objects.range.size > 0) == kept
+    assert tree.objects.range.size == 0
+
+
+def test_the_folded_image_leaves_out_what_is_inside_a_wall():
+    x, y = np.arange(-0.7, 0.8, 0.006), np.arange(0.5, 1.8, 0.006)
+    image = radar_image(*together(diffuse(*MIRROR, 3), (beyond(0.05), [6.0])), x, y)
+    place = seen_by([MIRROR], beyond(0.05))[0]
+    thin, thick = (mf.fold(image, wall_margin=margin) for margin in (0.0, 0.1))
+    for result, bright in ((thin, True), (thick, False)):
+        assert (float(result["intensity"].interp(x=place[0], y=place[1])) > 4.0) == bright
+
+
+@pytest.fixture(scope="module")
+def right_angle():
+    """Two walls at right angles whose images in each other continue them."""
+    first, second = np.array([[-0.4, 1.6], [0.6, 1.6]]), np.array([[0.6, 0.8], [0.6, 1.6]])
+    tree, views, *_ = tree_of(
+        diffuse(*first, 1), diffuse(*second, 2), diffuse(*seen_by([first], second), 3), reach=(0.3, 3.2)
+    )
+    return first, second, tree, views
+
+
+def test_a_wall_that_its_own_image_continues_is_split_where_the_image_begins(right_angle):
+    first, second, tree, _ = right_angle
+    assert len(tree.mirrors) == 2
+    folds = tree.folds()
+    found = {}
+    for node in tree.walk():
+        if node.line is not None:
+            ends = folds[node.chain[:-1]](np.stack([node.line.start, node.line.end]))
+            horizontal = abs(ends[1, 0] - ends[0, 0]) > abs(ends[1, 1] - ends[0, 1])
+            found[node.generation, bool(horizontal)] = ends
+            angle, offset = line_errors(ends, first if horizontal else second)
+            assert angle < 0.15
+            assert offset < 1.5
+    # The second wall, and its image folded back onto it.
+    assert set(found) == {(1, True), (1, False), (2, False)}
+    for generation in (1, 2):
+        assert np.sort(found[generation, False][:, 1]) == pytest.approx([0.8, 1.6], abs=0.04)
+    assert np.sort(found[1, True][:, 0]) == pytest.approx([-0.4, 0.6], abs=0.04)
+
+
+def test_an_image_without_mirrors_has_a_root_alone():
+    tree, views, _, echoes = tree_of((behind(1.0, 0.2), np.full(7, 5.0)))
+    assert list(tree.walk()) == [tree]
+    assert tree.generation == 0
+    assert views.chain == ()
+    assert tree.objects.range.size == np.count_nonzero(echoes.strong)
+    assert list(tree.folds()) == [()]
+    assert repr(tree) == f"radar: {tree.objects.range.size} object echoes"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_scattered_clutter_is_no_mirror(seed):
+    random = np.random.default_rng([seed, 100])
+    points = np.stack([random.uniform(-0.5, 0.5, 100), random.uniform(0.9, 1.9, 100)], axis=1)
+    tree, *_ = tree_of((points, random.standard_normal(100) + 1j * random.standard_normal(100)))
+    assert tree.mirrors == ()
+    assert tree.objects.range.size > 50
+
+
+def test_every_echo_is_in_the_tree_at_most_once(periscope_tree):
+    tree, _, _, echoes = periscope_tree
+    # Faces are moved onto their lines, but range and direction stay those of the image.
+    held = [part for node in tree.walk() for part in (node.objects, node.face)]
+    places = np.stack(
+        [np.concatenate([part.range for part in held]), np.concatenate([part.u for part in held])], axis=1
+    )
+    assert len(places) > 0.8 * echoes.range.size
+    assert len(np.unique(places, axis=0)) == len(places)
+
+
+def test_the_radar_itself_has_no_face(periscope_tree):
+    tree, *_ = periscope_tree
+    assert tree.line is None
+    assert tree.face.range.size == 0
+
+
+def test_mirror_worlds_open_only_through_their_parents():
+    """Mirror 1 is seen through mirror 0; a line of sight that misses mirror 0 ends at mirror 1's line."""
+    inf = np.inf
+    crossing = np.array([[1.0, 1.0, inf, inf], [2.0, inf, 2.0, inf]])
+    views = Views(
+        np.linspace(-0.3, 0.3, 4), crossing, np.array([ROOT, 0]), np.linspace(0.0, 5.0, 51), np.zeros((51, 4))
+    )
+    column = np.arange(4)
+    assert_array_equal(views.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
+    assert_array_equal(views.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])
+    assert_array_equal(views.seen_through(np.full(4, 2.5), column), [1, 0, NOBODY, ROOT])
+    assert_array_equal(views.column(np.array([-0.31, -0.12, 0.09, 2.0])), [0, 1, 2, 3])
+
+
+def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_radars_own():
+    """Two bright things behind a wall, on whose right the view goes on: one deep in its shadow, one at the edge."""
+    wall_ = wall((-0.3, 1.5), 0.0, 0.6)
+    inside, edge = np.array([[-0.3, 2.2]]), np.array([[-0.012, 2.2]])
+    far = np.array([[0.9, 1.2]])
+    tree, _, _, echoes = tree_of(
+        diffuse(*wall_, 3), (inside, np.array([15.0])), (edge, np.array([15.0])), (far, np.array([15.0]))
+    )
+    (mirror,) = tree.mirrors
+    held = mirror.objects.position
+    assert nearest(inside, held)[0] < 0.01
+    # Reflected, it would stand 0.8 m in front of the radar, in full view.
+    assert nearest(edge, echoes.position)[0] < 0.01
+    assert nearest(edge, held)[0] > 0.1
+    # Beside something that the radar does see, nothing contradicts it.
+    beside = (np.array([[0.06, 0.8]]), np.array([8.0]))
+    tree, *_ = tree_of(diffuse(*wall_, 3), (inside, np.array([15.0])), (edge, np.array([15.0])), beside)
+    assert nearest(edge, tree.mirrors[0].objects.position)[0] < 0.01
+
+
+def test_the_radars_own_view_is_not_trusted_beyond_its_echoes():
+    """Without an echo from further aside, its antennas may be deaf there."""
+    _, views, *_ = tree_of(diffuse(*wall((-0.3, 1.5), 0.0, 0.6), 3))
+    assert not views.open[np.abs(views.u) > 0.42].any()
+    assert (views.open[(views.u > 0.12) & (views.u < 0.35)] > 2.9).all()
+    before = views.open[(views.u < -0.1) & (views.u > -0.3)]
+    assert ((before > 1.35) & (before < 1.5)).all()

@@ -1,0 +1,336 @@
+"""The live page: what it shows is what the API computes, only this machine may look, and nothing breaks it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import threading
+import time
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import number, opened, pixels, settle, to_screen
+from numpy.testing import assert_allclose
+from synthetic import diffuse, radar_image, together
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.detection.known_mirrors import read_lines
+from mirrorfold.folding.plan import FoldPlan
+from mirrorfold.reporting.document import unpacked_levels
+from mirrorfold.viewing.server import TOKEN_HEADER, Server
+from mirrorfold.viewing.session import Session, line_of
+
+WALLS = np.array([[[0.5, 1.8], [0.9, 0.9]], [[-0.95, 1.0], [-0.5, 1.9]]])
+OBJECTS = np.array([[[-0.2, 1.9], [-0.06, 1.95]], [[0.15, 1.45], [0.28, 1.5]]])
+
+
+@pytest.fixture(scope="module")
+def view():
+    """Two walls, and one thing seen by way of each."""
+    parts = [diffuse(*wall, seed=i) for i, wall in enumerate(WALLS)]
+    for i, (wall, thing) in enumerate(zip(WALLS, OBJECTS, strict=True)):
+        parts.append(diffuse(*reflect(thing, wall[0], segment_normal(*wall)), seed=9 + i))
+    return radar_image(*together(*parts), np.linspace(-2.2, 2.4, 461), np.linspace(0.3, 2.9, 261))
+
+
+@pytest.fixture
+def file(view, tmp_path):
+    path = tmp_path / "image.nc"
+    mf.save(view, path)
+    return path
+
+
+@contextmanager
+def served(path, scene=None):
+    """A server in a thread of its own, once it has opened its file."""
+    session = Session(path, scene)
+    with Server(session) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread.start()
+        limit = time.monotonic() + 60
+        while session.state["status"] == "busy" and time.monotonic() < limit:
+            time.sleep(0.02)
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def call(server, path, body=None, **headers):
+    """Status and JSON of a request."""
+    data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
+    sent = {"Content-Type": "application/json", TOKEN_HEADER: server.token, **headers}
+    request = urllib.request.Request(server.address.rstrip("/") + path, data=data, headers=sent)
+    try:
+        with urllib.request.urlopen(request, timeout=30) as response:
+            return response.status, json.loads(response.read())
+    except urllib.error.HTTPError as error:
+        return error.code, json.loads(error.read())
+
+
+def lines_of(document):
+    return np.array([mirror["ends"] for mirror in document["mirrors"]])
+
+
+def corrected(document):
+    grid = document["grid"]
+    return unpacked_levels(document["images"]["corrected"], grid["ny"], grid["nx"])
+
+
+def expected(view, document, **settings):
+    """The levels that the API computes on the page's pixels."""
+    grid = document["grid"]
+    x, y = (view[axis].sel({axis: slice(*ends)}).values for axis, ends in (
+        ("x", document["extent"][:2]), ("y", document["extent"][2:])))  # fmt: skip
+    assert (x.size, y.size) == (grid["nx"], grid["ny"])
+    amplitude = FoldPlan(view).fold(grid=(x, y), **settings)["intensity"].values
+    level = 20.0 * np.log10(np.where(amplitude > 0, amplitude, 1.0) / document["zero_db"])
+    return np.where(amplitude > 0, np.maximum(level, -60.0), np.nan)
+
+
+def test_a_fold_is_what_the_api_computes(file, view):
+    with served(file) as server:
+        first = server.session.state["document"]
+        assert len(first["mirrors"]) == 2
+        for mirrors, settings in (
+            (lines_of(first)[:1], {}),
+            (lines_of(first) + 0.02, {"wall_margin": 0.1}),
+            (None, {"threshold_db": -10.0}),
+            (lines_of(first), {"generations": 0}),
+        ):
+            status, found = call(server, "/api/fold", {
+                "settings": {"threshold_db": -18.0, "wall_margin": 0.04, "generations": None, **settings},
+                "mirrors": None if mirrors is None else mirrors.tolist()})  # fmt: skip
+            assert status == 200
+            truth = expected(view, first, mirrors=mirrors, **settings)
+            assert_allclose(corrected(found), truth, atol=0.5 * found["images"]["corrected"]["step"] + 1e-3)
+            assert found["settings"]["wall_margin"] == settings.get("wall_margin", 0.04)
+
+
+def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monkeypatch, capsys):
+    with served(file) as server:
+        mirrors = lines_of(server.session.state["document"])[:1] + 0.015
+        request = {"settings": {"threshold_db": -16.5}, "mirrors": mirrors.tolist(), "name": "mine.nc"}
+        status, saved = call(server, "/api/save", request)
+    assert status == 200
+    written = mf.load(file.parent / "mine.nc")
+    again = mf.fold(view, mirrors=mirrors, threshold_db=-16.5)
+    assert np.array_equal(written["intensity"], again["intensity"])
+    assert np.array_equal(read_lines(file.parent / "mine.mirrors.json"), mirrors)
+    assert written.attrs["command"] == saved["command"]
+    words = shlex.split(saved["command"])
+    assert words[:2] == ["mirrorfold", "fold"]
+    words[words.index("-o") + 1] = str(file.parent / "repeated.nc")
+    assert main(words[1:]) == 0
+    repeated = mf.load(file.parent / "repeated.nc")
+    assert np.array_equal(repeated["intensity"], written["intensity"])
+    for name in ("x", "y", "confidence"):
+        assert np.array_equal(*(r.children["objects"].to_dataset(inherit=False)[name] for r in (repeated, written)))
+
+
+def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mf.save(sweep, "sweep.nc")
+    with served("sweep.nc") as server:
+        assert server.session.state["status"] == "ready"
+        status, saved = call(server, "/api/save", {"settings": {"threshold_db": -12.0}, "name": "out.nc"})
+        assert status == 200
+    first, second = (shlex.split(part) for part in saved["command"].split(" && "))
+    assert main(first[1:]) == 0
+    second[second.index("-o") + 1] = "again.nc"
+    assert main(second[1:]) == 0
+    assert np.array_equal(mf.load("again.nc")["intensity"], mf.load("out.nc")["intensity"])
+
+
+@pytest.mark.parametrize("name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"])
+def test_a_name_leads_to_no_other_place(file, name):
+    def files() -> dict[Path, tuple[int, int]]:
+        found = ((path, path.stat()) for path in file.parent.parent.rglob("*") if path.is_file())
+        return {path: (stat.st_size, stat.st_mtime_ns) for path, stat in found}
+
+    before = files()
+    with served(file) as server:
+        status, answer = call(server, "/api/save", {"name": name})
+    assert status == 400
+    assert answer["message"]
+    assert files() == before
+
+
+def test_only_this_machine_may_look(file):
+    with served(file) as server:
+        port = server.server_port
+        assert server.server_address[0] == "127.0.0.1"
+        for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
+            assert call(server, "/api/state", Host=host)[0] == 200
+        for host in (
+            "evil.example",
+            f"evil.example:{port}",
+            "127.0.0.1",
+            f"127.0.0.1.evil.example:{port}",
+            "127.0.0.1:1",
+        ):
+            assert call(server, "/api/state", Host=host)[0] == 403
+            assert call(server, "/api/fold", {}, Host=host)[0] == 403
+        assert call(server, "/api/state", Origin="http://evil.example")[0] == 403
+        assert call(server, "/api/fold", {}, **{TOKEN_HEADER: "wrong"})[0] == 403
+        assert call(server, "/api/save", {"name": "x.nc"}, **{TOKEN_HEADER: ""})[0] == 403
+    assert not (file.parent / "x.nc").exists()
+
+
+@pytest.mark.parametrize(
+    "path", ["/../../etc/passwd", "/etc/passwd", "/image.nc", "/%2e%2e/image.nc", "/api/", "//image.nc"]
+)
+def test_no_address_leads_to_a_file(file, path):
+    with served(file) as server:
+        assert call(server, path)[0] == 404
+        assert call(server, path, {})[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "words"),
+    [
+        (b"[", 400, "not a JSON object"),
+        (b"[]", 400, "not a JSON object"),
+        (b"[" * 100_000, 400, "not a JSON object"),
+        (b" " * 1_000_001, 413, "expected a request"),
+        ({"settings": {"threshold_db": "x"}}, 400, "threshold_db is 'x'"),
+        ({"settings": {"secret": 1}}, 400, "no setting 'secret'"),
+        ({"settings": {"minimum_length": -1}}, 400, "minimum_length is -1"),
+        ({"settings": []}, 400, "no object"),
+        ({"mirrors": [[[0, 1], [0, 1]]]}, 400, "has no length"),
+        ({"mirrors": "x"}, 400, "two ends"),
+        ({"mirrors": [[[0, 1], [0, 1e400]]]}, 400, "not finite"),
+    ],
+)
+def test_a_wrong_request_is_answered_and_forgotten(file, body, status, words):
+    with served(file) as server:
+        found, answer = call(server, "/api/fold", body)
+        assert found == status
+        assert words in answer["message"]
+        assert call(server, "/api/fold", {})[0] == 200
+
+
+def test_pieces_belong_to_the_line_they_lie_on():
+    lines = np.array([[[0.0, 1.0], [1.0, 1.0]], [[0.0, 1.2], [1.0, 1.4]]])
+    assert line_of([[0.2, 1.0], [0.4, 1.0]], lines) == 0
+    assert line_of([[0.5, 1.3], [1.0, 1.4]], lines) == 1
+
+
+def test_the_page_follows_a_switch_and_saves(file, view, chromium):
+    with served(file) as server, opened(chromium, server.address) as page:
+        canvas = ".panel[data-which=corrected] canvas"
+        before = pixels(page, canvas)
+        page.locator("[data-line='1']").uncheck()
+        page.wait_for_selector("html[data-folds='1']")
+        settle(page)
+        assert (pixels(page, canvas) != before).any()
+        shown = server.session.state["document"]
+        mirrors = lines_of(shown)[:1]
+        assert page.locator(".tree .node").count() == 2
+        truth = expected(view, shown, mirrors=mirrors)
+        # What the page holds, pixel for pixel, is what the API computes.
+        for x, y in OBJECTS.mean(axis=1):
+            page.mouse.move(*to_screen(page, "corrected", x, y))
+            settle(page)
+            names, texts = (page.locator(f"#readout {tag}").all_inner_texts() for tag in ("dt", "dd"))
+            told = dict(zip(names, texts, strict=True))
+            place = [number(part) for part in told["position"].split(",")]
+            grid = shown["grid"]
+            i, j = (round((place[k] - grid[f"{a}0"]) / grid[f"d{a}"]) for k, a in enumerate("xy"))
+            around = truth[j - 1 : j + 2, i - 1 : i + 2]
+            if np.isnan(around).all():
+                assert told["amplitude"] == "nothing"
+            else:
+                level = number(told["amplitude"]) if told["amplitude"] != "nothing" else np.nan
+                assert np.isnan(level) or np.nanmin(np.abs(around - level)) < 0.3
+        page.locator("#save-name").fill("from page.nc")
+        page.locator("#save").click()
+        page.wait_for_selector("#saved pre")
+        command = page.locator("#saved pre").inner_text()
+    written = mf.load(file.parent / "from page.nc")
+    assert written.attrs["command"] == command
+    assert np.array_equal(written["intensity"], mf.fold(view, mirrors=mirrors)["intensity"])
+
+
+def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
+    with served(file) as server, opened(chromium, server.address) as page:
+        start = lines_of(server.session.state["document"])
+        handle = page.locator("[data-handle='0-2']").bounding_box()
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 30, y, steps=5)
+        page.mouse.up()
+        page.wait_for_function("() => document.querySelector('#took').innerText.includes('these mirrors')")
+        page.wait_for_timeout(300)
+        moved = server.session._lines[0] - start[0]
+        assert_allclose(moved[0], moved[1], atol=1e-9)
+        assert moved[0, 0] > 0.02
+        assert moved[0, 1] == pytest.approx(0.0, abs=1e-6)
+        folds = int(page.locator("html").get_attribute("data-folds"))
+        page.locator("[data-handle='1-0']").focus()
+        page.keyboard.press("ArrowUp")
+        page.wait_for_selector(f"html[data-folds='{folds + 1}']")
+        assert_allclose(server.session._lines[1, 0] - start[1, 0], [0.0, 0.01], atol=1e-9)
+        page.locator("#draw").click()
+        a, b = to_screen(page, "initial", -0.3, 0.8), to_screen(page, "initial", 0.3, 0.8)
+        page.mouse.move(*a)
+        page.mouse.down()
+        page.mouse.move(*b, steps=3)
+        page.mouse.up()
+        page.wait_for_selector(f"html[data-folds='{folds + 2}']")
+        assert len(server.session._lines) == 3
+        assert_allclose(np.abs(server.session._lines[2]), [[0.3, 0.8], [0.3, 0.8]], atol=0.02)
+        page.locator("#find").click()
+        page.wait_for_selector(f"html[data-folds='{folds + 3}']")
+        assert server.session._lines is None
+
+
+def test_settings_of_the_page_reach_the_fold(file, chromium):
+    with served(file) as server, opened(chromium, server.address) as page:
+        page.locator("#set-generations").select_option("0")
+        page.wait_for_selector("html[data-folds='1']")
+        assert page.locator(".tree .node").count() == 1
+        page.locator("#set-generations").select_option("any")
+        page.wait_for_selector("html[data-folds='2']")
+        page.locator("#set-minimum_length").fill("1.2")
+        page.wait_for_selector("html[data-folds='3']")
+        assert page.locator(".tree .node").count() == 1
+        assert server.session._settings["minimum_length"] == 1.2
+
+
+@pytest.mark.parametrize("content", [b"", b"not netCDF", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])
+def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, chromium, content):
+    path = tmp_path / "<b>bad<b>.nc"
+    path.write_bytes(content)
+    with served(path) as server, opened(chromium, server.address) as page:
+        assert path.name in page.locator(".notice").inner_text()
+        assert page.locator("b").count() == 0
+        mf.save(view, path)
+        page.locator("#again").click()
+        page.wait_for_selector(".tree .node")
+
+
+def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, scene_file, tmp_path, chromium):
+    path = tmp_path / "r.nc"
+    reconstruction.attrs["title"] = "</script><img src=x onerror=alert(1)>"
+    mf.save(reconstruction, path)
+    with served(path, mf.load(scene_file)) as server, opened(chromium, server.address) as page:
+        assert page.locator("img").count() == 0
+        assert page.locator(".truth").count() >= 1
+        assert "3 seen around a corner" in page.locator("header").inner_text()
+
+
+def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys):
+    assert main(["view", str(file), "--port", "99999", "--no-open"]) == 2
+    assert "port is 99999" in capsys.readouterr().err
+    assert main(["view", "absent.nc", "--no-open"]) == 2
+    assert "absent.nc: is no file" in capsys.readouterr().err
+    with served(file) as server:
+        assert main(["view", str(file), "--port", str(server.server_port), "--no-open"]) == 2
+    assert "cannot be had" in capsys.readouterr().err
