@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
-    from mirrorfold.folding.plan import FoldPlan, fold
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.plotting import volumes as plot_volume
-    from mirrorfold.reconstruction import reconstruct
+    from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
     from mirrorfold.reporting import report
     from mirrorfold.scenes.floor_plan import Scene, load_scene
     from mirrorfold.scenes.solids import Scene3D
@@ -41,7 +40,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "FocusPlan": "focusing",
-    "FoldPlan": "folding.plan",
+    "FoldPlan": "reconstruction",
     "InputError": "errors",
     "Scene": "scenes.floor_plan",
     "Scene3D": "scenes.solids",
@@ -49,7 +48,7 @@ _HOME = {
     "check_sweep": "sweep",
     "export": "io",
     "focus": "focusing",
-    "fold": "folding.plan",
+    "fold": "reconstruction",
     "import_data": "io",
     "import_image": "io",
     "info": "describing.facts",

@@ -1,25 +1,52 @@
-"""The six steps, one call each: from a raw sweep to the corrected scene."""
+"""The six steps of the algorithm, one call each: from a raw sweep to the corrected scene.
+
+1. `mirrorfold.focus`: the image, or of a raster scan the volume.
+2. `mirrorfold.detection.find_mirrors`: the echoes in it, and the mirrors among them.
+3. `mirrorfold.tree.order_mirrors`: which mirror is seen through which.
+4. `mirrorfold.tree.assign_echoes`: which echo is seen through which chain of mirrors.
+5. `mirrorfold.folding.fold_back`: every echo back to where it stands.
+6. `mirrorfold.folding.collect`: the corrected scene.
+
+Mirrors, their order, and what can be seen at all depend on each other; steps 2 and 3 are taken in turn until nothing
+changes, in `find_tree`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
+from mirrorfold.common.settings import takes
+from mirrorfold.common.types import Array, Mask, Progress
+from mirrorfold.detection import Echoes, View, find_echoes, find_mirrors, see
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.known_mirrors import check_mirrors
+from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
-from mirrorfold.folding.plan import fold
-from mirrorfold.sweep import is_monostatic, is_raster
+from mirrorfold.folding import PRESETS, FoldSettings, collect, fold_back
+from mirrorfold.folding.pictures import Grid
+from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
+from mirrorfold.tree import LinesOfSight, MirrorTree, assign_echoes, order_mirrors
+from mirrorfold.tree.directions import is_mixed
 
-Progress = Callable[[int, int], None]
+MAXIMUM_ROUNDS = 8
+"""Mirrors and what is visible usually agree after two or three rounds."""
+
+MIXED_ROUNDS = 3
+"""Rounds of the test for mixed paths: their ghosts rarely stand behind one another, so that each uncovers little."""
+
+GHOST_CELLS = 0.5
+"""An echo this close, in resolution cells, to a known ghost of mixed paths is that ghost."""
 
 
+@takes(FoldSettings)
 def reconstruct(
-    sweep: xr.Dataset,
-    *,
-    tolerance: float = 1e-3,
-    progress: Progress | None = None,
-    **settings: Any,
+    sweep: xr.Dataset, *, tolerance: float = 1e-3, progress: Progress | None = None, **given: Any
 ) -> xr.DataTree:
     """See around the corner: focus a sweep (step 1) and fold the image (steps 2 to 6).
 
@@ -30,8 +57,7 @@ def reconstruct(
     tolerance : float
         Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
     progress : callable (done, total), optional
-    **settings
-        Passed on to `mirrorfold.fold`.
+    **given
 
     Returns
     -------
@@ -44,6 +70,257 @@ def reconstruct(
         If the sweep or a setting cannot be used.
     """
     image = focus(sweep, tolerance=tolerance, progress=progress)
-    if is_raster(sweep) or is_monostatic(sweep):
-        return fold(image, **settings)
-    return fold(image, sweep=sweep, **settings)
+    return fold(image, sweep=None if is_raster(sweep) else sweep, **given)
+
+
+@takes(FoldSettings)
+def fold(
+    image: xr.DataArray | xr.DataTree,
+    *,
+    sweep: xr.Dataset | None = None,
+    mirrors: ArrayLike | None = None,
+    preset: str = "default",
+    progress: Progress | None = None,
+    **given: Any,
+) -> xr.DataTree:
+    """Find the mirrors in an image, and fold what was seen through them back to where it stands.
+
+    Parameters
+    ----------
+    image : (y, x), (z, y, x) or (range, azimuth, elevation) DataArray, or DataTree
+        Complex or amplitude. Of voxels (z, y, x) the plan view is folded. The initial image of a Reconstruction is
+        folded again.
+    sweep : xarray.Dataset, optional
+        The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
+        different ways, which focus where nothing is, from true ones.
+    mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
+        Mirrors in the unfolded image, where they are known or drawn: the two ends of each line, or in a volume the
+        four corners of each plane. No others are looked for.
+    preset : {"default", "published"}
+        Where the settings below come from unless they are given.
+    **given
+    progress : callable (done, total), optional
+
+    Returns
+    -------
+    xarray.DataTree
+        The Reconstruction. Without any mirror it is the unfolded image, and its attr `remark` says so.
+
+    Raises
+    ------
+    InputError
+        If the image or a setting cannot be used.
+    """
+    return FoldPlan(image, sweep=sweep).fold(mirrors=mirrors, preset=preset, progress=progress, **given)
+
+
+class FoldPlan:
+    """An image that is folded again and again: what does not change is found once.
+
+    Parameters
+    ----------
+    image : DataArray or DataTree
+        As for `fold`.
+    sweep : xarray.Dataset, optional
+        As for `fold`.
+    """
+
+    def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
+        self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
+        self._ghosts = np.empty((0, 2))
+        if isinstance(image, xr.DataTree) and sweep is None:
+            places = [np.ravel(image.attrs.get(f"mixed_{axis}", ())).astype(float) for axis in "xy"]
+            self._ghosts = np.stack(places, axis=-1)
+        self._sweep = None if sweep is None else check_sweep(sweep)
+        if self._sweep is not None and is_monostatic(self._sweep):
+            self._sweep = None  # one antenna hears an echo from where it sent it to
+        self._views: dict[str | None, View] = {}
+        self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
+        self._ratios: dict[str, dict[tuple[float, float], float]] = {}
+
+    @takes(FoldSettings)
+    def fold(
+        self,
+        *,
+        mirrors: ArrayLike | None = None,
+        preset: str = "default",
+        grid: Grid | None = None,
+        progress: Progress | None = None,
+        **given: Any,
+    ) -> xr.DataTree:
+        """Fold the image, as `mirrorfold.fold` does.
+
+        Parameters
+        ----------
+        mirrors, preset, progress
+            As for `mirrorfold.fold`.
+        grid : tuple of 1D arrays [m], optional
+            Pixel coordinates (x, y) of the resulting pictures, equal rising steps; of a volume (x, y, z). The image's
+            by default.
+        **given
+
+        Returns
+        -------
+        xarray.DataTree
+            The Reconstruction.
+
+        Raises
+        ------
+        InputError
+            If the image or a setting cannot be used.
+        """
+        if preset not in PRESETS:
+            raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
+        chosen = PRESETS[preset].with_given(**given)
+        known = None if mirrors is None else check_mirrors(mirrors)
+        report = progress or (lambda done, total: None)
+        view, echoes = self._seen(chosen)
+        settings = chosen.for_view(view)
+        report(1, 3)
+        found = find_tree(view, echoes, settings, known=known, mixed=self._mixed(view, settings))
+        report(2, 3)
+        result = collect(
+            self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
+            mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
+            grid=grid,
+        )  # fmt: skip
+        result.attrs |= {"preset": preset, "mirrors_given": known is not None}
+        report(3, 3)
+        return result
+
+    def _seen(self, settings: FoldSettings) -> tuple[View, Echoes]:
+        """The radar's view of the image and its echoes, less known ghosts of mixed paths; the latest are remembered."""
+        kind = settings.normalization
+        if kind not in self._views:
+            self._views[kind] = see(self.image, normalization=kind)
+        view = self._views[kind]
+        key = (kind, settings.threshold_db, settings.published)
+        if key not in self._echoes:
+            echoes = find_echoes(view, threshold_db=settings.threshold_db, published=settings.published)
+            if len(self._ghosts) and not settings.published:
+                known = cKDTree(view.in_cells(self._ghosts))
+                echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
+            self._echoes = {key: echoes}
+        return view, self._echoes[key]
+
+    def _mixed(self, view: View, settings: FoldSettings) -> MixedTest | None:
+        """The test for mixed paths, where the sweep is there to tell."""
+        if self._sweep is None or settings.published or not isinstance(view, ImageView):
+            return None
+        return MixedTest(self._sweep, view, self._ratios.setdefault(view.normalization, {}))
+
+
+@dataclass(frozen=True, eq=False)
+class MixedTest:
+    """Tells echoes of mixed paths by their directions; what was measured once is remembered in `known`."""
+
+    sweep: xr.Dataset
+    view: ImageView
+    known: dict[tuple[float, float], float]
+
+    def __call__(self, echoes: Echoes) -> Mask:
+        """Which echoes left by one chain of mirrors and came back by another, (n,)."""
+        return is_mixed(echoes, self.sweep, self.view, self.known)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What steps 2 to 4 find.
+
+    Attributes
+    ----------
+    echoes : Echoes
+        Without those of mixed paths.
+    tree : MirrorTree
+    sight : LinesOfSight
+    mixed : (n, d) array [m]
+        Where echoes of mixed paths stood.
+    """
+
+    echoes: Echoes
+    tree: MirrorTree
+    sight: LinesOfSight
+    mixed: Array
+
+
+def find_tree(
+    view: View,
+    echoes: Echoes,
+    settings: FoldSettings,
+    *,
+    known: Array | None = None,
+    mixed: MixedTest | None = None,
+) -> Found:
+    """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
+
+    Parameters
+    ----------
+    view : View
+    echoes : Echoes
+        As `find_echoes` returns them.
+    settings : FoldSettings
+    known : array, optional
+        Mirrors in the place of those found, see `find_mirrors`.
+    mixed : callable, optional
+        Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
+        tested in its turn.
+
+    Returns
+    -------
+    Found
+    """
+    found = _settled(view, echoes, settings, known)
+    ghosts = [np.empty((0, view.dimensions))]
+    trusted = np.zeros(len(echoes), dtype=bool)
+    for _ in range(MIXED_ROUNDS if mixed is not None else 0):
+        new = ~trusted & found.sight.clear(echoes)
+        if mixed is None or not new.any():
+            break
+        ghost = np.zeros_like(new)
+        ghost[new] = mixed(echoes.take(new))
+        ghosts.append(echoes.position[ghost])
+        trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
+        found = _settled(view, echoes, settings, known)
+    return Found(found.echoes, found.tree, found.sight, np.concatenate(ghosts))
+
+
+def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | None) -> Found:
+    """Steps 2 to 4 of given echoes: mirrors and their order in turn, until both agree with what is visible.
+
+    Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
+    """
+    length, opaque = settings.minimum_length, settings.opaque
+    assert length is not None  # FoldSettings.for_view has chosen it
+    for _ in range(MAXIMUM_ROUNDS):
+        mirrors = find_mirrors(view, echoes, minimum_length=length, tested=not settings.published, known=known)
+        order = order_mirrors(
+            mirrors, view, echoes, minimum_length=length, wall_margin=settings.wall_margin, opaque=opaque,
+            generations=settings.generations,
+        )  # fmt: skip
+        seen = order.seen(echoes) if opaque else echoes
+        if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
+            break
+        echoes = seen
+    tree, sight = assign_echoes(order, seen, opaque=opaque)
+    return Found(seen, tree, sight, np.empty((0, view.dimensions)))
+
+
+def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
+    """The unfolded image of a Reconstruction, with what is known of the radar, to be folded again.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is that of a volume.
+    """
+    if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
+        raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
+    if "z" in reconstruction.children["objects"].variables:
+        raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
+    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore")
+    attrs = {str(name).removeprefix("image_"): value for name, value in reconstruction.attrs.items()
+             if str(name).startswith("image_")}  # fmt: skip
+    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    attrs = {"radar_position": radar, **attrs}
+    attrs["normalization"] = str(reconstruction.attrs.get("fold_normalization", "r"))
+    return image.rename("image").assign_attrs(attrs)

@@ -308,12 +308,12 @@ def fold(
     json
         Print mirrors and counts as one JSON object.
     """
-    from mirrorfold.detection.known_mirrors import read_lines
+    from mirrorfold.detection.known_mirrors import read_mirrors
     from mirrorfold.io.files import check_output
 
     check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
     check_export(export)
-    lines = None if mirrors is None else read_lines(mirrors)
+    lines = None if mirrors is None else read_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     with progress("folding") as report:

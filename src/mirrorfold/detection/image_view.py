@@ -6,20 +6,32 @@ lobes, shadows and lines of sight are simple in these coordinates, so the steps 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
 
 SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
+
+COVERED_CELLS = 0.75
+"""Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. With
+a whole cell, up to the nulls, two small objects side by side would each hide a half of what the radar shows of both."""
+
+EDGE_CELLS = 2
+"""Directions this far from the edge of what a mirror shows, in cells: the main lobe of a beam there reaches over it."""
+
+OPAQUE_CELLS = 2.5
+"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
 
 LARGEST_SINE = 0.985
 """Directions closer to the line of the array are left out: the array does not resolve them (80 degrees)."""
@@ -29,7 +41,7 @@ NORMALIZATIONS = {"none": 0.0, "r": 1.0, "r2": 2.0}
 
 
 @dataclass(frozen=True, eq=False)
-class PolarImage:
+class ImageView(View):
     """Normalised amplitude against range and sine of the angle off broadside, as the radar sees it.
 
     Attributes
@@ -51,6 +63,8 @@ class PolarImage:
         Width of the resolution cells between half-amplitude points.
     aperture_tx, aperture_rx : float
         Lengths of the arrays in mean wavelengths; what makes the side lobes in u.
+    normalization : str
+        The name of that power.
     """
 
     radar: Array
@@ -64,6 +78,59 @@ class PolarImage:
     u_cell: float
     aperture_tx: float
     aperture_rx: float
+    normalization: str = "r"
+
+    @cached_property
+    def sight(self) -> Array:
+        """Unit vectors of all lines of sight, (nu, 2)."""
+        return self.to_points(np.ones(self.u.size), self.u) - self.radar
+
+    def column(self, u: Array) -> Index:
+        """Number of the direction nearest to u."""
+        return np.clip(np.rint((u - self.u[0]) / self.du).astype(np.intp), 0, self.u.size - 1)
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest direction of points (..., 2) [m], and whether they lie inside the view."""
+        range_, u = self.to_polar(points)
+        inside = (np.abs(u) <= self.u[-1]) & (range_ >= self.range[0])
+        return range_, self.column(np.where(inside, u, 0.0)), inside
+
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, 2) and a direction whose u differs by less than `aside`, each (pairs,)."""
+        _, u = self.to_polar(points)
+        first, last = np.searchsorted(self.u, u - aside), np.searchsorted(self.u, u + aside)
+        count = last - first
+        start = np.cumsum(count) - count
+        return np.repeat(np.arange(count.size), count), np.arange(count.sum()) + np.repeat(first - start, count)
+
+    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
+        """Directions to the left and to the right, `EDGE_CELLS` away."""
+        step = EDGE_CELLS * SAMPLES_PER_CELL
+        return tuple(np.clip(direction + side, 0, self.u.size - 1) for side in (-step, step))
+
+    def in_cells(self, points: Array) -> Array:
+        """Range and u of points (n, 2) in units of their cells, (n, 2)."""
+        range_, u = self.to_polar(points)
+        return np.stack([range_ / self.range_cell, u / self.u_cell], axis=-1)
+
+    def object_depth(self, range_: Array) -> Array:
+        """How far [m] behind the first echo of an object others may be the object's own."""
+        return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Directions no farther aside than the strong echo that is farthest from broadside, (nu,)."""
+        _, u = self.to_polar(echoes.position[echoes.strong])
+        return np.abs(self.u) <= np.abs(u).max(initial=0.0)
+
+    @property
+    def covered_angle(self) -> float:
+        """How far in u to either side an object hides what is behind it."""
+        return COVERED_CELLS * self.u_cell
+
+    @property
+    def cross_angle(self) -> float:
+        """Width of the resolution cell in u."""
+        return self.u_cell
 
     @property
     def dr(self) -> float:
@@ -133,7 +200,7 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
     return image
 
 
-def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarImage:
+def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> ImageView:
     """Resample an image to the radar's view and undo the spreading with range.
 
     The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
@@ -145,11 +212,12 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
     ----------
     image : (y, x) DataArray
         Complex or amplitude. Complex images are demodulated before they are interpolated.
-    normalization : {"r", "none", "r2"}
+    normalization : {"r", "none", "r2"}, optional
+        "r" by default: as a line source spreads, there and back.
 
     Returns
     -------
-    PolarImage
+    ImageView
 
     Raises
     ------
@@ -157,6 +225,7 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
         If the image cannot be used; see `check_image`.
     """
     check_image(image)
+    normalization = normalization or "r"
     if normalization not in NORMALIZATIONS:
         raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(NORMALIZATIONS)}")
     attrs = image.attrs
@@ -197,9 +266,9 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
     u = np.arange(-half, half + 1) * (u_cell / SAMPLES_PER_CELL)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
-    empty = PolarImage(
+    empty = ImageView(
         radar, along, broadside, range_, u, np.empty((0, 0)), NORMALIZATIONS[normalization],
-        range_cell, u_cell, aperture_tx, aperture_rx,
+        range_cell, u_cell, aperture_tx, aperture_rx, normalization,
     )  # fmt: skip
     where = empty.to_points(range_[:, None], u[None, :])
     rows = (where[..., 1] - y[0]) / (y[1] - y[0])
@@ -217,4 +286,4 @@ def to_polar_image(image: xr.DataArray, *, normalization: str = "r") -> PolarIma
         amplitude = np.abs(map_coordinates(np.abs(values), [rows, columns], order=1, mode="constant"))
     done = NORMALIZATIONS.get(str(attrs.get("normalization", "none")), 0.0)
     amplitude = amplitude.astype(np.float64) * range_[:, None] ** (empty.power - done)
-    return PolarImage(**{**vars(empty), "amplitude": amplitude})
+    return replace(empty, amplitude=amplitude)

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from mirrorfold.detection.image_view import PolarImage
-from mirrorfold.detection.mirror import Mirror, line_cell
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.line_mirror import LineMirror, line_cell
 
 DEEP = 0.1
 """A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
@@ -39,13 +37,13 @@ CLIP = 2.0
 """Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
 
 
-def across_profiles(mirror: Mirror, polar: PolarImage, reach: float, spacing: float) -> tuple[Array, Array, Array]:
+def across_profiles(mirror: LineMirror, view: ImageView, reach: float, spacing: float) -> tuple[Array, Array, Array]:
     """Amplitude on lines square to a mirror.
 
     Parameters
     ----------
-    mirror : Mirror
-    polar : PolarImage
+    mirror : LineMirror
+    view : ImageView
     reach : float
         How far the lines go to either side, in resolution cells across the mirror.
     spacing : float
@@ -59,28 +57,28 @@ def across_profiles(mirror: Mirror, polar: PolarImage, reach: float, spacing: fl
         From the mirror's line, positive on the side of its normal.
     amplitude : (n, m) array
     """
-    along = np.linspace(0.0, mirror.length, max(8, int(mirror.length / (spacing * polar.range_cell))))
+    along = np.linspace(0.0, mirror.length, max(8, int(mirror.length / (spacing * view.range_cell))))
     base = mirror.start + along[:, None] * mirror.direction
-    across, _ = line_cell(polar, base, mirror.direction)
+    across, _ = line_cell(view, base, mirror.direction)
     offset = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
-    return along, offset, polar.at(*polar.to_polar(base[:, None, :] + offset[..., None] * mirror.normal))
+    return along, offset, view.at(*view.to_polar(base[:, None, :] + offset[..., None] * mirror.normal))
 
 
-def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
+def refined(mirror: LineMirror, view: ImageView) -> LineMirror:
     """The mirror fitted to the image itself instead of to single echoes.
 
     At many places along the line the power-weighted centroid of the main lobe across it is taken, and a straight line
     is fitted to the centroids: weighted by clipped power, with Cauchy weights against places that hold something else.
     """
     for _ in range(2):
-        along, offset, amplitude = across_profiles(mirror, polar, reach=0.75, spacing=0.125)
+        along, offset, amplitude = across_profiles(mirror, view, reach=0.75, spacing=0.125)
         peak = amplitude.max(axis=1)
         if not peak.any():
             return mirror
         lobe = np.where(amplitude >= 0.5 * peak[:, None], amplitude**2, 0.0)
         centroid = (lobe * offset).sum(axis=1) / np.maximum(lobe.sum(axis=1), np.finfo(float).tiny)
         strength = np.minimum(peak / np.median(peak[peak > 0.0]), CLIP) ** 2
-        first, last = _slanting(mirror, polar)
+        first, last = _slanting(mirror, view)
         whole = (along >= first) & (along <= mirror.length - last)
         if whole.any():
             strength = strength * whole
@@ -93,13 +91,13 @@ def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
             scale = 2.0 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
             weight = strength / (1.0 + (residual / scale) ** 2)
         # Neighbouring places share a resolution cell and its speckle.
-        _, cell = line_cell(polar, mirror.middle[None], mirror.direction)
+        _, cell = line_cell(view, mirror.center[None], mirror.direction)
         independent = max(mirror.length / float(cell[0]), 3.0)
         variance = float(np.average(residual**2, weights=weight)) / (independent - 2.0)
         spread = np.sqrt(variance * weight.sum() * np.diag(np.linalg.inv(normal_matrix)))
         direction = mirror.direction + solution[1] * mirror.normal
         direction /= np.linalg.norm(direction)
-        middle = mirror.middle + solution[0] * mirror.normal
+        middle = mirror.center + solution[0] * mirror.normal
         mirror = replace(
             mirror,
             start=middle - 0.5 * mirror.length * direction,
@@ -110,7 +108,7 @@ def refined(mirror: Mirror, polar: PolarImage) -> Mirror:
     return mirror
 
 
-def _slanting(mirror: Mirror, polar: PolarImage) -> Array:
+def _slanting(mirror: LineMirror, view: ImageView) -> Array:
     """How much [m] of either end of a mirror a fit must not use, (2,).
 
     A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the line, to
@@ -118,20 +116,20 @@ def _slanting(mirror: Mirror, polar: PolarImage) -> Array:
     the row are correlated.
     """
     ends = np.stack([mirror.start, mirror.end])
-    across, along = line_cell(polar, ends, mirror.direction)
-    range_, u = polar.to_polar(ends)
-    correlation = np.sqrt(np.maximum(1.0 - (polar.range_cell * polar.cross_cell(range_, u) / (across * along)) ** 2, 0))
+    across, along = line_cell(view, ends, mirror.direction)
+    range_, u = view.to_polar(ends)
+    correlation = np.sqrt(np.maximum(1.0 - (view.range_cell * view.cross_cell(range_, u) / (across * along)) ** 2, 0))
     return np.asarray(END_CELLS * correlation * along)
 
 
-def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
+def leading_edge(mirror: LineMirror, view: ImageView) -> LineMirror:
     """The mirror moved to the front of a wall that scatters from inside.
 
     A thick wall's echoes lie deeper than its face. The mean power across the wall rises to a quarter of its peak half
     a resolution cell before the face; where that says that the fitted line lies well behind the face, it is moved.
     """
-    _, offset, amplitude = across_profiles(mirror, polar, reach=1.5, spacing=0.25)
-    towards = np.sign(float((polar.radar - mirror.middle) @ mirror.normal)) or 1.0
+    _, offset, amplitude = across_profiles(mirror, view, reach=1.5, spacing=0.25)
+    towards = np.sign(float((view.radar - mirror.center) @ mirror.normal)) or 1.0
     cell = float(np.median(offset[:, -1])) / 1.5
     if towards > 0.0:
         amplitude = amplitude[:, ::-1]
@@ -146,26 +144,26 @@ def leading_edge(mirror: Mirror, polar: PolarImage) -> Mirror:
     i = int(front[-1])
     crossing = depth[i] + (0.25 * power[top] - power[i]) / (power[i + 1] - power[i]) * (depth[i + 1] - depth[i])
     shift = float(crossing + 0.5) * cell
-    if shift > -DEEP * polar.range_cell:
+    if shift > -DEEP * view.range_cell:
         return mirror
     mirror = replace(
         mirror,
         start=mirror.start - shift * towards * mirror.normal,
         end=mirror.end - shift * towards * mirror.normal,
     )
-    return _parallel_to_speckle(mirror, polar)
+    return _parallel_to_speckle(mirror, view)
 
 
-def _parallel_to_speckle(mirror: Mirror, polar: PolarImage) -> Mirror:
+def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
     """The mirror turned about its middle to where the speckle of its wall is likeliest.
 
     The power of speckle is distributed exponentially about its mean (Goodman 2007), which depends on the depth behind
     the face alone. With the mean at each depth taken from the wall itself, the likelihood is largest where the mean of
     the depths' logarithmic means is smallest: a line askew smears the wall's steep front.
     """
-    along, offset, amplitude = across_profiles(mirror, polar, reach=2.0, spacing=0.25)
+    along, offset, amplitude = across_profiles(mirror, view, reach=2.0, spacing=0.25)
     power = amplitude**2
-    _, cell = line_cell(polar, mirror.middle[None], mirror.direction)
+    _, cell = line_cell(view, mirror.center[None], mirror.direction)
     width = LEVEL_CELLS * float(cell[0]) / (along[1] - along[0])
     level = uniform_filter1d(power.max(axis=1), max(1, round(width)), mode="nearest")
     power /= np.maximum(level, np.finfo(float).tiny)[:, None]
@@ -181,4 +179,4 @@ def _parallel_to_speckle(mirror: Mirror, polar: PolarImage) -> Mirror:
         angle = min(angle + step * np.arange(-8, 9), key=unlikelihood)
     direction = mirror.direction + np.tan(angle) * mirror.normal
     half = 0.5 * mirror.length * direction / np.linalg.norm(direction)
-    return replace(mirror, start=mirror.middle - half, end=mirror.middle + half)
+    return replace(mirror, start=mirror.center - half, end=mirror.center + half)

@@ -11,16 +11,13 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import cross2
-from mirrorfold.detection.image_echoes import Echoes
-from mirrorfold.detection.image_view import PolarImage
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_fit import CLIP, leading_edge, refined
-from mirrorfold.detection.mirror import Mirror, line_cell
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from mirrorfold.detection.line_mirror import LineMirror, line_cell
 
 MINIMUM_LENGTH = 0.25
 """Shortest mirror [m]: the row of echoes of a shorter one says too little about its direction."""
@@ -82,11 +79,11 @@ class _Hough:
         self.votes = np.zeros((self.angle.size, int(2.0 * reach / step) + 3))
         self._cast(np.arange(len(points)), 1.0)
 
-    def _cast(self, which: NDArray[np.intp], sign: float) -> None:
+    def _cast(self, which: Index, sign: float) -> None:
         x, y = np.ascontiguousarray(self.points[which].T)
         _vote(x, y, sign * self.weight[which], self.cosine, self.sine, self.first, self.step, self.votes)
 
-    def withdraw(self, which: NDArray[np.intp]) -> None:
+    def withdraw(self, which: Index) -> None:
         self._cast(which, -1.0)
 
     def strongest(self) -> tuple[Array, Array, float]:
@@ -102,57 +99,54 @@ class _Hough:
         )
 
 
-def find_mirrors(
+def find_lines(
     echoes: Echoes,
-    polar: PolarImage,
+    view: ImageView,
     *,
     minimum_length: float = MINIMUM_LENGTH,
-    usable: Mask | None = None,
     tested: bool = True,
-) -> list[Mirror]:
+) -> list[LineMirror]:
     """Straight mirrors among the echoes, strongest first.
 
     Parameters
     ----------
     echoes : Echoes
-    polar : PolarImage
+        Those that are visible may support a mirror; strong ones are evidence, faint ones continue it.
+    view : ImageView
         What the echoes were found in; tells the resolution.
     minimum_length : float [m]
-    usable : (n,) bool array, optional
-        Which echoes may support a mirror; all by default.
     tested : bool
         Whether a row must be straight, filled and stand out of its surroundings, not only long enough.
 
     Returns
     -------
-    list of Mirror
+    list of LineMirror
     """
-    usable = np.ones(echoes.range.size, dtype=bool) if usable is None else usable
-    every = echoes.position[usable]
-    usable = usable & echoes.strong
+    every = echoes.position[echoes.visible]
+    usable = echoes.visible & echoes.strong
     points = echoes.position[usable]
     if len(points) < 3:
         return []
     amplitude = echoes.amplitude[usable]
     weight = echoes.length[usable] * np.minimum(amplitude / np.median(amplitude), CLIP)
-    hough = _Hough(points - polar.radar, weight, 0.25 * polar.range_cell)
-    widest = max(polar.range_cell, float(polar.cross_cell(echoes.range[usable], echoes.u[usable]).max()))
+    hough = _Hough(points - view.radar, weight, 0.25 * view.range_cell)
+    widest = max(view.range_cell, float(view.cross_cell(*view.to_polar(points)).max()))
     free = np.ones(len(points), dtype=bool)
-    mirrors: list[Mirror] = []
+    mirrors: list[LineMirror] = []
     # Less than this many votes cannot be a filled row of the minimum length, even of faint echoes.
     enough = 0.25 * minimum_length * SMALLEST_FILL
     for _ in range(MAXIMUM_PROPOSALS):
         on_line, direction, votes = hough.strongest()
         if votes < enough:
             return mirrors
-        on_line = on_line + polar.radar
+        on_line = on_line + view.radar
         band = np.flatnonzero(np.abs(cross2(points - on_line, direction)) <= BAND_CELLS * widest + STRAY)
         mirror, row = _grow(
-            points[band], amplitude[band], weight[band], free[band], on_line, direction, polar, minimum_length, tested
+            points[band], amplitude[band], weight[band], free[band], on_line, direction, view, minimum_length, tested
         )
         if mirror is not None:
             if tested:
-                mirror = leading_edge(refined(_extended(mirror, every, polar), polar), polar)
+                mirror = leading_edge(refined(_extended(mirror, every, view), view), view)
             mirrors.append(mirror)
         taken = band[row & free[band]]
         if not taken.size:
@@ -170,45 +164,45 @@ def _grow(
     free: Mask,
     on_line: Array,
     direction: Array,
-    polar: PolarImage,
+    view: ImageView,
     minimum_length: float,
     tested: bool,
-) -> tuple[Mirror | None, Mask]:
+) -> tuple[LineMirror | None, Mask]:
     """Refit a proposed line; the mirror on it, if there is one, and the echoes to take out of the search."""
-    proposal = Mirror(on_line, on_line + direction)
-    across, _ = line_cell(polar, points, direction)
+    proposal = LineMirror(on_line, on_line + direction)
+    across, _ = line_cell(view, points, direction)
     near = free & (np.abs(proposal.beside(points)) <= np.maximum(across, 0.02))
-    row = _longest_row(points, weight, near, proposal, polar)
+    row = _longest_row(points, weight, near, proposal, view)
     for tolerance in (0.8, 0.6, 0.6):
         if np.count_nonzero(row) < 3:
             break
         proposal = _fit(points[row], weight[row])
-        across, _ = line_cell(polar, points, proposal.direction)
+        across, _ = line_cell(view, points, proposal.direction)
         close = free & (np.abs(proposal.beside(points)) <= tolerance * across)
-        row = _longest_row(points, weight, close, proposal, polar)
+        row = _longest_row(points, weight, close, proposal, view)
     if np.count_nonzero(row) < 3:
         return None, near
     mirror = _fit(points[row], weight[row], amplitude[row])
     # Take out all that belongs to this row, also what is too far off the line to help the fit.
-    _, along_cell = line_cell(polar, points, mirror.direction)
+    _, along_cell = line_cell(view, points, mirror.direction)
     position = mirror.along(points)
-    across, _ = line_cell(polar, points, mirror.direction)
+    across, _ = line_cell(view, points, mirror.direction)
     inside = (position > -along_cell) & (position < mirror.length + along_cell)
     taken = free & inside & (np.abs(mirror.beside(points)) <= 1.5 * across)
     if mirror.length < minimum_length:
         return None, row
-    mirror = replace(mirror, fill=_fill(points[row], mirror, polar))
+    mirror = replace(mirror, fill=filled(points[row], mirror, view))
     short = np.clip(2.0 - mirror.length / minimum_length, 0.0, 1.0)
     if tested and not (
         _is_straight(points[row], mirror)
         and mirror.fill >= SMALLEST_FILL + short * (SMALLEST_FILL_SHORT - SMALLEST_FILL)
-        and _contrast(points, weight, mirror, polar) >= SMALLEST_CONTRAST
+        and _contrast(points, weight, mirror, view) >= SMALLEST_CONTRAST
     ):
         return None, row
     return mirror, taken | row
 
 
-def _longest_row(points: Array, weight: Array, near: Mask, line: Mirror, polar: PolarImage) -> Mask:
+def _longest_row(points: Array, weight: Array, near: Mask, line: LineMirror, view: ImageView) -> Mask:
     """The heaviest unbroken row among the echoes `near` a line."""
     which = np.flatnonzero(near)
     if which.size < 3:
@@ -216,7 +210,7 @@ def _longest_row(points: Array, weight: Array, near: Mask, line: Mirror, polar: 
     position = line.along(points[which])
     order = np.argsort(position)
     which, position = which[order], position[order]
-    _, cell = line_cell(polar, points[which], line.direction)
+    _, cell = line_cell(view, points[which], line.direction)
     gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
     run = np.concatenate([[0], np.cumsum(gap)])
     best = int(np.argmax(np.bincount(run, weights=weight[which])))
@@ -225,20 +219,20 @@ def _longest_row(points: Array, weight: Array, near: Mask, line: Mirror, polar: 
     return row
 
 
-def _extended(mirror: Mirror, points: Array, polar: PolarImage) -> Mirror:
+def _extended(mirror: LineMirror, points: Array, view: ImageView) -> LineMirror:
     """The mirror as far as its row of echoes, faint ones included, goes on."""
-    across, _ = line_cell(polar, points, mirror.direction)
+    across, _ = line_cell(view, points, mirror.direction)
     near = np.abs(mirror.beside(points)) <= 0.6 * across
     position = mirror.along(points)
     # Its own echoes outweigh any other row on the same line.
     weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
-    row = position[_longest_row(points, weight, near, mirror, polar)]
+    row = position[_longest_row(points, weight, near, mirror, view)]
     first, last = min(float(row.min()), 0.0), max(float(row.max()), mirror.length)
     at = mirror.start
     return replace(mirror, start=at + first * mirror.direction, end=at + last * mirror.direction)
 
 
-def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror:
+def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> LineMirror:
     """Weighted total least squares line through points, as long as they reach."""
     center = np.average(points, axis=0, weights=weight)
     offset = points - center
@@ -247,10 +241,10 @@ def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> Mirror
     direction = vectors[:, 1]
     along = offset @ direction
     strength = float(np.median(amplitude)) if amplitude is not None else 1.0
-    return Mirror(center + along.min() * direction, center + along.max() * direction, strength)
+    return LineMirror(center + along.min() * direction, center + along.max() * direction, strength)
 
 
-def _is_straight(points: Array, mirror: Mirror) -> bool:
+def _is_straight(points: Array, mirror: LineMirror) -> bool:
     """Whether a parabola through the echoes bulges by less than the allowed sagitta."""
     along = mirror.along(points) / mirror.length * 2.0 - 1.0
     beside = mirror.beside(points)
@@ -259,9 +253,9 @@ def _is_straight(points: Array, mirror: Mirror) -> bool:
     return bool(abs(solution[2]) <= LARGEST_SAGITTA)
 
 
-def _fill(points: Array, mirror: Mirror, polar: PolarImage) -> float:
+def filled(points: Array, mirror: LineMirror, view: ImageView) -> float:
     """Share of the mirror's length within half a resolution cell of one of its echoes."""
-    _, cell = line_cell(polar, points, mirror.direction)
+    _, cell = line_cell(view, points, mirror.direction)
     position = mirror.along(points)
     sample = np.linspace(0.0, mirror.length, FILL_SAMPLES)
     # How many echoes begin to cover each sample, less those that have ceased to.
@@ -270,11 +264,11 @@ def _fill(points: Array, mirror: Mirror, polar: PolarImage) -> float:
     return float(np.mean(np.cumsum(begun - ceased)[:FILL_SAMPLES] > 0))
 
 
-def _contrast(points: Array, weight: Array, mirror: Mirror, polar: PolarImage) -> float:
+def _contrast(points: Array, weight: Array, mirror: LineMirror, view: ImageView) -> float:
     """Weight of the echoes on the mirror's line over that in a band of the same width in front of it."""
     position, beside = mirror.along(points), mirror.beside(points)
-    across, _ = line_cell(polar, points, mirror.direction)
-    towards = np.sign(float((polar.radar - mirror.middle) @ mirror.normal)) or 1.0
+    across, _ = line_cell(view, points, mirror.direction)
+    towards = np.sign(float((view.radar - mirror.center) @ mirror.normal)) or 1.0
     inside = (position >= 0.0) & (position <= mirror.length)
     on_it = inside & (np.abs(beside) <= 0.75 * across)
     before = inside & (beside * towards > 1.0 * across) & (beside * towards <= 2.5 * across)

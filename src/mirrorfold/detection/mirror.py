@@ -1,84 +1,117 @@
-"""A straight mirror, and the resolution cell about its line."""
+"""A mirror, as far as folding needs to know it: in the floor plan a line, in space a plane."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mirrorfold.common.geometry import cross2, reflect, segment_normal
-from mirrorfold.detection.image_view import PolarImage
+from mirrorfold.common.geometry import Isometry, reflect, signed_distance
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.view import View
 
-Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class Mirror:
-    """A straight mirror detected in an image.
+class Mirror(ABC):
+    """A mirror in the coordinates of the unfolded image: one that is seen through another is a ghost itself.
 
     Attributes
     ----------
-    start, end : (2,) arrays [m]
-        Its ends, in the coordinates of the image (a mirror seen through another is a ghost itself).
+    center : (d,) array [m]
+        Middle of its face.
+    normal : (d,) array
+        Unit normal.
     strength : float
-        Median amplitude of its echoes, normalised as in the PolarImage.
+        Median amplitude of its echoes, normalised as in the view.
     angle_error : float [degree]
     offset_error : float [m]
-        Standard errors of the fitted line's direction and of its position at the middle.
+        Standard errors of the fit: of its direction, and of its position at the center.
     fill : float
-        Share of its length that its echoes fill.
+        Share of its extent that its echoes fill.
+    depth : float [m]
+        How deep the centroid of its echoes lies behind its face.
     """
 
-    start: Array
-    end: Array
-    strength: float = 1.0
-    angle_error: float = 0.0
-    offset_error: float = 0.0
-    fill: float = 1.0
+    center: Array
+    normal: Array
+    strength: float
+    angle_error: float
+    offset_error: float
+    fill: float
+    depth: float
 
     @property
-    def length(self) -> float:
-        """Length [m]."""
-        return float(np.linalg.norm(self.end - self.start))
+    @abstractmethod
+    def ends(self) -> Array:
+        """Ends of its horizontal middle line, (2, d) [m]."""
+
+    @abstractmethod
+    def crossing(self, view: View) -> Array:
+        """Range [m] at which each line of sight meets the mirror, (n,); infinite where it passes it by."""
+
+    @abstractmethod
+    def straddled(self, view: View) -> tuple[Array, Mask]:
+        """`crossing` with the lines of sight whose beam reaches over the mirror's edge, and which these are."""
+
+    @abstractmethod
+    def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
+        """Which echoes may belong to its wall, which to its face, by direction; and its cell's width across [m]."""
+
+    @abstractmethod
+    def snapped(self, view: View, echoes: Echoes) -> Echoes:
+        """Its echoes, moved onto it."""
+
+    @abstractmethod
+    def pieces(self, view: View, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
+        """Cut it where `before`, what each of its lines of sight met last, changes: mirrors, and remains too small."""
+
+    @abstractmethod
+    def columns(self, fold: Isometry) -> dict[str, Any]:
+        """What a file says of its place after a map: values by name."""
 
     @property
-    def direction(self) -> Array:
-        """Unit vector from start to end, (2,)."""
-        return (self.end - self.start) / self.length
+    def size(self) -> float:
+        """Distance of its ends [m]."""
+        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     @property
-    def normal(self) -> Array:
-        """Unit normal, to the left of `direction`, (2,)."""
-        return np.asarray(segment_normal(self.start, self.end))
-
-    @property
-    def middle(self) -> Array:
-        """Midpoint (2,) [m]."""
-        return 0.5 * (self.start + self.end)
-
-    def reflected(self, other: Mirror) -> Mirror:
-        """The mirror image of this mirror in `other`."""
-        return replace(
-            self,
-            start=reflect(self.start, other.start, other.normal),
-            end=reflect(self.end, other.start, other.normal),
-        )
-
-    def along(self, points: Array) -> Array:
-        """Position [m] of points (..., 2) along the mirror, from its start."""
-        return np.asarray((points - self.start) @ self.direction)
+    def reflection(self) -> Isometry:
+        """The map from what is seen in the mirror to where it stands."""
+        return Isometry.reflection(self.ends[0], self.normal)
 
     def beside(self, points: Array) -> Array:
-        """Signed distance [m] of points (..., 2) from the mirror's line, positive on the side of `normal`."""
-        return np.asarray((points - self.start) @ self.normal)
+        """Signed distance [m] of points (..., d), positive on the side of `normal`."""
+        return signed_distance(points, self.ends[0], self.normal)
+
+    def image_of(self, points: Array) -> Array:
+        """Mirror images of points (..., d)."""
+        return reflect(points, self.ends[0], self.normal)
+
+    def behind(self, view: View, points: Array) -> Array:
+        """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
+        return self.beside(points) * -np.sign((view.radar - self.center) @ self.normal)
 
 
-def line_cell(polar: PolarImage, points: Array, direction: Array) -> tuple[Array, Array]:
-    """Extent of the resolution cell at points (n, 2), across and along a line of the given direction, each (n,) [m]."""
-    range_, u = polar.to_polar(points)
-    sight = (points - polar.radar) / range_[:, None]
-    cosine = np.abs(sight @ direction)
-    sine = np.abs(cross2(sight, direction))
-    cross = polar.cross_cell(range_, u)
-    return np.hypot(polar.range_cell * sine, cross * cosine), np.hypot(polar.range_cell * cosine, cross * sine)
+def faces(mirrors: list[Any], view: View, echoes: Echoes, wall_margin: float, *, nobody: int, root: int) -> Index:
+    """The mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
+
+    Parameters
+    ----------
+    mirrors : list of Mirror
+    view : View
+    echoes : Echoes
+    wall_margin : float [m]
+        How far behind a mirror echoes still belong to its wall; twice the depth that was measured, where that is more.
+    """
+    face = np.full(len(echoes), root, dtype=np.intp)
+    nearest = np.full(len(echoes), np.inf)
+    for index, mirror in enumerate(mirrors):
+        wall, own, across = mirror.near(view, echoes)
+        behind = mirror.behind(view, echoes.position)
+        wall &= (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
+        face[wall & (face == root)] = nobody
+        closer = wall & own & (np.abs(behind) <= across + mirror.depth) & (np.abs(behind) < nearest)
+        face[closer] = index
+        nearest[closer] = np.abs(behind)[closer]
+    return face

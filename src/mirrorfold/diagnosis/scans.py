@@ -17,7 +17,8 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.detection.planes import find_planes
-from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
+from mirrorfold.detection.volume_echoes import find_runs
+from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.focusing import focus
 from mirrorfold.sweep import ambiguous_range
@@ -80,8 +81,8 @@ def _by_walls(sweep: xr.Dataset) -> int:
         return 0
     walls = []
     for samples in (first["s"], first["s"].conj()):
-        volume = to_radar_volume(focus(first.assign(s=samples)))
-        planes = find_planes(find_peaks(volume), volume)
+        volume = to_volume_view(focus(first.assign(s=samples)))
+        planes = find_planes(find_runs(volume), volume)
         walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
     if max(walls) <= WALLS_RATIO * min(walls):
         return 0

@@ -15,8 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.detection.image_echoes import Echoes
-from mirrorfold.detection.image_view import LARGEST_SINE, PolarImage
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
@@ -79,7 +79,7 @@ class _Array:
         return cls(position[:, :2], np.sin(np.pi * share) ** 2)
 
 
-def direction_ratio(sweep: xr.Dataset, polar: PolarImage, range_: Array, u: Array) -> Array:
+def direction_ratio(sweep: xr.Dataset, polar: ImageView, range_: Array, u: Array) -> Array:
     """How much of an echo arrives from the direction that it left in.
 
     With ``B(u, u')`` the wideband focus of the transmitters at a point and of the receivers at the same range in
@@ -89,7 +89,7 @@ def direction_ratio(sweep: xr.Dataset, polar: PolarImage, range_: Array, u: Arra
     ----------
     sweep : xarray.Dataset
         MIMO or synthetic-aperture Sweep with at least two transmitters and receivers.
-    polar : PolarImage
+    polar : ImageView
         Tells where range and u count from.
     range_, u : (n,) arrays
         The points to test.
@@ -141,7 +141,7 @@ def direction_ratio(sweep: xr.Dataset, polar: PolarImage, range_: Array, u: Arra
 
 
 def is_mixed(
-    echoes: Echoes, sweep: xr.Dataset, polar: PolarImage, known: dict[tuple[float, float], float] | None = None
+    echoes: Echoes, sweep: xr.Dataset, polar: ImageView, known: dict[tuple[float, float], float] | None = None
 ) -> Mask:
     """Which echoes arrive from another direction than they left in, (n,).
 
@@ -151,15 +151,16 @@ def is_mixed(
     known = {} if known is None else known
     if min(sweep.sizes["tx"], sweep.sizes["rx"]) < 2 or not echoes.range.size:
         return np.zeros(echoes.range.size, dtype=bool)
-    cells = np.stack([echoes.range / polar.range_cell, echoes.u / polar.u_cell]).astype(np.intp)
+    _, u = polar.to_polar(echoes.position)
+    cells = np.stack([echoes.range / polar.range_cell, u / polar.u_cell]).astype(np.intp)
     _, cell = np.unique(cells, axis=1, return_inverse=True)
     cell = cell.ravel()
     order = np.lexsort([-echoes.amplitude, cell])
     brightest = order[np.unique(cell[order], return_index=True)[1]]
-    where = list(zip(echoes.range[brightest].tolist(), echoes.u[brightest].tolist(), strict=True))
+    where = list(zip(echoes.range[brightest].tolist(), u[brightest].tolist(), strict=True))
     new = brightest[[place not in known for place in where]]
     if new.size:
-        measured = direction_ratio(sweep, polar, echoes.range[new], echoes.u[new])
-        known.update(zip(zip(echoes.range[new].tolist(), echoes.u[new].tolist(), strict=True), measured, strict=True))
+        measured = direction_ratio(sweep, polar, echoes.range[new], u[new])
+        known.update(zip(zip(echoes.range[new].tolist(), u[new].tolist(), strict=True), measured, strict=True))
     ratio = np.array([known[place] for place in where])
     return np.asarray(ratio[cell] < SMALLEST_RATIO)

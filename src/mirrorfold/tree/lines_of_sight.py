@@ -1,160 +1,200 @@
-"""Step 3: every line of sight of the radar, the worlds that mirrors open along it, and what ends it."""
+"""Every line of sight of the radar: the mirrors that it meets, what it shows behind each, and where objects end it.
+
+In the unfolded image a line of sight is a straight ray from the radar. Walking outward along it, each mirror that is
+crossed opens a view by way of that mirror; the first object ends the view, because objects are opaque: what the image
+shows behind an object is multiple scattering.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from mirrorfold.detection.image_echoes import Echoes
-from mirrorfold.detection.image_view import SAMPLES_PER_CELL, PolarImage
+from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.view import View
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
-
-OPAQUE_CELLS = 2.5
-"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
-
-COVERED_CELLS = 0.75
-"""Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. Up to
-the nulls, at a whole cell, small things would hide each other's halves."""
+CLEAR_DB = 20.0
+"""An echo this much stronger than all objects in front of it stands there all the same: speckle fades by up to 20 dB,
+and multiple scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by
+40 dB."""
 
 OPEN_MARGIN = 0.1
 """The radar's own view is taken to be open up to this distance [m] before and beside each echo in it: an object that
 shows its edge may show its face by way of a mirror only."""
 
-EDGE_COLUMNS = 2 * SAMPLES_PER_CELL
-"""Directions this far from the edge of what a mirror shows: the main lobe of a beam there reaches over the edge."""
-
-CLEAR_DB = 20.0
-"""An echo this much stronger than all objects in front of it is a thing: speckle fades by up to 20 dB, and multiple
-scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by 40 dB."""
+ROOT = -1
+"""In the place of a mirror's number: seen directly."""
 
 NOBODY = -2
-
-ROOT = -1
+"""In the place of a mirror's number: neither seen directly nor by way of any mirror."""
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class Cover:
+    """What objects hide: along each line of sight, the amplitude that an echo must exceed to be more than an object's
+    multiple scattering.
+
+    Attributes
+    ----------
+    range : (depth, n) array [m]
+        Rising; where the amplitude to exceed grows. Infinite where there are fewer steps.
+    level : (depth, n) array
+        The amplitude to exceed from there on.
+    """
+
+    range: Array
+    level: Array
+
+    @classmethod
+    def nothing(cls, directions: int) -> Cover:
+        """No object hides anything."""
+        return cls(np.empty((0, directions)), np.empty((0, directions)))
+
+    @classmethod
+    def of(cls, objects: Echoes, view: View) -> Cover:
+        """What objects hide: in the directions that each covers, all behind its own depth that is not much stronger."""
+        row, direction = view.within(objects.position, view.covered_angle)
+        begin = (objects.range + view.object_depth(objects.range))[row]
+        level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]
+        table = _steps(direction, begin, level, view)
+        # Of several objects along a line of sight only those matter that are stronger than all before them.
+        higher = np.diff(table.level, axis=0, prepend=0.0) > 0.0
+        which = np.nonzero(higher)
+        return _steps(which[1], table.range[which], table.level[which], view)
+
+    def clear(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask:
+        """Whether echoes of that amplitude are more than multiple scattering of the objects in front of them."""
+        hidden = np.zeros(range_.shape)
+        for step, level in zip(self.range, self.level, strict=True):
+            hidden = np.where(step[direction] <= range_, level[direction], hidden)
+        return np.asarray(amplitude > hidden)
+
+
+def _steps(direction: Index, begin: Array, level: Array, view: View) -> Cover:
+    """A table of the steps along each line of sight, from the nearest, with the highest level up to there."""
+    directions = len(view.sight)
+    order = np.lexsort([begin, direction])
+    direction = direction[order]
+    rank = np.arange(direction.size) - np.searchsorted(direction, np.arange(directions))[direction]
+    depth = int(rank.max(initial=-1)) + 1
+    table = Cover(np.full((depth, directions), np.inf), np.zeros((depth, directions)))
+    table.range[rank, direction] = begin[order]
+    table.level[rank, direction] = level[order]
+    np.maximum.accumulate(table.level, axis=0, out=table.level)
+    return table
+
+
+@dataclass(frozen=True, eq=False)
+class LinesOfSight:
     """Every line of sight of the radar, by direction.
 
     Attributes
     ----------
-    u : (nu,) array
-    crossing : (mirrors, nu) array [m]
+    view : View
+    crossing : (mirrors, n) array [m]
         Range at which the line of sight meets each mirror; infinite where it passes it by.
-    parent : (mirrors,) array
-        The mirror through which each is seen, or ROOT.
+    parent : (mirrors,) array of int
+        The mirror through which each is seen, `ROOT`, or `NOBODY`.
+    straddles : (mirrors, n) bool array
+        Lines of sight whose beam reaches over the edge of a mirror: what they show behind it belongs to nobody.
+    cover : Cover
+        What objects hide.
     chain : tuple of tuple of int
         Chain of each mirror's node in the tree; empty for mirrors that are not in it.
-    range : (nr,) array [m]
-    barrier : (nr, nu) array
-        Amplitude that an echo must exceed to be a thing; zero where no object stands in front.
-    open : (nu,) array [m]
-        Range up to which the radar would see a thing itself, and sees none; empty where that was not looked at.
+    open : (n,) array [m]
+        Up to this range the radar itself looks into each direction and sees nothing; empty if that is not known.
     """
 
-    u: Array
+    view: View
     crossing: Array
     parent: Index
-    range: Array
-    barrier: Array
-    chain: tuple[tuple[int, ...], ...] = ()
+    straddles: Mask
+    cover: Cover
+    chain: tuple[Chain, ...] = ()
     open: Array = field(default_factory=lambda: np.zeros(0))
 
-    def column(self, u: Array) -> Index:
-        """Index of the direction nearest to u."""
-        return np.clip(np.rint((u - self.u[0]) / (self.u[1] - self.u[0])).astype(np.intp), 0, self.u.size - 1)
-
-    def clear(self, range_: Array, column: Index, amplitude: Array | float) -> Mask:
-        """Whether an echo of that amplitude is a thing, and not multiple scattering of an object in front of it."""
-        step = self.range[1] - self.range[0]
-        row = np.clip(((range_ - self.range[0]) / step).astype(np.intp), 0, self.range.size - 1)
-        return np.asarray(amplitude > self.barrier[row, column])
+    @classmethod
+    def unfolded(cls, view: View) -> LinesOfSight:
+        """Those of a scene without mirrors, in which nothing is hidden."""
+        nothing = np.empty((0, len(view.sight)))
+        parent = np.empty(0, dtype=np.intp)
+        return cls(view, nothing, parent, np.empty(nothing.shape, dtype=bool), Cover.nothing(len(view.sight)))
 
     @cached_property
-    def _worlds(self) -> tuple[Array, Index]:
-        """Crossings of every line of sight from the nearest outward, (depth, nu), and what is seen after each.
+    def passages(self) -> tuple[Array, Index]:
+        """Crossings along every line of sight from the nearest outward, (depth, n), and the mirror by way of which it
+        shows what follows: before the first of them and after each, (depth + 1, n).
 
-        A crossing opens a mirror's world only where its parent's is open.
+        A crossing opens the view by way of a mirror only where the view by way of its parent is open.
         """
         depth = int(np.isfinite(self.crossing).sum(axis=0).max(initial=0))
         order = np.argsort(self.crossing, axis=0)[:depth]
-        opened = np.full((depth + 1, self.u.size), ROOT, dtype=np.intp)
+        crossing = np.take_along_axis(self.crossing, order, axis=0)
+        through = np.full((depth + 1, self.crossing.shape[1]), ROOT, dtype=np.intp)
         for i, mirror in enumerate(order):
-            opened[i + 1] = np.where(opened[i] == self.parent[mirror], mirror, NOBODY)
-        return np.take_along_axis(self.crossing, order, axis=0), opened
+            through[i + 1] = np.where(through[i] == self.parent[mirror], mirror, NOBODY)
+        edge = np.take_along_axis(self.straddles, order, axis=0) & np.isfinite(crossing)
+        through[1:][np.logical_or.accumulate(edge, axis=0)] = NOBODY
+        return crossing, through
 
-    def contradicted(self, range_: Array, column: Index, true_range: Array, true_u: Array) -> Mask:
-        """Whether echoes at the edge of what their mirror shows would stand where the radar itself sees nothing.
-
-        A beam that straddles the edge shows what is beside it, too. `true_range` and `true_u` (NaN: behind the radar)
-        tell where the echoes would stand.
-        """
-        if not self.open.size:
-            return np.zeros(range_.shape, dtype=bool)
-        inside = np.abs(true_u) <= self.u[-1]
-        at = self.column(np.where(inside, true_u, 0.0))
-        empty = inside & (true_range >= self.range[0]) & (true_range < self.open[at])
-        world = self.seen_through(range_, column)
-        sides = (np.clip(column + step, 0, self.u.size - 1) for step in (-EDGE_COLUMNS, EDGE_COLUMNS))
-        return empty & np.logical_or.reduce([self.seen_through(range_, side) != world for side in sides])
-
-    def seen_through(self, range_: Array, column: Index) -> Index:
-        """The mirror through which a point at that range and direction is seen: ROOT, NOBODY or its number."""
-        crossing, opened = self._worlds
+    def seen_through(self, range_: Array, direction: Index) -> Index:
+        """The mirror through which points at that range [m] and direction are seen: its number, ROOT or NOBODY."""
+        crossing, through = self.passages
         passed = np.zeros(range_.shape, dtype=np.intp)
         for ranges in crossing:
-            passed += ranges[column] < range_
-        return np.asarray(opened[passed, column])
+            passed += ranges[direction] < range_
+        return np.asarray(through[passed, direction])
 
-    def region(self, mirror: int) -> Array:
-        """Outline (n, 2) of all that may be seen through a mirror: range [m] and u."""
-        columns = np.flatnonzero(np.isfinite(self.crossing[mirror]))
-        half = 0.5 * (self.u[1] - self.u[0])
-        edges = [
-            np.stack(np.broadcast_arrays(range_, self.u[columns] + side), axis=-1)
-            for range_ in (self.crossing[mirror, columns], self.range[-1])
-            for side in (-half, half)
-        ]
-        return np.concatenate(edges)
+    def clear(self, echoes: Echoes) -> Mask:
+        """Which echoes no object hides, (n,)."""
+        return self.cover.clear(echoes.range, echoes.direction, echoes.amplitude)
+
+    def contradicted(self, echoes: Echoes, fold: Isometry) -> Mask:
+        """Which echoes at the edge of what their mirror shows would stand where the radar itself sees nothing, (n,).
+
+        A beam that reaches over the edge shows what is beside it, too. `fold` maps to where the echoes would stand.
+        """
+        if not self.open.size:
+            return np.zeros(len(echoes), dtype=bool)
+        range_, direction, inside = self.view.locate(fold(echoes.position))
+        empty = inside & (range_ < self.open[direction])
+        mirror = self.seen_through(echoes.range, echoes.direction)
+        sides = self.view.beside(echoes.range, echoes.direction)
+        return empty & np.logical_or.reduce([self.seen_through(echoes.range, side) != mirror for side in sides])
+
+    def open_ranges(self, echoes: Echoes) -> Array:
+        """Range up to which each direction of the radar's own view is empty, (n,) [m]; zero where it does not look."""
+        nearest = self.crossing.min(axis=0, initial=np.inf)
+        met = np.flatnonzero(np.isfinite(nearest))
+        direct = echoes.take(self.seen_through(echoes.range, echoes.direction) == ROOT)
+        points = np.concatenate([direct.position, self.view.points(nearest[met], met)])
+        range_ = np.concatenate([direct.range, nearest[met]])
+        empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)
+        row, direction = self.view.within(points, np.maximum(OPEN_MARGIN / range_, self.view.cross_angle))
+        np.minimum.at(empty, direction, range_[row] - OPEN_MARGIN)
+        return empty
 
 
-def barrier_of(objects: Echoes, polar: PolarImage) -> Array:
-    """Amplitude that echoes must exceed for the objects in front of them, (nr, nu).
-
-    An object covers the directions up to `COVERED_CELLS` beside it, and begins to hide what is behind it at
-    `OPAQUE_CELLS` range cells. It hides what is not much stronger than itself.
-    """
-    barrier = np.zeros_like(polar.amplitude)
-    row = np.ceil((objects.range + OPAQUE_CELLS * polar.range_cell - polar.range[0]) / polar.dr).astype(np.intp)
-    first = np.searchsorted(polar.u, objects.u - COVERED_CELLS * polar.u_cell)
-    last = np.searchsorted(polar.u, objects.u + COVERED_CELLS * polar.u_cell)
-    for i in np.flatnonzero(row < polar.range.size):
-        cells = barrier[row[i], first[i] : last[i]]
-        np.maximum(cells, 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[i], out=cells)
-    return np.maximum.accumulate(barrier, axis=0)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def through_at(crossing, through, distance, direction):  # type: ignore[no-untyped-def]
+    """`LinesOfSight.seen_through` for one point."""
+    passed = 0
+    for k in range(crossing.shape[0]):
+        passed += crossing[k, direction] < distance
+    return through[passed, direction]
 
 
-def open_range(views: Views, echoes: Echoes, polar: PolarImage) -> Array:
-    """Range up to which each direction of the radar's own view is empty, (nu,) [m].
-
-    The radar looks at least as far aside as the echo that is farthest from broadside; beyond, its antennas may be deaf.
-    """
-    nearest = views.crossing.min(axis=0, initial=np.inf)
-    met = np.isfinite(nearest)
-    direct = views.seen_through(echoes.range, views.column(echoes.u)) == ROOT
-    range_ = np.concatenate([echoes.range[direct], nearest[met]])
-    u = np.concatenate([echoes.u[direct], views.u[met]])
-    field_of_view = np.abs(echoes.u[echoes.strong]).max(initial=0.0)
-    empty = np.where(np.abs(views.u) <= field_of_view, polar.range[-1], 0.0)
-    aside = np.maximum(OPEN_MARGIN / range_, polar.u_cell)
-    first, last = np.searchsorted(views.u, u - aside), np.searchsorted(views.u, u + aside)
-    for i in range(range_.size):
-        part = empty[first[i] : last[i]]
-        np.minimum(part, range_[i] - OPEN_MARGIN, out=part)
-    return empty
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def hidden_at(begin, level, distance, direction):  # type: ignore[no-untyped-def]
+    """The amplitude that one point must exceed to be seen, see `Cover`."""
+    hidden = 0.0
+    for k in range(begin.shape[0]):
+        if begin[k, direction] > distance:
+            break
+        hidden = level[k, direction]
+    return hidden

@@ -13,12 +13,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.detection.known_mirrors import check_lines, write_lines
+from mirrorfold.detection.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
-from mirrorfold.folding.plan import PRESETS, FoldPlan, fold, initial_image
+from mirrorfold.folding import PRESETS
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.reconstruction import FoldPlan, fold, initial_image
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 
@@ -221,7 +222,7 @@ class Session:
             result = self._plan.fold(**self._arguments(settings, lines))
             if lines is not None:
                 with written_whole(mirrors) as temporary:
-                    write_lines(lines, temporary)
+                    write_mirrors(lines, temporary)
             command = self.command(settings, None if lines is None else mirrors, output)
             result.attrs["command"] = command
             save(result, output)
@@ -276,7 +277,7 @@ class Session:
                 raise InputError(f"{name} is {value!r}, expected a number")
             settings[name] = value
         mirrors = request.get("mirrors")
-        return settings, None if mirrors is None else check_lines(mirrors)
+        return settings, None if mirrors is None else check_mirrors(mirrors)
 
 
 def line_of(ends: Any, lines: Array) -> int:

@@ -1,0 +1,120 @@
+"""Echoes: the places of an image or a volume where something sent the waves back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Index, Mask
+
+RAYLEIGH_MEDIAN = 1.177
+"""Median of a Rayleigh amplitude over the standard deviation of its real part, ``sqrt(2 ln 2)``."""
+
+FALSE_ALARMS = 1e-3
+"""Expected number of noise samples in a whole image or volume that are taken for echoes."""
+
+SIDE_LOBE_MARGIN_DB = 6.0
+"""An echo must exceed what may be a side lobe of a brighter one by this much: two side lobes in phase double."""
+
+REFERENCE_WEIGHT = 0.5
+"""Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
+multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes:
+    """The echoes of a view.
+
+    Attributes
+    ----------
+    position : (n, d) array [m]
+        In the image or volume, before any folding.
+    range : (n,) array [m]
+    direction : (n,) array of int
+        The line of sight that is nearest.
+    amplitude : (n,) array
+        Normalised as in the view.
+    length : (n,) array
+        Length of ridge [m] that each echo of an image stands for; one for each echo of a volume.
+    strong : (n,) bool array
+        Above the threshold of what it is seen through; the others are faint.
+    visible : (n,) bool array
+        No object stands in front of it.
+    noise : (n,) array
+        Amplitude that noise and side lobes stay below at its place.
+    limit : (n,) array
+        Amplitude that the echo had to exceed to be strong: the threshold, lowered where a lossy mirror dims all.
+    threshold : float
+        That of what is in line of sight.
+    reference : float
+        Amplitude of the robust reference echo.
+    """
+
+    position: Array
+    range: Array
+    direction: Index
+    amplitude: Array
+    length: Array
+    strong: Mask
+    visible: Mask
+    noise: Array
+    limit: Array
+    threshold: float
+    reference: float
+
+    @classmethod
+    def found(
+        cls,
+        position: Array,
+        range_: Array,
+        direction: Index,
+        amplitude: Array,
+        length: Array,
+        noise: Array,
+        threshold: float,
+        reference: float,
+    ) -> Echoes:
+        """Echoes as they are found: all visible, strong above the threshold."""
+        return cls(
+            position, range_, direction, amplitude, length,
+            strong=amplitude >= threshold, visible=np.ones(range_.size, dtype=bool),
+            noise=noise, limit=np.full(range_.size, threshold), threshold=threshold, reference=reference,
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        return self.range.size
+
+    def take(self, which: Mask | Index) -> Echoes:
+        """Some of the echoes, by mask or index."""
+        names = ("position", "range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+
+def reference_echo(brightest: Array) -> float:
+    """The robust reference: weighted median over directions of the brightest echo in each.
+
+    Parameters
+    ----------
+    brightest : (n,) array
+        Amplitude of the brightest echo in each direction; zero where there is none.
+
+    Returns
+    -------
+    float
+        Zero without any echo.
+    """
+    ordered = np.sort(brightest[brightest > 0.0])
+    if not ordered.size:
+        return 0.0
+    weight = np.cumsum(ordered**REFERENCE_WEIGHT)
+    return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
+
+
+def brightest_of(beam: Index, amplitude: Array) -> Array:
+    """The largest amplitude in each beam that has an echo, (beams,)."""
+    if not beam.size:
+        return np.zeros(0)
+    brightest = np.zeros(int(np.ptp(beam)) + 1)
+    np.maximum.at(brightest, beam - beam.min(), amplitude)
+    return brightest

@@ -1,0 +1,137 @@
+"""Step 2 of the algorithm: the radar's own view, the echoes in it, and the mirrors among them.
+
+Here alone it is decided what serves an image and what a volume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.types import Array
+from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView, to_image_view
+from mirrorfold.detection.known_mirrors import known_lines, known_planes
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.plane_mirror import PlaneMirror
+from mirrorfold.detection.view import View
+from mirrorfold.detection.volume_view import VolumeView, to_volume_view
+from mirrorfold.errors import InputError
+
+VOLUME = ("range", "azimuth", "elevation")
+
+
+def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
+    """The radar's own view of an image (y, x), of the plan view of voxels (z, y, x), or of a raster volume.
+
+    Parameters
+    ----------
+    image : DataArray
+    normalization : {"r", "r2", "none", "beam"}, optional
+        How the spreading with range is undone before anything is judged; see the views.
+
+    Raises
+    ------
+    InputError
+        If the image or the normalization cannot be used.
+    """
+    if isinstance(image, xr.DataArray) and image.dims == VOLUME:
+        return to_volume_view(image, normalization=normalization)
+    if isinstance(image, xr.DataArray) and image.dims == ("z", "y", "x"):  # the strongest voxel of each column
+        image = abs(image).max("z", skipna=False, keep_attrs=True)
+    return to_image_view(image, normalization=normalization)
+
+
+def find_echoes(view: View, *, threshold_db: float | None = None, published: bool = False) -> Echoes:
+    """The echoes of a view: what stands above noise, threshold and side lobes.
+
+    Parameters
+    ----------
+    view : View
+    threshold_db : float [dB], optional
+        Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
+    published : bool
+        Every pixel above the threshold, relative to the brightest pixel, is an echo.
+
+    Returns
+    -------
+    Echoes
+        Maybe none.
+    """
+    level = threshold_of(view) if threshold_db is None else threshold_db
+    if isinstance(view, VolumeView):
+        return (volume_echoes.find_voxels if published else volume_echoes.find_runs)(view, threshold_db=level)
+    view = _image(view)
+    return (image_echoes.find_pixels if published else image_echoes.find_ridges)(view, threshold_db=level)
+
+
+def find_mirrors(
+    view: View,
+    echoes: Echoes,
+    *,
+    minimum_length: float | None = None,
+    tested: bool = True,
+    known: Array | None = None,
+) -> Sequence[Mirror]:
+    """The mirrors of a view: straight rows or flat sheets among the visible echoes.
+
+    Parameters
+    ----------
+    view : View
+    echoes : Echoes
+    minimum_length : float [m], optional
+        Of a mirror; of its width and height in a volume.
+    tested : bool
+        Whether a mirror must be straight, filled and stand out of its surroundings, not only long enough.
+    known : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
+        Mirrors that are given in the place of those found: ends of lines, or corners of planes.
+
+    Returns
+    -------
+    sequence of Mirror
+
+    Raises
+    ------
+    InputError
+        If the given mirrors are lines and the view that of a volume, or the reverse.
+    """
+    if known is not None and len(known) and known.shape[2] != view.dimensions:
+        wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
+        raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
+    length = minimum_length_of(view) if minimum_length is None else minimum_length
+    if isinstance(view, VolumeView):
+        if known is not None:
+            return known_planes(known, echoes, view)
+        return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
+    view = _image(view)
+    if known is not None:
+        return known_lines(known, echoes, view)
+    return lines.find_lines(echoes, view, minimum_length=length, tested=tested)
+
+
+def threshold_of(view: View) -> float:
+    """Level [dB] of strong echoes relative to the robust reference, where none is given."""
+    return volume_echoes.THRESHOLD_DB if isinstance(view, VolumeView) else image_echoes.THRESHOLD_DB
+
+
+def minimum_length_of(view: View) -> float:
+    """Shortest mirror [m], where none is given."""
+    return planes.MINIMUM_SIZE if isinstance(view, VolumeView) else lines.MINIMUM_LENGTH
+
+
+def example_mirror(dimensions: int) -> Mirror:
+    """A mirror of unit size at the origin: what is said of every mirror can be asked of it."""
+    if dimensions == 2:
+        return LineMirror(np.zeros(2), np.array([1.0, 0.0]))
+    square = np.array([[-0.5, 0.0, -0.5], [0.5, 0.0, -0.5], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])
+    return PlaneMirror(np.zeros(3), np.array([0.0, -1.0, 0.0]), square, np.zeros(0, dtype=bool))
+
+
+def _image(view: View) -> ImageView:
+    if not isinstance(view, ImageView):
+        raise TypeError(f"view is a {type(view).__name__}, expected an ImageView or a VolumeView")
+    return view

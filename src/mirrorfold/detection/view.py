@@ -1,0 +1,87 @@
+"""The radar's own view: amplitude along straight lines of sight, of an image or of a volume.
+
+Steps 2 to 6 of the algorithm work on this. A line of sight is a column of an image in polar coordinates, or a beam of
+a scanner; all that differs between the floor plan and space stands behind the methods below and those of a mirror
+(`mirrorfold.detection.mirror`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from mirrorfold.common.types import Array, Index, Mask
+
+if TYPE_CHECKING:
+    from mirrorfold.detection.echoes import Echoes
+
+
+class View(ABC):
+    """What every view knows. Lines of sight are numbered from 0; `direction` is such a number.
+
+    Attributes
+    ----------
+    radar : (d,) array [m]
+        Where the radar stands.
+    range : (nr,) array [m]
+        Uniform, rising.
+    range_cell : float [m]
+        Width of an echo in range, between half-amplitude points.
+    normalization : str
+        How the spreading with range was undone.
+    """
+
+    radar: Array
+    range: Array
+    range_cell: float
+    normalization: str
+
+    @property
+    @abstractmethod
+    def sight(self) -> Array:
+        """Unit vectors of all lines of sight, (n, d)."""
+
+    @abstractmethod
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+
+    @abstractmethod
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it, each (pairs,)."""
+
+    @abstractmethod
+    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
+        """Directions to all sides of each point, so far away that its beam still reaches over."""
+
+    @abstractmethod
+    def in_cells(self, points: Array) -> Array:
+        """Coordinates of points (n, d) in units of the resolution cell, (n, d)."""
+
+    @abstractmethod
+    def object_depth(self, range_: Array) -> Array:
+        """How far [m] behind the first echo of an object others may be the object's own, at that range."""
+
+    @abstractmethod
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+
+    @property
+    @abstractmethod
+    def covered_angle(self) -> float:
+        """How far [rad] to either side of its own direction an object hides what is behind it."""
+
+    @property
+    @abstractmethod
+    def cross_angle(self) -> float:
+        """Angle [rad] that the radar resolves."""
+
+    @property
+    def dimensions(self) -> int:
+        """2 for the floor plan, 3 for space."""
+        return self.radar.size
+
+    def points(self, range_: Array, direction: Index) -> Array:
+        """Positions (n, d) [m] at ranges [m] in directions."""
+        return self.radar + range_[..., None] * self.sight[direction]

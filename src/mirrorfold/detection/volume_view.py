@@ -1,0 +1,286 @@
+"""The radar's own view of a raster volume: amplitude against range, beam by beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import FALSE_ALARMS, RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes
+from mirrorfold.detection.view import View
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.range_profiles import angle_table, beam_area, beams_of
+
+HANN_CELL = 2.0
+"""Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
+
+DYNAMIC_RANGE_DB = -80.0
+"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is
+cleaner."""
+
+NOISE_SAMPLES = 400_000
+"""From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
+
+FOOTPRINT = 1.0 / (2.0 * np.sqrt(2.0))
+"""Standard deviation of the two-way beam's power, in beam radii: it falls as ``exp(-4 (x/w)^2)``."""
+
+HANN_DEVIATION = 0.3
+"""Standard deviation of the power of the Hann window's main lobe, in half-amplitude widths."""
+
+OPAQUE_RADII = 5.7
+"""Depth of an object in radii of the beam: how far the footprint of a beam reaches to either side along a surface that
+it meets at 80 degrees from the normal, ``tan 80``. What lies further behind is multiple scattering."""
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeView(View):
+    """A raster volume as the radar sees it: amplitude, and what is known of the beam.
+
+    Attributes
+    ----------
+    amplitude : (azimuths, elevations, ranges) array
+        Single precision, without any normalisation.
+    range : (ranges,) array [m]
+    azimuth, elevation : 1D arrays [degree]
+    gain : (ranges,) array
+        What normalises the amplitude.
+    normalization : str
+        The name of that.
+    noise : float
+        Standard deviation of the real part of the noise in `amplitude`.
+    radar : (3,) array [m]
+        Where all beams start.
+    range_cell : float [m]
+        Width of an echo between half-amplitude points.
+    beam : tuple of float [m], optional
+        Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to be as
+        wide as the step from one to the next.
+    taper : str
+        Window over frequency.
+    """
+
+    amplitude: NDArray[np.float32]
+    range: Array
+    azimuth: Array
+    elevation: Array
+    gain: Array
+    normalization: str
+    noise: float
+    radar: Array
+    range_cell: float
+    beam: tuple[float, float, float] | None = None
+    taper: str = "hann"
+
+    @property
+    def step(self) -> float:
+        """Range step [m]."""
+        return float(self.range[1] - self.range[0])
+
+    @cached_property
+    def floor(self) -> float:
+        """Amplitude, not normalised, that noise stays below in the whole volume.
+
+        As in an image: a Rayleigh amplitude exceeds ``k sigma`` with probability ``exp(-k^2/2)``, so that of N samples
+        none may be expected to beyond ``k = sqrt(2 ln(N / p))``, with p = `FALSE_ALARMS`.
+        """
+        noise = float(np.sqrt(2.0 * np.log(self.amplitude.size / FALSE_ALARMS)) * self.noise)
+        return max(noise, float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0))
+
+    @cached_property
+    def side_lobes(self) -> NDArray[np.float32]:
+        """Envelope of the window's side lobes, with a margin, by distance from the edge of an echo in samples.
+
+        With x in units of c/(2B): ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and
+        ``1 / (pi x)``, the slowest, for any other window (Harris, Proc. IEEE 66, 1978).
+        """
+        # The edge of a run, 12 dB below its peak, is more than one unit away from it.
+        x = 1.0 + np.arange(1, self.range.size + 1) * self.step / (self.range_cell / HANN_CELL)
+        envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
+        level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+        return np.minimum(level, 1.0).astype(np.float32)
+
+    @cached_property
+    def sight(self) -> Array:
+        """Directions of all beams, (azimuths * elevations, 3); the elevation varies fastest."""
+        return beam_direction(self.azimuth[:, None], self.elevation[None, :]).reshape(-1, 3)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of azimuths and elevations."""
+        return self.azimuth.size, self.elevation.size
+
+    @property
+    def beam_step(self) -> float:
+        """Angle between neighbouring beams [rad]."""
+        return float(np.radians(0.5 * (np.diff(self.azimuth).mean() + np.diff(self.elevation).mean())))
+
+    def width(self, range_: Array | float) -> Array:
+        """Radius of the beam [m] at ranges [m]."""
+        if self.beam is None:
+            return self.beam_step * np.asarray(range_, dtype=float)
+        spot_radius, focus_distance, wavelength = self.beam
+        return beam_radius(range_, spot_radius=spot_radius, focus_distance=focus_distance, wavelength=wavelength)
+
+    def spread_across(self, range_: Array, cosine: Array) -> Array:
+        """Standard deviation [m], across a surface met at that cosine, of the echoes that a beam gathers on it.
+
+        The beam's footprint, seen obliquely, and the range cell together.
+        """
+        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+        return np.hypot(FOOTPRINT * self.width(range_) * sine, HANN_DEVIATION * self.range_cell * cosine)
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest beam of points (..., 3) [m], and whether they lie inside the scan."""
+        offset = np.asarray(points, dtype=float) - self.radar
+        range_ = np.linalg.norm(offset, axis=-1)
+        azimuth, elevation = beam_angles(offset)
+        column = np.rint((azimuth - self.azimuth[0]) / np.diff(self.azimuth).mean()).astype(np.intp)
+        row = np.rint((elevation - self.elevation[0]) / np.diff(self.elevation).mean()).astype(np.intp)
+        inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
+        return range_, np.where(inside, column * self.shape[1] + row, 0), inside & (range_ >= self.range[0])
+
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, 3) and a beam in the square of half-width `aside` [rad] about it, each (pairs,)."""
+        _, direction, _ = self.locate(points)
+        reach = np.broadcast_to(np.asarray(np.asarray(aside) / self.beam_step, dtype=np.intp), direction.shape)
+        rows: list[Index] = [np.empty(0, dtype=np.intp)]
+        beams: list[Index] = [np.empty(0, dtype=np.intp)]
+        for steps in np.unique(reach):
+            which = np.flatnonzero(reach == steps)
+            for across in range(-steps, steps + 1):
+                for up in range(-steps, steps + 1):
+                    beam, inside = self._moved(direction[which], across, up)
+                    rows.append(which[inside])
+                    beams.append(beam[inside])
+        return np.concatenate(rows), np.concatenate(beams)
+
+    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
+        """Beams to the left, to the right, above and below, a beam's radius away; at the scan's end the beam itself."""
+        steps = np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.step))).astype(np.intp)
+        sides = []
+        for across, up in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            beam, inside = self._moved(direction, across * steps, up * steps)
+            sides.append(np.where(inside, beam, direction))
+        return tuple(sides)
+
+    def _moved(self, direction: Index, across: Index | int, up: Index | int) -> tuple[Index, Mask]:
+        """Beams so many azimuths and elevations away, and whether they belong to the scan."""
+        column, row = direction // self.shape[1] + across, direction % self.shape[1] + up
+        inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
+        return column * self.shape[1] + row, inside
+
+    def in_cells(self, points: Array) -> Array:
+        """Range, azimuth and elevation of points (n, 3) in units of the range cell and the beam's radius, (n, 3)."""
+        offset = points - self.radar
+        range_ = np.linalg.norm(offset, axis=-1)
+        angle = self.width(range_) / np.maximum(range_, self.step)
+        azimuth, elevation = beam_angles(offset)
+        return np.stack([range_ / self.range_cell, np.radians(azimuth) / angle, np.radians(elevation) / angle], axis=-1)
+
+    def object_depth(self, range_: Array) -> Array:
+        """How far [m] behind the first echo of an object others may be the object's own."""
+        return OPAQUE_RADII * self.width(range_)
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """All beams of the scan."""
+        return np.ones(len(self.sight), dtype=bool)
+
+    @property
+    def covered_angle(self) -> float:
+        """An object hides what is behind it in its own beam: each beam that meets it has an echo of its own."""
+        return 0.0
+
+    @property
+    def cross_angle(self) -> float:
+        """Angle between neighbouring beams [rad], which a scan sets to about what the beam resolves."""
+        return self.beam_step
+
+
+def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
+    """What the steps after imaging need to know of a raster volume.
+
+    Parameters
+    ----------
+    volume : (range, azimuth, elevation) DataArray
+        Complex or amplitude. Attrs: `normalization` done already, `frequency_start`, `frequency_stop`,
+        `spot_radius`, `focus_distance` [m], `wave_speed` [m/s], `radar_position` [m].
+    normalization : {"beam", "r2", "none"}, optional
+        By default for the beam if it is known, else for range squared.
+
+    Returns
+    -------
+    VolumeView
+
+    Raises
+    ------
+    InputError
+        If the volume cannot be used.
+    """
+    if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
+        found = getattr(volume, "dims", type(volume).__name__)
+        raise InputError(f"image: has dimensions {found}, expected a volume (range, azimuth, elevation)")
+    if min(volume.shape) < 4:
+        raise InputError(f"image: has the shape {volume.shape}, expected at least four samples along each axis")
+    axes = [volume[name].values.astype(float) for name in volume.dims]
+    for name, axis in zip(volume.dims, axes, strict=True):
+        steps = np.diff(axis)
+        if not np.isfinite(axis).all() or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
+            raise InputError(f"image: the coordinate {name} does not rise in equal steps; resample to a regular grid")
+    angle_table(axes[1])
+    amplitude: NDArray[np.float32] = _magnitudes(beams_of(volume))
+    if not np.isfinite(amplitude).all():
+        raise InputError("image: holds pixels that are not finite (NaN or infinite); mask them with 0")
+    if not amplitude.any():
+        raise InputError("image: every pixel is zero; there is nothing to fold")
+    attrs = volume.attrs
+    range_ = axes[0]
+    step = float(range_[1] - range_[0])
+    beam, frequency = None, 0.0
+    if all(name in attrs for name in ("spot_radius", "focus_distance", "frequency_start", "frequency_stop")):
+        frequency = 0.5 * (float(attrs["frequency_start"]) + float(attrs["frequency_stop"]))
+        wavelength = float(attrs.get("wave_speed", speed_of_light)) / frequency
+        beam = (float(attrs["spot_radius"]), float(attrs["focus_distance"]), wavelength)
+    chosen = normalization if normalization is not None else ("beam" if beam else "r2")
+
+    def gain_of(kind: str) -> Array:
+        if kind == "beam":
+            return beam_area(attrs, range_, frequency, "image")
+        if kind == "r2":
+            return range_**2
+        if kind == "none":
+            return np.ones_like(range_)
+        raise InputError(f"normalization is {kind!r}, expected one of none, r2, beam")
+
+    done = gain_of(str(attrs.get("normalization", "none")))
+    if np.ptp(done) > 0.0:
+        amplitude /= np.maximum(done, np.finfo(np.float32).tiny).astype(np.float32)
+    stride = max(1, amplitude.size // NOISE_SAMPLES)
+    # An odd stride visits all ranges and beams alike.
+    sample = amplitude.ravel()[:: stride | 1]
+    return VolumeView(
+        amplitude=amplitude,
+        range=range_,
+        azimuth=axes[1],
+        elevation=axes[2],
+        gain=gain_of(chosen),
+        normalization=chosen,
+        noise=float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN,
+        radar=np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float),
+        range_cell=max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step),
+        beam=beam,
+        taper=str(attrs.get("taper", "hann")),
+    )
+
+
+def _magnitudes(values: NDArray[np.complex64]) -> NDArray[np.float32]:
+    """Absolute values, azimuth by azimuth on all threads."""
+    out = np.empty(values.shape, dtype=np.float32)
+    for_each(lambda i: np.abs(values[i], out=out[i], casting="same_kind"), range(len(values)))
+    return out

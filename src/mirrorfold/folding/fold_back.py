@@ -1,0 +1,82 @@
+"""Step 5 of the algorithm: every echo back to where it stands.
+
+What was seen through a chain of mirrors is reflected across the last of them first and across the first of them last;
+all mirrors are those of the unfolded image, where a deeper one is a ghost itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.types import Array, Chain
+from mirrorfold.tree.mirror_tree import MirrorTree
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The folded scene: one point for every echo that belongs to an object or to the face of a mirror.
+
+    Attributes
+    ----------
+    position, initial : (n, d) arrays [m]
+        Where it stands, and where it stood before folding.
+    amplitude : (n,) array
+    bounces : (n,) array of int
+        Mirrors on the way: objects by the chain of their node, faces of mirrors by that of its parent.
+    chain, surface : (n,) arrays of str
+        Such as "0/1", and "object" or "mirror".
+    confidence : (n,) array
+        Share of its power above what it had to exceed, noise or threshold, times the filled share of each mirror on
+        the way.
+    """
+
+    position: Array
+    initial: Array
+    amplitude: Array
+    bounces: NDArray[np.int32]
+    chain: NDArray[np.str_]
+    surface: NDArray[np.str_]
+    confidence: Array
+
+
+def fold_back(tree: MirrorTree) -> Points:
+    """Every echo of the tree at its true place.
+
+    Parameters
+    ----------
+    tree : MirrorTree
+        Its root.
+
+    Returns
+    -------
+    Points
+        In the order of `MirrorTree.walk`, objects before faces.
+    """
+    folds = tree.folds()
+    trust: dict[Chain, float] = {}
+    parts: list[tuple[Any, ...]] = []
+    for node in tree.walk():
+        trust[node.chain] = 1.0 if node.line is None else trust[node.chain[:-1]] * node.line.fill
+        seen = [(node.objects, node.chain, "object")]
+        if node.line is not None:
+            seen.append((node.face, node.chain[:-1], "mirror"))
+        for echoes, chain, surface in seen:
+            exceeded = np.maximum(echoes.noise, echoes.limit)
+            excess = 1.0 - (exceeded / np.maximum(echoes.amplitude, np.maximum(exceeded, np.finfo(float).tiny))) ** 2
+            parts.append(
+                (
+                    folds[chain](echoes.position),
+                    echoes.position,
+                    echoes.amplitude,
+                    np.full(len(echoes), len(chain), dtype=np.int32),
+                    np.full(len(echoes), "/".join(map(str, chain)), dtype=object),
+                    np.full(len(echoes), surface, dtype=object),
+                    excess * trust[chain],
+                )
+            )
+    position, initial, amplitude, bounces, chains, surfaces, confidence = map(np.concatenate, zip(*parts, strict=True))
+    return Points(position, initial, amplitude, bounces, chains.astype(str), surfaces.astype(str), confidence)

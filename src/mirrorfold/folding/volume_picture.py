@@ -1,0 +1,119 @@
+"""Voxels of the folded scene, and the grid of their plan view."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Chain
+from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.focusing.range_profiles import at_point
+from mirrorfold.folding.fold_back import Points
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight, hidden_at, through_at
+
+PIXEL_RADII = 0.6
+"""Pixels of the plan view, in radii of the beam where it is narrowest; its vertical columns are sampled twice that."""
+
+BORDER_RADII = 9.0
+"""Space around the points in the plan view, in the same radii."""
+
+LARGEST_GRID = 60_000_000
+"""Voxels that are looked at for the plan view; the pixels grow beyond it."""
+
+
+def voxel_axes(points: Points, view: VolumeView) -> tuple[Array, Array, Array]:
+    """Pixels x, y and z [m] around all points, before and after folding; a few where there are none."""
+    radius = float(view.width(view.range[view.range > 0.0]).min()) if view.beam is None else view.beam[0]
+    pixel, border = PIXEL_RADII * radius, BORDER_RADII * radius
+    limits = []
+    for i in range(3):
+        values = np.concatenate([points.position[:, i], points.initial[:, i]])
+        limits.append((values.min() - border, values.max() + border) if values.size else (0.0, 1.0))
+    cells = np.prod([high - low for low, high in limits]) / (2.0 * pixel**3)
+    pixel *= max(1.0, float(cells / LARGEST_GRID) ** (1.0 / 3.0))
+    x, y, z = (
+        step * np.arange(np.floor(low / step), np.ceil(high / step) + 1)
+        for (low, high), step in zip(limits, (pixel, pixel, 2.0 * pixel), strict=True)
+    )
+    return x, y, z
+
+
+def draw_volume(
+    x: Array, y: Array, z: Array, sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float
+) -> NDArray[np.float32]:
+    """Normalised amplitude of the true scene on a regular grid, (z, y, x).
+
+    Every voxel looks up the volume where each chain of mirrors shows it, if nothing stands in the way there: there are
+    no holes, as pushing voxels to their folded places would leave them.
+
+    Parameters
+    ----------
+    x, y, z : 1D arrays [m]
+        In equal steps.
+    sight : LinesOfSight
+        Of a raster volume.
+    folds : dict
+        For every chain, the map from the volume to the true place.
+    wall_margin : float [m]
+        How far behind a mirror echoes still belong to the wall.
+    """
+    view = sight.view
+    assert isinstance(view, VolumeView)  # whoever draws voxels has a volume
+    crossing, through = sight.passages
+    mirrors = [(ROOT, ())] + [(i, chain) for i, chain in enumerate(sight.chain) if chain]
+    inverse = [folds[chain].inverse for _, chain in mirrors]
+    linear = np.array([f.linear for f in inverse])
+    shift = np.array([f.shift for f in inverse]) - view.radar
+    number = np.array([i for i, _ in mirrors], dtype=np.int64)
+    angles = np.radians(np.array([[a[0], a[-1], np.diff(a).mean()] for a in (view.azimuth, view.elevation)]))
+    out = np.zeros((y.size, x.size, z.size), dtype=np.float32)
+    step = float(z[1] - z[0]) if z.size > 1 else 1.0
+    gain = view.gain.astype(np.float32)
+
+    def row(i: int) -> None:
+        _draw_row(view.amplitude, gain, x, float(y[i]), float(z[0]), step, linear, shift, number, angles,
+                  float(view.range[0]), view.step, crossing, through, sight.cover.range, sight.cover.level,
+                  wall_margin, out[i])  # fmt: skip
+
+    for_each(row, range(y.size))
+    return np.moveaxis(out, -1, 0)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _draw_row(  # type: ignore[no-untyped-def]
+    amplitude, gain, x, y, z, step_z, linear, shift, number, angles, first, step, crossing, through, begin, level,
+    margin, out,
+):  # fmt: skip
+    """Voxels of one y, (x, z): the largest amplitude with which any chain of mirrors shows them."""
+    side_low, side_high = np.tan(angles[0, 0]), np.tan(angles[0, 1])
+    up_low, up_high = np.tan(angles[1, 0]), np.tan(angles[1, 1])
+    rows = amplitude.shape[1]
+    for w in range(number.size):
+        a = linear[w]
+        for j in range(x.size):
+            px = a[0, 0] * x[j] + a[0, 1] * y + shift[w, 0]
+            py = a[1, 0] * x[j] + a[1, 1] * y + shift[w, 1]
+            pz = a[2, 0] * x[j] + a[2, 1] * y + shift[w, 2]
+            for i in range(out.shape[1]):
+                height = z + i * step_z
+                qx, qy, qz = px + a[0, 2] * height, py + a[1, 2] * height, pz + a[2, 2] * height
+                if qy <= 0.0 or qx < side_low * qy or qx > side_high * qy:
+                    continue
+                ground = np.sqrt(qx * qx + qy * qy)
+                if qz < up_low * ground or qz > up_high * ground:
+                    continue
+                r = np.sqrt(ground * ground + qz * qz)
+                k = (r - first) / step
+                if k < 0.0 or k >= gain.size - 1:
+                    continue
+                az = (np.arctan(qx / qy) - angles[0, 0]) / angles[0, 2]
+                el = (np.arctan(qz / ground) - angles[1, 0]) / angles[1, 2]
+                beam = int(az + 0.5) * rows + int(el + 0.5)
+                if through_at(crossing, through, r - margin, beam) != number[w]:
+                    continue
+                value = at_point(amplitude, az, el, k) * gain[int(k)]
+                if value > out[j, i] and value > hidden_at(begin, level, r, beam):
+                    out[j, i] = value

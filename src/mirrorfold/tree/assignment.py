@@ -1,0 +1,57 @@
+"""Step 4 of the algorithm: every echo belongs to the mirror through which it is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.types import Chain
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
+from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.ordering import Order, visible_objects
+
+
+def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
+    """The tree of the mirrors with their echoes, less those that the radar's own view contradicts.
+
+    Parameters
+    ----------
+    order : Order
+    echoes : Echoes
+        With their marks `visible` and `strong`.
+    opaque : bool
+        Whether the radar's own view is taken to show all that it looks at.
+
+    Returns
+    -------
+    tree : MirrorTree
+        Its root; without mirrors if there are none.
+    sight : LinesOfSight
+        With the chains of the mirrors.
+    """
+    sight = order.sight
+    if opaque:
+        sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
+    through = sight.seen_through(echoes.range, echoes.direction)
+    owner = np.where(visible_objects(order, echoes), through, NOBODY)
+    chains: list[Chain] = [() for _ in order.mirrors]
+
+    def node(index: int, chain: Chain, fold: Isometry) -> MirrorTree:
+        children = np.flatnonzero(sight.parent == index)
+        objects = echoes.take(owner == index)
+        face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
+        mirror = None
+        if index != ROOT:
+            mirror = order.mirrors[index]
+            chains[index] = chain
+            fold = fold @ mirror.reflection
+            objects = objects.take(~sight.contradicted(objects, fold))
+            face = mirror.snapped(sight.view, face)
+        below = tuple(node(int(child), (*chain, i), fold) for i, child in enumerate(children))
+        return MirrorTree(mirror, face, objects, below, chain)
+
+    root = node(ROOT, (), Isometry.identity(sight.view.dimensions))
+    return root, replace(sight, chain=tuple(chains))

@@ -1,0 +1,94 @@
+"""The tree of mirrors: who is seen through whom."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.svg import tree_card
+from mirrorfold.common.types import Chain
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirror import Mirror
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorTree:
+    """A mirror with all that was seen through it; the root is the radar's own view and has no mirror of its own.
+
+    Attributes
+    ----------
+    line : Mirror or None
+        In the coordinates of the unfolded image; in space a plane.
+    face : Echoes
+        Echoes of the mirror itself, moved onto it.
+    objects : Echoes
+        What was seen through this mirror, or directly for the root, and is not a mirror.
+    mirrors : tuple of MirrorTree
+        The mirrors seen through this one, from the strongest.
+    chain : tuple of int
+        Indices from the root.
+    """
+
+    line: Mirror | None
+    face: Echoes
+    objects: Echoes
+    mirrors: tuple[MirrorTree, ...] = ()
+    chain: Chain = ()
+
+    def walk(self) -> Iterator[MirrorTree]:
+        """Yield this node and all below it, depth first."""
+        yield self
+        for mirror in self.mirrors:
+            yield from mirror.walk()
+
+    @property
+    def generation(self) -> int:
+        """Number of mirrors on the way here: 0 for the root."""
+        return len(self.chain)
+
+    def folds(self) -> dict[Chain, Isometry]:
+        """For the chain of every node of this root, the map from the image to the true place of what it holds.
+
+        Each reflects across its own mirror, which is a ghost itself, first, then across its parents' up to the root.
+        """
+        result: dict[Chain, Isometry] = {(): Isometry.identity(self.objects.position.shape[1])}
+        for node in self.walk():
+            if node.line is not None:
+                result[node.chain] = result[node.chain[:-1]] @ node.line.reflection
+        return result
+
+    def to_json(self) -> str:
+        """The tree as JSON: chain, mirror and number of objects of every node."""
+        return json.dumps(self._plain(), indent=2)
+
+    def _plain(self) -> dict[str, object]:
+        line = None
+        if self.line is not None:
+            start, end = self.line.ends.tolist()
+            line = {
+                "start": start,
+                "end": end,
+                "strength": self.line.strength,
+                "angle_error_deg": self.line.angle_error,
+                "offset_error_m": self.line.offset_error,
+            }
+        return {
+            "chain": list(self.chain),
+            "line": line,
+            "objects": len(self.objects),
+            "mirrors": [mirror._plain() for mirror in self.mirrors],
+        }
+
+    def _repr_html_(self) -> str:
+        """The unfolded image's mirrors and objects, and who is seen through whom, for notebooks."""
+        return tree_card(self)
+
+    def __repr__(self) -> str:
+        rows = []
+        for node in self.walk():
+            what = "radar" if node.line is None else f"mirror {'/'.join(map(str, node.chain))}"
+            size = "" if node.line is None else f", {node.line.size:.2f} m"
+            rows.append(f"{'  ' * node.generation}{what}{size}: {len(node.objects)} object echoes")
+        return "\n".join(rows)

@@ -1,0 +1,178 @@
+"""Step 3 of the algorithm: the order of the mirrors, from those in line of sight to those seen through others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
+from mirrorfold.detection.mirror import Mirror, faces
+from mirrorfold.detection.view import View
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+
+BEAM = 0.5
+"""Directions are counted in beams of this many resolution cells where the brightest echo of each is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """Mirrors in their order.
+
+    Attributes
+    ----------
+    mirrors : sequence of Mirror
+        Cut where they pass from the view by way of one mirror into that by way of another; those that are seen.
+    sight : LinesOfSight
+        With the parent of each mirror.
+    face : (n,) array of int
+        The mirror that each echo lies on, `NOBODY` for echoes from inside a wall, `ROOT` for all others.
+    """
+
+    mirrors: Sequence[Mirror]
+    sight: LinesOfSight
+    face: Index
+
+    def seen(self, echoes: Echoes) -> Echoes:
+        """The echoes with their marks `visible` and `strong` as they follow from this order."""
+        visible = echoes.visible & self.sight.clear(echoes)
+        through = self.sight.seen_through(echoes.range, echoes.direction)
+        strong, limit = echoes.strong.copy(), echoes.limit.copy()
+        beam = np.rint(self.sight.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
+        beam -= beam.min(axis=0, initial=0)
+        number = beam @ np.cumprod([1, *(beam.max(axis=0, initial=0) + 1)])[:-1]
+        # A lossy mirror dims all that is seen through it: where the objects behind it are dimmer than the reference,
+        # the threshold follows them down.
+        for mirror in range(len(self.mirrors)):
+            behind = visible & (self.face == ROOT) & (through == mirror)
+            objects = behind & echoes.strong
+            if objects.any():
+                reference = reference_echo(brightest_of(number[objects], echoes.amplitude[objects]))
+                limit[behind] = min(reference / echoes.reference, 1.0) * echoes.threshold
+                strong |= behind & (echoes.amplitude >= limit)
+        return replace(echoes, visible=visible, strong=strong, limit=limit)
+
+
+def order_mirrors(
+    mirrors: Sequence[Mirror],
+    view: View,
+    echoes: Echoes,
+    *,
+    minimum_length: float,
+    wall_margin: float,
+    opaque: bool = True,
+    generations: int | None = None,
+) -> Order:
+    """Who is seen through whom.
+
+    Parameters
+    ----------
+    mirrors : sequence of Mirror
+    view : View
+    echoes : Echoes
+    minimum_length : float [m]
+        Of the pieces that a mirror is cut into.
+    wall_margin : float [m]
+        How far behind a mirror echoes still belong to the wall.
+    opaque : bool
+        Whether objects end the view.
+    generations : int, optional
+        Largest number of mirrors in a chain; deeper ones are left out.
+
+    Returns
+    -------
+    Order
+    """
+    found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque)
+    if generations is not None and not all(shallow := _within(found.sight.parent, generations)):
+        kept = [mirror for mirror, keep in zip(found.mirrors, shallow, strict=True) if keep]
+        found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque)
+    return found
+
+
+def _ordered(
+    mirrors: Sequence[Mirror], view: View, echoes: Echoes, minimum_length: float, wall_margin: float, opaque: bool
+) -> Order:
+    """Cut the mirrors, find what hides them, and the parent of each that is seen."""
+    whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
+    # A mirror may be hidden by a piece of one that is cut itself: the second pass knows the pieces of the first.
+    for _ in range(2):
+        cut = [_pieces(mirror, pieces[:i] + pieces[i + 1 :], view, minimum_length) for i, mirror in enumerate(whole)]
+        pieces = [kept for kept, _ in cut]
+        remains = [small for _, rest in cut for small in rest]
+    mirrors = [piece for kept in pieces for piece in kept]
+    face = faces(mirrors, view, echoes, wall_margin, nobody=NOBODY, root=ROOT)
+    # A piece too small for a mirror is still the edge of a wall, and no object that hides anything.
+    face[(face == ROOT) & (faces(remains, view, echoes, wall_margin, nobody=NOBODY, root=ROOT) != ROOT)] = NOBODY
+    cover = Cover.nothing(len(view.sight))
+    if opaque:
+        cover = Cover.of(echoes.take(echoes.visible & echoes.strong & (face == ROOT)), view)
+    crossing = np.full((len(mirrors), len(view.sight)), np.inf)
+    straddles = np.zeros(crossing.shape, dtype=bool)
+    for index, mirror in enumerate(mirrors):
+        crossing[index], straddles[index] = mirror.straddled(view)
+        met = np.flatnonzero(np.isfinite(crossing[index]))
+        behind = crossing[index, met] + view.object_depth(crossing[index, met])
+        crossing[index, met[~cover.clear(behind, met, mirror.strength)]] = np.inf
+    whole_beams = np.where(straddles, np.inf, crossing)
+    parent = np.array([_parent(index, whole_beams) for index in range(len(mirrors))], dtype=np.intp)
+    seen = np.flatnonzero(np.isfinite(crossing).any(axis=1))
+    # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.
+    number = np.full(len(mirrors) + 2, NOBODY, dtype=np.intp)
+    number[seen], number[ROOT] = np.arange(seen.size), ROOT
+    on_hidden = (face >= 0) & (number[face] == NOBODY)
+    return Order(
+        [mirrors[index] for index in seen],
+        LinesOfSight(view, crossing[seen], number[parent[seen]], straddles[seen], cover),
+        np.where(on_hidden, ROOT, number[face]),
+    )
+
+
+def _pieces(
+    mirror: Mirror, others: list[list[Mirror]], view: View, minimum_length: float
+) -> tuple[list[Mirror], list[Mirror]]:
+    """The pieces of a mirror that passes from the view by way of one mirror into that by way of another, and those
+    too small to be one.
+
+    The mirror image of a wall in another one at right angles to it continues the wall itself.
+    """
+    crossing = np.stack([m.crossing(view) for m in (mirror, *(piece for kept in others for piece in kept))])
+    directions, before = _last_before(0, crossing)
+    if not directions.size or np.all(before == before[0]):
+        return [mirror], []
+    return mirror.pieces(view, directions, before, minimum_length)
+
+
+def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
+    """Directions that meet a mirror, and the mirror that each met last before it (ROOT: none)."""
+    directions = np.flatnonzero(np.isfinite(crossing[index]))
+    ranges = np.where(crossing[:, directions] < crossing[index, directions], crossing[:, directions], -np.inf)
+    last = np.argmax(ranges, axis=0)
+    return directions, np.where(np.isfinite(ranges[last, np.arange(directions.size)]), last, ROOT)
+
+
+def _parent(index: int, crossing: Array) -> int:
+    """The mirror through which most of a mirror is seen."""
+    _, before = _last_before(index, crossing)
+    if not before.size:
+        return NOBODY
+    values, counts = np.unique(before, return_counts=True)
+    return int(values[np.argmax(counts)])
+
+
+def _within(parent: Index, generations: int) -> list[bool]:
+    """Whether each mirror is seen through fewer others than `generations`."""
+    depths = []
+    for mirror in parent:
+        depth = 1
+        while mirror >= 0 and depth <= generations:
+            mirror, depth = parent[mirror], depth + 1
+        depths.append(depth <= generations)
+    return depths
+
+
+def visible_objects(order: Order, echoes: Echoes) -> Mask:
+    """Which echoes are those of objects: in view, strong, and on no mirror."""
+    return echoes.visible & echoes.strong & (order.face == ROOT)
