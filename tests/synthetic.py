@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
-from mirrorfold.detection.image_view import PolarImage
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.folding import FoldSettings
+from mirrorfold.reconstruction import find_tree
 
 FREQUENCY_START, FREQUENCY_STOP, FREQUENCY_POINTS = 290e9, 300e9, 401
 BAND = (FREQUENCY_STOP - FREQUENCY_START) * FREQUENCY_POINTS / (FREQUENCY_POINTS - 1)
@@ -28,12 +32,12 @@ def unit_vectors(direction):
 
 
 def empty_view(radar=(0.0, 0.0), direction=0.0, reach=(0.3, 3.0), samples=3, widest=0.9):
-    """A PolarImage of nothing."""
+    """A ImageView of nothing."""
     half = int(widest / U_CELL * samples)
     range_ = np.arange(*reach, RANGE_CELL / samples)
     u = np.arange(-half, half + 1) * U_CELL / samples
     wavelengths = APERTURE / WAVELENGTH
-    return PolarImage(
+    return ImageView(
         np.array(radar, dtype=float), *unit_vectors(direction), range_, u, np.zeros((range_.size, u.size)),
         1.0, RANGE_CELL, U_CELL, wavelengths, wavelengths,
     )  # fmt: skip
@@ -53,12 +57,12 @@ def envelope(view, points, amplitude):
 
 
 def radar_view(points, amplitude, *, noise=0.0, seed=0, **where):
-    """The normalised PolarImage of scatterers, in noise of that standard deviation at a range of 1 m."""
+    """The normalised ImageView of scatterers, in noise of that standard deviation at a range of 1 m."""
     view = empty_view(**where)
     random = np.random.default_rng([seed, 77])
     white = random.standard_normal((2, view.range.size, view.u.size))
     found = envelope(view, points, amplitude) + noise / np.sqrt(2.0) * (white[0] + 1j * white[1]) * view.range[:, None]
-    return PolarImage(**{**vars(view), "amplitude": np.abs(found)})
+    return replace(view, amplitude=np.abs(found))
 
 
 def radar_image(points, amplitude, x, y, *, radar=(0.0, 0.0), direction=0.0):
@@ -99,3 +103,9 @@ def diffuse(start, end, seed, strength=1.0, spacing=0.002):
 def together(*parts):
     """Several groups of scatterers as one."""
     return np.concatenate([p for p, _ in parts]), np.concatenate([a for _, a in parts])
+
+
+def build_tree(echoes, view, *, known=None, **settings):
+    """Tree and lines of sight of the echoes of a view: steps 2 to 4."""
+    found = find_tree(view, echoes, FoldSettings(**settings).for_view(view), known=known)
+    return found.tree, found.sight

@@ -10,7 +10,7 @@ from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2, reflect, segment_normal
-from mirrorfold.folding.plan import PRESETS
+from mirrorfold.folding import PRESETS
 from mirrorfold.scenes.floor_plan import parse_scene
 
 WALL = np.array([[0.75, 0.9], [0.45, 1.7]])
@@ -102,7 +102,7 @@ def test_a_reconstruction_holds_what_it_promises(folded, view):
     assert 0.9 < confidence.max() <= 1.0
     assert set(mirrors.data_vars) == {
         *(f"{prefix}{axis}{end}" for prefix in ("", "folded_") for axis in "xy" for end in "01"),
-        *("parent", "generation", "chain", "strength", "angle_error", "offset_error", "fill"),
+        *("parent", "generation", "chain", "strength", "angle_error", "offset_error", "fill", "depth"),
     }
     assert all(variable.dims == ("mirror",) for variable in mirrors.data_vars.values())
     assert folded.attrs["mirrorfold_kind"] == "reconstruction"

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from synthetic import diffuse, radar_image, radar_view, together
+from synthetic import build_tree, diffuse, empty_view, radar_image, radar_view, together
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2, reflect, segment_normal
-from mirrorfold.detection.image_echoes import find_echoes
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Views
-from mirrorfold.tree.tree import build_tree
+from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
 
 NOISE = 0.01
 
@@ -33,9 +33,9 @@ def seen_by(chain, points):
 
 def tree_of(*parts, reach=(0.3, 3.0), noise=NOISE, **settings):
     view = radar_view(*together(*parts), noise=noise, reach=reach)
-    echoes = find_echoes(view)
-    tree, views = build_tree(echoes, view, **settings)
-    return tree, views, view, echoes
+    echoes = find_ridges(view)
+    tree, sight = build_tree(echoes, view, **settings)
+    return tree, sight, view, echoes
 
 
 def line_errors(found, true):
@@ -155,14 +155,14 @@ def test_a_tree_tells_what_it_holds(periscope_tree):
 
 
 def test_the_radars_view_of_the_periscope_opens_mirror_by_mirror(periscope_tree):
-    tree, views, view, _ = periscope_tree
-    assert sorted(views.chain, key=len) == [(0,), (0, 0), (0, 0, 0)]
-    number = {chain: index for index, chain in enumerate(views.chain)}
+    tree, sight, view, _ = periscope_tree
+    assert sorted(sight.chain, key=len) == [(0,), (0, 0), (0, 0, 0)]
+    number = {chain: index for index, chain in enumerate(sight.chain)}
     lines = {node.chain: node.line for node in tree.walk()}
-    range_, u = view.to_polar(0.5 * (lines[0,].middle + lines[0, 0].middle))
-    column = views.column(np.atleast_1d(u))
+    range_, u = view.to_polar(0.5 * (lines[0,].center + lines[0, 0].center))
+    column = view.column(np.atleast_1d(u))
     for distance, owner in ((0.5, ROOT), (range_, number[0,]), (2.4, number[0, 0]), (3.6, number[0, 0, 0])):
-        assert views.seen_through(np.atleast_1d(distance), column)[0] == owner
+        assert sight.seen_through(np.atleast_1d(distance), column)[0] == owner
 
 
 MIRROR = wall((0.1, 1.2), 35.0, 0.9)
@@ -189,7 +189,8 @@ def clutter_behind_an_object():
 def counts(tree, range_, u=0.02):
     """Number of object echoes seen through the only mirror near a range and direction."""
     (node,) = tree.mirrors
-    near = (np.abs(node.objects.range - range_) < 0.04) & (np.abs(node.objects.u - u) < 0.08)
+    sine = node.objects.position[:, 0] / node.objects.range  # the radar stands at the origin, its array along x
+    near = (np.abs(node.objects.range - range_) < 0.04) & (np.abs(sine - u) < 0.08)
     return int(np.count_nonzero(near))
 
 
@@ -311,10 +312,10 @@ def test_a_wall_that_its_own_image_continues_is_split_where_the_image_begins(rig
 
 
 def test_an_image_without_mirrors_has_a_root_alone():
-    tree, views, _, echoes = tree_of((behind(1.0, 0.2), np.full(7, 5.0)))
+    tree, sight, _, echoes = tree_of((behind(1.0, 0.2), np.full(7, 5.0)))
     assert list(tree.walk()) == [tree]
     assert tree.generation == 0
-    assert views.chain == ()
+    assert sight.chain == ()
     assert tree.objects.range.size == np.count_nonzero(echoes.strong)
     assert list(tree.folds()) == [()]
     assert repr(tree) == f"radar: {tree.objects.range.size} object echoes"
@@ -334,7 +335,7 @@ def test_every_echo_is_in_the_tree_at_most_once(periscope_tree):
     # Faces are moved onto their lines, but range and direction stay those of the image.
     held = [part for node in tree.walk() for part in (node.objects, node.face)]
     places = np.stack(
-        [np.concatenate([part.range for part in held]), np.concatenate([part.u for part in held])], axis=1
+        [np.concatenate([getattr(part, name) for part in held]) for name in ("range", "direction", "amplitude")], axis=1
     )
     assert len(places) > 0.8 * echoes.range.size
     assert len(np.unique(places, axis=0)) == len(places)
@@ -350,14 +351,14 @@ def test_mirror_worlds_open_only_through_their_parents():
     """Mirror 1 is seen through mirror 0; a line of sight that misses mirror 0 ends at mirror 1's line."""
     inf = np.inf
     crossing = np.array([[1.0, 1.0, inf, inf], [2.0, inf, 2.0, inf]])
-    views = Views(
-        np.linspace(-0.3, 0.3, 4), crossing, np.array([ROOT, 0]), np.linspace(0.0, 5.0, 51), np.zeros((51, 4))
-    )
+    view = replace(empty_view(), u=np.linspace(-0.3, 0.3, 4))
+    straddles = np.zeros(crossing.shape, dtype=bool)
+    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), straddles, Cover.nothing(4))
     column = np.arange(4)
-    assert_array_equal(views.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
-    assert_array_equal(views.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])
-    assert_array_equal(views.seen_through(np.full(4, 2.5), column), [1, 0, NOBODY, ROOT])
-    assert_array_equal(views.column(np.array([-0.31, -0.12, 0.09, 2.0])), [0, 1, 2, 3])
+    assert_array_equal(sight.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
+    assert_array_equal(sight.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])
+    assert_array_equal(sight.seen_through(np.full(4, 2.5), column), [1, 0, NOBODY, ROOT])
+    assert_array_equal(view.column(np.array([-0.31, -0.12, 0.09, 2.0])), [0, 1, 2, 3])
 
 
 def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_radars_own():
@@ -382,8 +383,8 @@ def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_r
 
 def test_the_radars_own_view_is_not_trusted_beyond_its_echoes():
     """Without an echo from further aside, its antennas may be deaf there."""
-    _, views, *_ = tree_of(diffuse(*wall((-0.3, 1.5), 0.0, 0.6), 3))
-    assert not views.open[np.abs(views.u) > 0.42].any()
-    assert (views.open[(views.u > 0.12) & (views.u < 0.35)] > 2.9).all()
-    before = views.open[(views.u < -0.1) & (views.u > -0.3)]
+    _, sight, view, _ = tree_of(diffuse(*wall((-0.3, 1.5), 0.0, 0.6), 3))
+    assert not sight.open[np.abs(view.u) > 0.42].any()
+    assert (sight.open[(view.u > 0.12) & (view.u < 0.35)] > 2.9).all()
+    before = sight.open[(view.u < -0.1) & (view.u > -0.3)]
     assert ((before > 1.35) & (before < 1.5)).all()

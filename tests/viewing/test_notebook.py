@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from scans import ball, panel, scene
-from synthetic import diffuse, radar_image, together
+from synthetic import build_tree, diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.common.svg import Stroke, picture
-from mirrorfold.detection.image_echoes import find_echoes
-from mirrorfold.detection.image_view import to_polar_image
-from mirrorfold.tree.tree import build_tree
+from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.detection.image_view import to_image_view
 from mirrorfold.viewing.notebook import to_html
 
 HOSTILE = "</td><script>alert(1)</script>\"'"
@@ -57,8 +56,8 @@ def test_a_scene_in_space_shows_its_floor_plan():
 def test_the_tree_shows_mirrors_and_objects():
     wall = np.array([[0.5, 1.8], [0.9, 0.9]])
     parts = together(diffuse(*wall, seed=1), (np.array([[0.95, 1.9]]), np.array([30.0])))
-    view = to_polar_image(radar_image(*parts, np.linspace(-1.0, 2.2, 321), np.linspace(0.3, 2.6, 231)))
-    tree, _ = build_tree(find_echoes(view), view)
+    view = to_image_view(radar_image(*parts, np.linspace(-1.0, 2.2, 321), np.linspace(0.3, 2.6, 231)))
+    tree, _ = build_tree(find_ridges(view), view)
     html = tree._repr_html_()
     assert "mirror 0" in html
     labels = [path.find("{*}title") for path in paths(html)]
@@ -70,10 +69,10 @@ def test_the_tree_shows_mirrors_and_objects():
 
 
 def test_an_empty_tree_and_an_empty_picture_can_be_shown():
-    view = to_polar_image(
+    view = to_image_view(
         radar_image(np.array([[0.0, 1.0]]), np.array([1e-9]), np.linspace(-1, 1, 81), np.linspace(0.5, 2, 61))
     )
-    tree, _ = build_tree(find_echoes(view).take(np.zeros(0, dtype=int)), view)
+    tree, _ = build_tree(find_ridges(view).take(np.zeros(0, dtype=int)), view)
     assert "radar" in tree._repr_html_()
     assert ET.fromstring(picture([Stroke(np.empty((0, 2)), "red", dots=True)], (0, 0), title="nothing")) is not None
 

@@ -20,8 +20,8 @@ from synthetic import diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.detection.known_mirrors import read_lines
-from mirrorfold.folding.plan import FoldPlan
+from mirrorfold.detection.known_mirrors import read_mirrors
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import unpacked_levels
 from mirrorfold.viewing.server import TOKEN_HEADER, Server
 from mirrorfold.viewing.session import Session, line_of
@@ -121,7 +121,7 @@ def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monke
     written = mf.load(file.parent / "mine.nc")
     again = mf.fold(view, mirrors=mirrors, threshold_db=-16.5)
     assert np.array_equal(written["intensity"], again["intensity"])
-    assert np.array_equal(read_lines(file.parent / "mine.mirrors.json"), mirrors)
+    assert np.array_equal(read_mirrors(file.parent / "mine.mirrors.json"), mirrors)
     assert written.attrs["command"] == saved["command"]
     words = shlex.split(saved["command"])
     assert words[:2] == ["mirrorfold", "fold"]

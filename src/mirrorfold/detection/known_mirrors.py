@@ -67,7 +67,8 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
             raise InputError(f"{source}: mirror {number} has a place that is not finite, expected numbers in metres")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[points.shape[1] - 2] <= SHORTEST * np.abs(points).max():
-            raise InputError(f"{source}: mirror {number} has no extent; give different points, or leave it out")
+            what = "length; give two different ends" if points.shape[1] == 2 else "extent; give four different corners"
+            raise InputError(f"{source}: mirror {number} has no {what}, or leave it out")
         if points.shape[1] == 3 and spread[2] > FLATTEST * spread[0]:
             raise InputError(f"{source}: mirror {number} is not flat; give four corners of one plane")
     return places

@@ -9,17 +9,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import APERTURE, WAVELENGTH, diffuse, empty_view, radar_image, radar_view, together
 
+from mirrorfold.detection.echoes import FALSE_ALARMS, reference_echo
 from mirrorfold.detection.image_echoes import (
     FAINT_DB,
-    FALSE_ALARMS,
     THRESHOLD_DB,
-    find_echoes,
     find_pixels,
+    find_ridges,
     noise_floor,
-    reference_echo,
     side_lobes,
 )
-from mirrorfold.detection.image_view import to_polar_image
+from mirrorfold.detection.image_view import to_image_view
 
 
 def decibel(ratio):
@@ -29,14 +28,14 @@ def decibel(ratio):
 def off(view, echoes, point):
     """Distance of echoes from a point in range cells and in cells of u, two arrays."""
     range_, u = view.to_polar(np.asarray(point))
-    return np.abs(echoes.range - range_) / view.range_cell, np.abs(echoes.u - u) / view.u_cell
+    return np.abs(echoes.range - range_) / view.range_cell, np.abs(view.to_polar(echoes.position)[1] - u) / view.u_cell
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_alone_holds_no_echo(seed):
     view = radar_view(np.empty((0, 2)), np.empty(0), noise=1.0, seed=seed)
     assert view.amplitude.size > 100_000
-    echoes = find_echoes(view)
+    echoes = find_ridges(view)
     assert echoes.range.size == 0
     assert echoes.reference == 0.0
 
@@ -47,7 +46,7 @@ def test_a_complex_image_of_noise_alone_holds_no_echo():
     random = np.random.default_rng(4)
     for _ in range(3):
         noise = random.standard_normal(image.shape) + 1j * random.standard_normal(image.shape)
-        assert find_echoes(to_polar_image(image.copy(data=noise))).range.size == 0
+        assert find_ridges(to_image_view(image.copy(data=noise))).range.size == 0
 
 
 def test_the_noise_floor_is_where_rayleigh_noise_is_expected_to_exceed_it_a_thousandth_of_a_time():
@@ -63,7 +62,7 @@ def test_a_point_in_noise_is_found_within_a_fraction_of_a_cell(range_, u, seed):
     point = empty_view().to_points(range_, u)
     # 26 dB above the mean power of the noise at its range.
     view = radar_view(point[None], np.array([1.0]), noise=0.05 / range_, seed=seed)
-    echoes = find_echoes(view)
+    echoes = find_ridges(view)
     assert echoes.range.size > 0
     in_range, in_u = off(view, echoes, point)
     assert in_range.max() < 1.0
@@ -72,7 +71,7 @@ def test_a_point_in_noise_is_found_within_a_fraction_of_a_cell(range_, u, seed):
     assert in_range[best] < 0.1
     assert in_u[best] < 0.1
     assert echoes.amplitude[best] == pytest.approx(1.0, rel=0.2)
-    assert_allclose(echoes.position[best], view.to_points(echoes.range[best], echoes.u[best]))
+    assert_allclose(echoes.position[best], view.to_points(echoes.range[best], view.to_polar(echoes.position)[1][best]))
 
 
 def test_side_lobes_of_a_bright_point_are_not_echoes_but_weak_points_are():
@@ -82,7 +81,7 @@ def test_side_lobes_of_a_bright_point_are_not_echoes_but_weak_points_are():
     points = np.concatenate([bright[None], weak])
     # A glint 35 dB brighter than the rest.
     view = radar_view(points, np.array([56.0, *np.ones(24)]))
-    echoes = find_echoes(view)
+    echoes = find_ridges(view)
     row = np.argmin(np.abs(view.range - np.linalg.norm(bright)))
     _, u = view.to_polar(bright)
     first_lobe = np.abs(view.u - u) * view.aperture_tx
@@ -154,7 +153,7 @@ def wall():
 
 @pytest.mark.parametrize("factor", [1e-9, 3.7, 2.0**40])
 def test_only_amplitudes_depend_on_the_unit_of_the_image(wall, factor):
-    one, other = find_echoes(wall), find_echoes(replace(wall, amplitude=factor * wall.amplitude))
+    one, other = find_ridges(wall), find_ridges(replace(wall, amplitude=factor * wall.amplitude))
     assert one.range.size > 100
     for name in ("position", "range", "u", "length"):
         assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-9, atol=1e-9)
@@ -164,7 +163,7 @@ def test_only_amplitudes_depend_on_the_unit_of_the_image(wall, factor):
 
 
 def test_strong_echoes_are_those_above_the_threshold_and_faint_ones_end_below_it(wall):
-    echoes = find_echoes(wall)
+    echoes = find_ridges(wall)
     assert decibel(echoes.threshold / echoes.reference) == pytest.approx(THRESHOLD_DB)
     assert_array_equal(echoes.strong, echoes.amplitude >= echoes.threshold)
     assert not echoes.strong.all()
@@ -172,14 +171,14 @@ def test_strong_echoes_are_those_above_the_threshold_and_faint_ones_end_below_it
 
 
 def test_a_deeper_threshold_only_adds_echoes(wall):
-    high, low = find_echoes(wall, threshold_db=-6.0), find_echoes(wall, threshold_db=-12.0)
+    high, low = find_ridges(wall, threshold_db=-6.0), find_ridges(wall, threshold_db=-12.0)
     assert 0 < high.strong.sum() < low.strong.sum()
     low_places = {tuple(p) for p in low.position[low.strong]}
     assert {tuple(p) for p in high.position[high.strong]} <= low_places
 
 
 def test_the_echoes_of_a_wall_lie_on_it_and_their_lengths_add_up_to_it(wall):
-    echoes = find_echoes(wall)
+    echoes = find_ridges(wall)
     direction = np.array([0.9, 0.3]) / np.hypot(0.9, 0.3)
     offset = echoes.position - [-0.5, 1.4]
     along, beside = offset @ direction, offset @ [-direction[1], direction[0]]
@@ -193,10 +192,10 @@ def test_the_echoes_of_a_wall_lie_on_it_and_their_lengths_add_up_to_it(wall):
 
 
 def test_taking_echoes_takes_the_same_ones_of_every_array(wall):
-    echoes = find_echoes(wall)
+    echoes = find_ridges(wall)
     some = echoes.take(np.array([5, 2]))
     assert_array_equal(some.position, echoes.position[[5, 2]])
-    for name in ("range", "u", "amplitude", "length", "strong"):
+    for name in ("range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit"):
         assert_array_equal(getattr(some, name), getattr(echoes, name)[[5, 2]])
     assert (some.threshold, some.reference) == (echoes.threshold, echoes.reference)
     assert_array_equal(echoes.take(echoes.strong).amplitude, echoes.amplitude[echoes.strong])
@@ -210,7 +209,7 @@ def test_as_published_every_pixel_above_the_threshold_counts_and_counts_alike(wa
     assert found.range.size == np.count_nonzero(wall.amplitude >= 0.1 * brightest)
     assert_array_equal(found.amplitude, 1.0)
     assert found.strong.all()
-    assert_allclose(wall.at(found.range, found.u).min(), 0.1 * brightest, rtol=0.05)
+    assert_allclose(wall.at(*wall.to_polar(found.position)).min(), 0.1 * brightest, rtol=0.05)
     assert find_pixels(wall, threshold_db=-30.0).range.size > found.range.size
 
 
@@ -227,5 +226,5 @@ def test_published_pixels_weigh_with_their_area_on_the_floor_plan():
 
 
 def test_an_empty_image_holds_nothing():
-    assert find_echoes(empty_view()).range.size == 0
+    assert find_ridges(empty_view()).range.size == 0
     assert find_pixels(empty_view(), threshold_db=-30.0).range.size == 0

@@ -12,9 +12,9 @@ from synthetic import RANGE_CELL, diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
-from mirrorfold.detection.known_mirrors import read_lines, write_lines
-from mirrorfold.folding.collection import render
-from mirrorfold.folding.plan import FoldPlan, initial_image
+from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
+from mirrorfold.folding.image_picture import draw_image
+from mirrorfold.reconstruction import FoldPlan, initial_image
 from mirrorfold.tree.lines_of_sight import ROOT
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
@@ -147,35 +147,37 @@ def test_known_mixed_path_ghosts_stay_out_when_a_reconstruction_is_folded_again(
 
 def test_the_kernel_renders_what_its_slow_twin_does(view):
     """The picture by array arithmetic, pixel for pixel, in float64."""
-    from mirrorfold.detection.image_echoes import find_echoes
-    from mirrorfold.detection.image_view import to_polar_image
-    from mirrorfold.tree.tree import build_tree
+    from synthetic import build_tree
 
-    polar = to_polar_image(view)
-    tree, views = build_tree(find_echoes(polar), polar)
+    from mirrorfold.detection.image_echoes import find_ridges
+    from mirrorfold.detection.image_view import to_image_view
+
+    polar = to_image_view(view)
+    tree, sight = build_tree(find_ridges(polar), polar)
     x, y, folds = view["x"].values, view["y"].values, tree.folds()
     grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     expected = np.zeros(grid.shape[:2])
-    worlds = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(views.chain))]
-    for world, fold in worlds:
-        range_, u = polar.to_polar(fold.inverse(grid))
-        amplitude = polar.at(range_, u)
-        inside = np.abs(u) <= views.u[-1]
-        column = views.column(np.where(inside, u, 0.0))
-        seen = inside & views.clear(range_, column, amplitude) & (views.seen_through(range_ - 0.04, column) == world)
-        if world != ROOT:
-            seen &= ~views.contradicted(range_ - 0.04, column, *polar.to_polar(grid))
+    mirrors = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(sight.chain))]
+    own, ahead, looked = polar.locate(grid)
+    empty = looked & (own < sight.open[ahead])
+    for mirror, fold in mirrors:
+        range_, column, inside = polar.locate(fold.inverse(grid))
+        amplitude = np.where(inside, polar.at(*polar.to_polar(fold.inverse(grid))), 0.0)
+        through = [sight.seen_through(range_ - 0.04, c) for c in (column, *polar.beside(range_, column))]
+        seen = inside & sight.cover.clear(range_, column, amplitude) & (through[0] == mirror)
+        if mirror != ROOT:
+            seen &= ~empty | ((through[1] == mirror) & (through[2] == mirror))
         expected = np.maximum(expected, np.where(seen, amplitude, 0.0))
-    intensity, initial = render(x, y, polar, views, folds, 0.04)
-    assert len(worlds) == 2
+    intensity, initial = draw_image(x, y, polar, sight, folds, 0.04)
+    assert len(mirrors) == 2
     assert_allclose(intensity, expected, rtol=1e-5, atol=1e-6 * expected.max())
     assert_allclose(initial, polar.at(*polar.to_polar(grid)), rtol=1e-5, atol=1e-6 * expected.max())
 
 
 def test_files_of_mirrors_keep_every_bit(tmp_path):
     lines = np.random.default_rng(0).normal(size=(5, 2, 2))
-    assert np.array_equal(read_lines(write_lines(lines, tmp_path / "mirrors.json")), lines)
-    assert read_lines(write_lines([], tmp_path / "none.json")).shape == (0, 2, 2)
+    assert np.array_equal(read_mirrors(write_mirrors(lines, tmp_path / "mirrors.json")), lines)
+    assert read_mirrors(write_mirrors([], tmp_path / "none.json")).shape == (0, 2, 2)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +196,7 @@ def test_wrong_files_of_mirrors_are_refused_by_name(tmp_path, content, words):
     path = tmp_path / "mirrors.json"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(mf.InputError, match=words) as caught:
-        read_lines(path)
+        read_mirrors(path)
     assert str(path) in str(caught.value)
 
 
@@ -209,7 +211,7 @@ def test_the_command_line_folds_with_given_mirrors(view, tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     mf.save(view, "image.nc")
     line = ends(mf.fold(view)) + 0.01
-    write_lines(line, "mirrors.json")
+    write_mirrors(line, "mirrors.json")
     options = ["--mirrors", "mirrors.json", "--wall-margin", "0.05", "--generations", "1"]
     assert main(["fold", "image.nc", "-o", "out.nc", "--json", *options]) == 0
     assert json.loads(capsys.readouterr().out)["mirrors"][0]["start_m"] == pytest.approx(line[0, 0].tolist())

@@ -12,25 +12,26 @@ from numpy.testing import assert_allclose
 from synthetic import diffuse, empty_view, radar_view, together
 
 from mirrorfold.common.geometry import cross2
-from mirrorfold.detection.image_echoes import Echoes, find_echoes, find_pixels
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.line_fit import across_profiles, leading_edge, refined
-from mirrorfold.detection.lines import MINIMUM_LENGTH, find_mirrors
-from mirrorfold.detection.mirror import Mirror, line_cell
+from mirrorfold.detection.line_mirror import LineMirror, line_cell
+from mirrorfold.detection.lines import MINIMUM_LENGTH, find_lines
 
 NOISE = 0.01
 
 
 def look(points, amplitude, seed=0, **where):
     view = radar_view(points, amplitude, noise=NOISE, seed=seed, **where)
-    echoes = find_echoes(view)
-    return view, echoes, find_mirrors(echoes, view)
+    echoes = find_ridges(view)
+    return view, echoes, find_lines(echoes, view)
 
 
 def errors(mirror, start, end):
     """Angle [degree] between a mirror and the line start-end, and distance [mm] of its middle from it."""
     direction = (end - start) / np.linalg.norm(end - start)
     angle = np.degrees(np.arcsin(abs(cross2(direction, mirror.direction))))
-    return angle, 1e3 * abs(float(cross2(direction, mirror.middle - start)))
+    return angle, 1e3 * abs(float(cross2(direction, mirror.center - start)))
 
 
 def wall_at(middle, incidence, length):
@@ -58,8 +59,8 @@ def thick(start, end, seed, depth):
 def bare_mirrors(echoes, view, monkeypatch):
     """Mirrors without the search for the leading edge."""
     with monkeypatch.context() as patch:
-        patch.setattr("mirrorfold.detection.lines.leading_edge", lambda mirror, polar: mirror)
-        return find_mirrors(echoes, view)
+        patch.setattr("mirrorfold.detection.lines.leading_edge", lambda mirror, view: mirror)
+        return find_lines(echoes, view)
 
 
 @pytest.mark.parametrize("incidence", [-30.0, 40.0])
@@ -135,8 +136,8 @@ def test_a_short_row_says_too_little_to_be_a_mirror(seed, length, number):
     start, end = wall_at(np.array([0.2, 1.3]), 15.0 * seed, length)
     view, echoes, mirrors = look(*diffuse(start, end, seed), seed=seed)
     assert len(mirrors) == number
-    assert len(find_mirrors(echoes, view, minimum_length=0.1)) == 1
-    assert not find_mirrors(echoes, view, minimum_length=0.5)
+    assert len(find_lines(echoes, view, minimum_length=0.1)) == 1
+    assert not find_lines(echoes, view, minimum_length=0.5)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -202,7 +203,7 @@ def test_mirrors_turn_and_move_with_the_radar_and_its_echoes(room, angle, x, y):
     moved_view = replace(
         view, radar=turn @ view.radar + shift, along=turn @ view.along, broadside=turn @ view.broadside
     )
-    moved = find_mirrors(replace(echoes, position=echoes.position @ turn.T + shift), moved_view)
+    moved = find_lines(replace(echoes, position=echoes.position @ turn.T + shift), moved_view)
     assert len(moved) == len(mirrors) == 2
     for mirror, other in zip(mirrors, moved, strict=True):
         start, end = turn @ mirror.start + shift, turn @ mirror.end + shift
@@ -216,7 +217,7 @@ def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
     view, echoes, mirrors = room
     assert_allclose([m.length for m in mirrors], [0.95, 0.76], atol=0.03)
     assert mirrors[0].strength > 1.4 * mirrors[1].strength
-    scaled = find_mirrors(
+    scaled = find_lines(
         replace(echoes, amplitude=1e-6 * echoes.amplitude), replace(view, amplitude=1e-6 * view.amplitude)
     )
     for mirror, other in zip(mirrors, scaled, strict=True):
@@ -227,10 +228,10 @@ def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
 def test_echoes_that_are_not_usable_support_no_mirror(room):
     view, echoes, _ = room
     usable = echoes.position[:, 0] < 0.3
-    found = find_mirrors(echoes, view, usable=usable)
+    found = find_lines(replace(echoes, visible=usable), view)
     assert len(found) == 1
     assert errors(found[0], np.array([-0.6, 1.1]), np.array([0.1, 1.4]))[1] < 1.0
-    assert find_mirrors(echoes, view, usable=np.zeros_like(usable)) == []
+    assert find_lines(replace(echoes, visible=np.zeros_like(usable)), view) == []
 
 
 def test_a_glint_does_not_turn_a_mirror():
@@ -269,7 +270,7 @@ def test_a_line_a_little_wrong_is_refined_to_the_image():
     start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
     view, _, _ = look(*diffuse(start, end, 5))
     # Half a degree and half a centimetre off.
-    wrong = Mirror(start + np.array([0.0, 0.009]), end + np.array([0.0, 0.001]))
+    wrong = LineMirror(start + np.array([0.0, 0.009]), end + np.array([0.0, 0.001]))
     assert errors(wrong, start, end)[0] > 0.4
     angle, offset = errors(refined(wrong, view), start, end)
     assert angle < 0.05
@@ -279,7 +280,7 @@ def test_a_line_a_little_wrong_is_refined_to_the_image():
 def test_profiles_across_a_mirror_peak_on_it():
     start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
     view, _, _ = look(*diffuse(start, end, 6))
-    along, offset, amplitude = across_profiles(Mirror(start, end), view, reach=1.5, spacing=0.5)
+    along, offset, amplitude = across_profiles(LineMirror(start, end), view, reach=1.5, spacing=0.5)
     assert amplitude.shape == offset.shape == (along.size, 121)
     assert_allclose(along[[0, -1]], [0.0, np.hypot(0.9, 0.3)])
     # Where speckle fades, what is left may lie beside the line.
@@ -300,15 +301,15 @@ def test_the_cell_along_and_across_a_line_is_that_of_range_and_of_angle():
 
 
 def test_a_mirror_knows_its_geometry():
-    mirror = Mirror(np.array([1.0, 1.0]), np.array([1.0, 3.0]), strength=5.0)
+    mirror = LineMirror(np.array([1.0, 1.0]), np.array([1.0, 3.0]), strength=5.0)
     assert mirror.length == 2.0
     assert_allclose(mirror.direction, [0.0, 1.0])
     assert_allclose(mirror.normal, [-1.0, 0.0])
-    assert_allclose(mirror.middle, [1.0, 2.0])
+    assert_allclose(mirror.center, [1.0, 2.0])
     points = np.array([[0.0, 1.5], [4.0, 1.0]])
     assert_allclose(mirror.along(points), [0.5, 0.0])
     assert_allclose(mirror.beside(points), [1.0, -3.0])
-    other = Mirror(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+    other = LineMirror(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
     image = mirror.reflected(other)
     assert_allclose([image.start, image.end], [[1.0, 1.0], [3.0, 1.0]], atol=1e-15)
     assert image.strength == 5.0
@@ -322,8 +323,8 @@ def test_as_published_every_long_row_of_pixels_is_a_mirror():
     amplitude = random.standard_normal(angle.size) + 1j * random.standard_normal(angle.size)
     start, end = np.array([-0.9, 1.2]), np.array([-0.3, 1.3])
     view, echoes, _ = look(*together((points, amplitude), diffuse(start, end, 2)))
-    published = find_mirrors(find_pixels(view, threshold_db=-25.0), view, tested=False)
-    assert len(published) > len(find_mirrors(echoes, view)) == 1
+    published = find_lines(find_pixels(view, threshold_db=-25.0), view, tested=False)
+    assert len(published) > len(find_lines(echoes, view)) == 1
     assert all(mirror.length >= MINIMUM_LENGTH for mirror in published)
     assert min(errors(m, start, end)[1] for m in published if errors(m, start, end)[0] < 3.0) < 10.0
 
@@ -333,14 +334,14 @@ def exact_echoes(points):
     view = empty_view()
     range_, u = view.to_polar(points)
     ones = np.ones(len(points))
-    return view, Echoes(np.asarray(points), range_, u, ones, 0.005 * ones, ones > 0, 0.1, 1.0)
+    return view, Echoes.found(np.asarray(points), range_, view.column(u), ones, 0.005 * ones, 0.0 * ones, 0.1, 1.0)
 
 
 def test_untested_rows_are_fitted_by_least_squares_alone():
     along = np.linspace(0.0, 0.6, 121)
     start, direction = np.array([-0.2, 1.0]), np.array([0.8, 0.6])
     view, echoes = exact_echoes(start + along[:, None] * direction)
-    (mirror,) = find_mirrors(echoes, view, tested=False)
+    (mirror,) = find_lines(echoes, view, tested=False)
     ends = sorted([mirror.start.tolist(), mirror.end.tolist()])
     assert_allclose(ends, [start, start + 0.6 * direction], atol=1e-12)
 
@@ -349,9 +350,9 @@ def test_faint_echoes_are_no_evidence_but_continue_a_mirror():
     start, end = np.array([-0.5, 1.4]), np.array([0.5, 1.6])
     points, amplitude = diffuse(start, end, 8)
     view = radar_view(points, amplitude, noise=NOISE)
-    echoes = find_echoes(view)
+    echoes = find_ridges(view)
     outer = echoes.position[:, 0] > 0.1
     faded = replace(echoes, strong=echoes.strong & ~outer)
-    assert find_mirrors(replace(echoes, strong=np.zeros_like(outer)), view) == []
-    (mirror,) = find_mirrors(faded, view)
+    assert find_lines(replace(echoes, strong=np.zeros_like(outer)), view) == []
+    (mirror,) = find_lines(faded, view)
     assert mirror.length == pytest.approx(np.hypot(1.0, 0.2), abs=0.05)

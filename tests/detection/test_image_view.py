@@ -16,7 +16,7 @@ from scipy.constants import speed_of_light
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image
 
 import mirrorfold as mf
-from mirrorfold.detection.image_view import LARGEST_SINE, PolarImage, check_image, to_polar_image
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView, check_image, to_image_view
 from mirrorfold.sweep import make_sweep
 
 
@@ -85,14 +85,14 @@ def test_the_cell_across_the_line_of_sight_is_what_a_step_in_u_spans():
 def test_amplitude_is_linear_between_samples_and_zero_outside_of_the_view():
     view = empty_view()
     plane = 2.0 * view.range[:, None] + 0.5 * view.u + 3.0
-    view = PolarImage(**{**vars(view), "amplitude": plane})
+    view = ImageView(**{**vars(view), "amplitude": plane})
     assert_allclose(view.at([0.777, 1.3], [0.21, -0.4]), [2 * 0.777 + 0.5 * 0.21 + 3, 2 * 1.3 - 0.2 + 3])
     assert_allclose(view.at([0.1, 9.0, 1.0, 1.0], [0.0, 0.0, 0.99, np.nan]), 0.0)
 
 
 def test_resampling_keeps_place_and_height_of_echoes_whatever_the_carrier_does():
     targets = [(0.83, 0.12, 1.0), (1.1, -0.3, 3.0), (1.26, 0.05, 0.5)]
-    view = to_polar_image(gaussian_image(targets, *GRID), normalization="none")
+    view = to_image_view(gaussian_image(targets, *GRID), normalization="none")
     assert view.range_cell == pytest.approx(RANGE_CELL)
     assert view.u_cell == pytest.approx(U_CELL)
     for r0, u0, height in targets:
@@ -106,7 +106,7 @@ def test_the_radars_place_and_the_turn_of_its_array_are_those_of_the_attrs():
     points = np.array([[0.1, 1.0], [-0.2, 1.2]])
     x, y = np.arange(-0.5, 0.5, 0.004), np.arange(0.8, 1.4, 0.004)
     image = radar_image(points, np.array([1.0, 1.0]), x, y, radar=(0.3, 0.1), direction=25.0)
-    view = to_polar_image(image)
+    view = to_image_view(image)
     assert_allclose(view.radar, [0.3, 0.1])
     assert_allclose(view.along, [np.cos(np.radians(25.0)), np.sin(np.radians(25.0))])
     for point in points:
@@ -119,7 +119,7 @@ def test_the_radar_looks_to_the_side_where_the_image_is():
     x, y = np.arange(-0.5, 0.5, 0.004), np.arange(-1.4, -0.5, 0.004)
     values = np.zeros((y.size, x.size))
     values[100, 150] = 1.0
-    view = to_polar_image(xr.DataArray(values, dims=("y", "x"), coords={"y": y, "x": x}), normalization="none")
+    view = to_image_view(xr.DataArray(values, dims=("y", "x"), coords={"y": y, "x": x}), normalization="none")
     assert_allclose(view.broadside, [0.0, -1.0])
     i, j = np.unravel_index(np.argmax(view.amplitude), view.amplitude.shape)
     assert_allclose(view.to_points(view.range[i], view.u[j]), [x[150], y[100]], atol=0.008)
@@ -128,8 +128,8 @@ def test_the_radar_looks_to_the_side_where_the_image_is():
 @pytest.mark.parametrize(("normalization", "power"), [("none", 0), ("r", 1), ("r2", 2)])
 def test_normalization_multiplies_with_a_power_of_range(normalization, power):
     image = gaussian_image([(0.9, 0.1, 1.0), (1.2, -0.2, 1.0)], *GRID)
-    plain = to_polar_image(image, normalization="none")
-    view = to_polar_image(image, normalization=normalization)
+    plain = to_image_view(image, normalization="none")
+    view = to_image_view(image, normalization=normalization)
     assert view.power == power
     assert plain.amplitude.max() > 0.9
     assert_allclose(view.amplitude, plain.amplitude * plain.range[:, None] ** power, rtol=1e-12)
@@ -137,23 +137,23 @@ def test_normalization_multiplies_with_a_power_of_range(normalization, power):
 
 def test_by_default_spreading_is_undone_as_in_two_dimensions():
     image = gaussian_image([(0.9, 0.1, 1.0 / 0.9), (1.2, -0.2, 1.0 / 1.2)], *GRID)
-    view = to_polar_image(image)
+    view = to_image_view(image)
     assert_allclose([peak(view, 0.9, 0.1)[2], peak(view, 1.2, -0.2)[2]], 1.0, rtol=0.015)
 
 
 def test_the_view_ends_at_the_ambiguous_range_and_at_the_image():
     image = gaussian_image([], *GRID)
     farthest = np.hypot(GRID[0][0], GRID[1][-1])
-    assert to_polar_image(image).range[-1] == pytest.approx(farthest, abs=0.011)
-    assert to_polar_image(image.assign_attrs(ambiguous_range=1.0)).range[-1] == pytest.approx(1.0, abs=0.011)
-    assert to_polar_image(image).range[0] == pytest.approx(0.5, abs=0.011)
-    assert np.abs(to_polar_image(image).u).max() <= LARGEST_SINE
+    assert to_image_view(image).range[-1] == pytest.approx(farthest, abs=0.011)
+    assert to_image_view(image.assign_attrs(ambiguous_range=1.0)).range[-1] == pytest.approx(1.0, abs=0.011)
+    assert to_image_view(image).range[0] == pytest.approx(0.5, abs=0.011)
+    assert np.abs(to_image_view(image).u).max() <= LARGEST_SINE
 
 
 def test_an_image_that_knows_nothing_of_its_radar_is_seen_from_the_origin():
     x, y = np.linspace(-0.5, 0.5, 101), np.linspace(0.5, 1.5, 101)
     values = np.exp(-(((x - 0.2) / 0.03) ** 2) - ((y[:, None] - 1.1) / 0.03) ** 2)
-    view = to_polar_image(xr.DataArray(values, dims=("y", "x"), coords={"y": y, "x": x}), normalization="none")
+    view = to_image_view(xr.DataArray(values, dims=("y", "x"), coords={"y": y, "x": x}), normalization="none")
     assert_allclose(view.radar, 0.0)
     assert view.range_cell == pytest.approx(0.02)
     i, j = np.unravel_index(np.argmax(view.amplitude), view.amplitude.shape)
@@ -170,7 +170,7 @@ def test_the_resolution_cells_are_those_of_a_focused_point_target():
     s = np.exp(-2j * np.pi * frequency[:, None, None] / speed_of_light * (distance[:, None] + distance))
     sweep = make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
     x, y = np.arange(-0.1, 0.1, 0.002), np.arange(1.1, 1.3, 0.002)
-    view = to_polar_image(mf.focus(sweep, x=x, y=y), normalization="none")
+    view = to_image_view(mf.focus(sweep, x=x, y=y), normalization="none")
     range_, u, height = peak(view, 1.2, 0.0)
     assert abs(range_ - 1.2) < 0.01 * view.range_cell
     assert abs(u) < 0.01 * view.u_cell
@@ -221,9 +221,9 @@ def test_a_valid_image_passes_unchanged(image):
 def test_an_image_smaller_than_a_resolution_cell_is_refused():
     x = y = np.linspace(1.0, 1.003, 5)
     with pytest.raises(mf.InputError, match="too small"):
-        to_polar_image(gaussian_image([], x, y))
+        to_image_view(gaussian_image([], x, y))
 
 
 def test_an_unknown_normalization_is_refused_with_the_known_ones(image):
     with pytest.raises(mf.InputError, match=r"'r3', expected one of none, r, r2"):
-        to_polar_image(image, normalization="r3")
+        to_image_view(image, normalization="r3")
