@@ -155,7 +155,7 @@ def wall():
 def test_only_amplitudes_depend_on_the_unit_of_the_image(wall, factor):
     one, other = find_ridges(wall), find_ridges(replace(wall, amplitude=factor * wall.amplitude))
     assert one.range.size > 100
-    for name in ("position", "range", "u", "length"):
+    for name in ("position", "range", "direction", "length"):
         assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-9, atol=1e-9)
     assert_array_equal(other.strong, one.strong)
     for name in ("amplitude", "threshold", "reference"):

@@ -5,16 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from numpy.testing import assert_allclose
 from scans import BOARD, STEEL, ball, panel, periscope, scene, turned
 from scipy.constants import speed_of_light
+from scipy.ndimage import map_coordinates
 
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.windows import window
-from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
+from mirrorfold.detection import find_echoes, see
+from mirrorfold.detection.volume_echoes import find_runs
+from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
-from mirrorfold.folding.volumes import find_worlds
+from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.volume_picture import draw_volume
+from mirrorfold.reconstruction import find_tree
 from mirrorfold.sweep import make_raster_sweep
+from mirrorfold.tree.lines_of_sight import ROOT
 
 FREQUENCY = np.linspace(270e9, 300e9, 401)
 SPOT = {"spot_radius": 0.017, "focus_distance": 1.5}
@@ -72,8 +79,8 @@ def test_leakage_is_taken_away_and_the_scene_stays():
 
 def test_peaks_have_the_range_to_a_fraction_of_a_sample():
     for distance in np.linspace(1.2, 1.205, 5):
-        volume = to_radar_volume(focus_raster(point_sweep((0.0, distance, 0.0), noise=0.003)))
-        cloud = find_peaks(volume)
+        volume = to_volume_view(focus_raster(point_sweep((0.0, distance, 0.0), noise=0.003)))
+        cloud = find_runs(volume)
         best = np.argmax(cloud.amplitude)
         assert cloud.range[best] == pytest.approx(distance, abs=2e-4)
         assert np.linalg.norm(cloud.position[best] - [0.0, distance, 0.0]) < 1e-3
@@ -170,9 +177,8 @@ def test_three_bounces_come_home():
     world = scene(*periscope())
     volume = mf.focus(mf.simulate(world, snr_db=25.0))
     # The scan shows 28 cm of the first mirror.
-    found = find_worlds(volume, minimum_size=0.25)
-    assert max(node.generation for node in found.tree.walk()) == 3
     result = mf.fold(volume, minimum_length=0.25)
+    assert result["mirrors/generation"].max() == 3
     points = points_of(result, 3)
     distance = np.abs(np.linalg.norm(points - [-1.5, 1.8, 0.0], axis=1) - 0.15)
     assert len(points) > 20
@@ -182,6 +188,104 @@ def test_three_bounces_come_home():
     # Three mirrors deep, the last plane carries the errors of the two before it.
     assert max(row["angle_error_deg"] for row in score["mirrors"] if row["surface"]) < 0.3
     assert score["hidden"]["invented_fraction"] < 0.08
+
+
+@pytest.fixture(scope="module")
+def world_volume():
+    """A board that shows a ball, and its volume."""
+    world = wall_world()
+    return world, mf.focus(mf.simulate(world, snr_db=25.0))
+
+
+def corners_of(result):
+    """The corners of the mirrors of a volume, (mirrors, 4, 3)."""
+    mirrors = result.children["mirrors"].dataset
+    return np.stack([mirrors[f"corner_{axis}"].values for axis in "xyz"], axis=-1)
+
+
+def test_the_planes_that_were_found_fold_to_the_same_scene_when_they_are_given(world_volume):
+    world, volume = world_volume
+    found = mf.fold(volume)
+    given = mf.fold(volume, mirrors=corners_of(found))
+    assert given.attrs["mirrors_given"]
+    assert given["mirrors"].sizes["mirror"] == 1
+    assert_allclose(corners_of(given), corners_of(found), atol=1e-9)
+    first, second = (mf.score(result, world)["surfaces"]["ball"] for result in (found, given))
+    assert second["points"] == pytest.approx(first["points"], rel=0.02)
+    assert second["accuracy_m"] == pytest.approx(first["accuracy_m"], abs=2e-4)
+
+
+def test_a_moved_plane_moves_what_it_shows_by_twice_as_much(world_volume):
+    _, volume = world_volume
+    corners = corners_of(mf.fold(volume))
+    shift = 0.02 * np.array([-np.sqrt(0.5), -np.sqrt(0.5), 0.0])
+    here, there = (points_of(mf.fold(volume, mirrors=corners + move), 1) for move in (0.0, shift))
+    ball = [np.median(points, axis=0) for points in (here, there)]
+    assert_allclose(ball[1] - ball[0], 2.0 * shift, atol=0.006)
+
+
+def test_without_generations_a_volume_stays_unfolded(world_volume):
+    _, volume = world_volume
+    result = mf.fold(volume, generations=0)
+    assert result["mirrors"].sizes["mirror"] == 0
+    assert set(result["objects/bounces"].values) == {0}
+    objects = result.children["objects"].dataset
+    assert_allclose(objects["x"], objects["x_initial"], atol=1e-12)
+
+
+def test_the_published_algorithm_runs_on_volumes(world_volume):
+    """It takes every bright sample for an object; its mirror is the wall all the same, and the ball comes home."""
+    world, volume = world_volume
+    result = mf.fold(volume, preset="published")
+    score = mf.score(result, world)
+    assert result.attrs["preset"] == "published"
+    assert result.attrs["fold_normalization"] == "r2"
+    assert "wall" in {row["surface"] for row in score["mirrors"]}
+    assert score["surfaces"]["ball"]["points"] > 30
+    assert score["surfaces"]["ball"]["accuracy_m"] < 0.02
+
+
+def test_the_wall_margin_acts_on_the_picture_of_a_volume_too(world_volume):
+    """With a margin that reaches to the ball's image, neither points nor pixels of it are left."""
+    _, volume = world_volume
+    plan = mf.FoldPlan(volume)
+    grid = np.linspace(-1.5, 0.5, 101), np.linspace(1.0, 2.8, 91), np.linspace(-0.3, 0.3, 21)
+    for margin, bright in ((0.04, True), (1.5, False)):
+        result = plan.fold(wall_margin=margin, grid=grid)
+        at_the_ball = result["intensity"].sel(x=slice(-1.3, -0.9), y=slice(1.8, 2.2))
+        assert (float(at_the_ball.max()) > 0.0) == bright
+        assert (len(points_of(result, 1)) > 0) == bright
+
+
+def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
+    """The voxels by array arithmetic in float64, on a few of them."""
+    _, volume = world_volume
+    view = see(volume)
+    echoes = find_echoes(view)
+    found = find_tree(view, echoes, FoldSettings().for_view(view))
+    x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
+    drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04)
+    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    expected = np.zeros(len(grid))
+    for number, chain in [(ROOT, ()), *((i, c) for i, c in enumerate(found.sight.chain) if c)]:
+        back = found.tree.folds()[chain].inverse(grid)
+        range_, beam, inside = view.locate(back)
+        azimuth, elevation = beam_angles(back - view.radar)
+        place = [
+            (azimuth - view.azimuth[0]) / np.diff(view.azimuth).mean(),
+            (elevation - view.elevation[0]) / np.diff(view.elevation).mean(),
+            (range_ - view.range[0]) / view.step,
+        ]
+        edge = [(p >= 0.0) & (p <= n - 1) for p, n in zip(place, view.amplitude.shape, strict=True)]
+        value = map_coordinates(view.amplitude.astype(float), place, order=1)
+        value = value * view.gain[np.clip(place[2].astype(int), 0, view.range.size - 1)]
+        seen = inside & np.logical_and.reduce(edge) & (found.sight.seen_through(range_ - 0.04, beam) == number)
+        seen &= found.sight.cover.clear(range_, beam, value)
+        expected = np.maximum(expected, np.where(seen, value, 0.0))
+    expected = expected.reshape(x.size, y.size, z.size).transpose(2, 1, 0)
+    assert np.count_nonzero(expected) > 50
+    close = np.abs(drawn - expected) <= 1e-3 * expected.max()
+    assert close.mean() > 0.995  # a voxel on the border between two beams may belong to either
 
 
 def test_a_result_explains_itself_and_survives_the_disk(tmp_path):
@@ -230,9 +334,11 @@ def test_wrong_volumes_and_settings_are_refused():
         mf.fold(volume, normalization="r3")
     with pytest.raises(mf.InputError, match="spot_radius"):
         mf.fold(volume.drop_attrs(), normalization="beam")
-    with pytest.raises(mf.InputError, match="preset"):
-        mf.fold(volume, preset="published")
-    with pytest.raises(mf.InputError, match="minimum_size"):
+    with pytest.raises(mf.InputError, match="four corners of planes"):
+        mf.fold(volume, mirrors=[[[0.0, 1.0], [0.5, 1.5]]])
+    with pytest.raises(mf.InputError, match="not flat"):
+        mf.fold(volume, mirrors=[[[0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 2, 1]]])
+    with pytest.raises(mf.InputError, match="minimum_length is -1"):
         mf.fold(volume, minimum_length=-1.0)
     sweep = point_sweep((0.0, 1.2, 0.0))
     for arguments, complaint in (
