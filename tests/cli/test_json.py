@@ -15,7 +15,7 @@ from scans import ball, content, panel
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, main
-from mirrorfold.cli.outputs import OUTPUTS, check, describe_fields, json_schema, models, outputs
+from mirrorfold.cli.schema import OUTPUTS, check, describe_fields, json_schema, models, outputs
 
 PLAN = ["--band", "270e9:300e9", "--points", "101", "--aperture", "0.02", "--pitch", "0.5e-3", "--range", "1"]
 

@@ -10,7 +10,8 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
-from mirrorfold.scoring.images import CELL, thin, visible_truth
+from mirrorfold.scoring.figures import CELL, thin
+from mirrorfold.scoring.floor_plans import visible_truth
 
 ARRAY = {"elements": 3, "pitch": 0.5e-3}
 BAND = {"start": 290e9, "stop": 300e9, "points": 401}
