@@ -74,11 +74,11 @@ def json_schema(verb: str) -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"mirrorfold {verb} --json",
-        **TypeAdapter(OUTPUTS[verb]).json_schema(schema_generator=_Schema),
+        **TypeAdapter(OUTPUTS[verb]).json_schema(schema_generator=RecordSchema),
     }
 
 
-class _Schema(GenerateJsonSchema):
+class RecordSchema(GenerateJsonSchema):
     """A fact that may be left out has no default in JSON; that is no reason to warn."""
 
     ignored_warning_kinds = {*GenerateJsonSchema.ignored_warning_kinds, "non-serializable-default"}  # noqa: RUF012

@@ -16,6 +16,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts
+    from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 Progress = Callable[[int, int], None]
 
