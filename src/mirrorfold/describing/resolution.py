@@ -149,8 +149,8 @@ def scan_resolution(
         widest = 2.0 * float(np.degrees(beam[0] / beam[1]))
         if any(angle is not None and angle > widest for angle in steps):
             remarks.append(
-                f"The scan steps are wider than the beam, {widest:.2g} degrees: what stands between two beams is seen "
-                "by neither."
+                f"The scan steps are wider than the beam, {widest:.2g} degrees: things between two beams are seen by "
+                "neither."
             )
     return facts, remarks
 

@@ -47,13 +47,8 @@ def describe_scene(scene: Scene) -> SceneFacts:
     """What the arrays of a floor plan resolve in it."""
     facts, remarks = resolution(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
-    farthest = max(
-        (
-            float(np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1).max())
-            for surface in scene.surface
-        ),
-        default=0.0,
-    )  # fmt: skip
+    reach = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1).max() for surface in scene.surface]
+    farthest = float(max(reach, default=0.0))
     if facts.ambiguous_range_m is not None and farthest > facts.ambiguous_range_m:
         remarks.append(
             f"The farthest surface, {farthest:.3g} m away, lies beyond the unambiguous range of "
