@@ -49,7 +49,7 @@ DULL_DB = -25.0
 """Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
 
 MOST_REMARKED = 3
-"""Bounces whose wrapping around is worth a remark: deeper ones hold few echoes."""
+"""Bounces whose wrapping around is worth a remark: as many as `mirrorfold.simulate` follows by default."""
 
 FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `benchmarks/families.py`: two to three seconds for three million pixels."""

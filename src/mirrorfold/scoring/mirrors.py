@@ -14,8 +14,8 @@ from mirrorfold.common.records import Number, Record
 Array = NDArray[np.float64]
 
 MIRROR_ANGLE_DEG, MIRROR_OFFSET = 10.0, 0.10
-"""A detected mirror is an image of the true face that it agrees with to this angle [degree] and distance [m]; those
-of a room stand further apart."""
+"""A detected mirror is an image of the true face that it agrees with to this angle [degree] and distance [m]: far
+more than the errors of a good fit, and less than what lies between the faces of most rooms."""
 
 
 class MirrorError(Record):

@@ -19,7 +19,8 @@ BOUNCES = 3
 """Reflections that a line of sight may take to a piece of truth that counts as reachable."""
 
 SMALLEST_COSINE = 0.17
-"""Surfaces are taken to be visible up to 80 degrees from their normal: beyond, they scatter next to nothing back."""
+"""Surfaces are taken to be visible up to 80 degrees from their normal: at more, less than a sixth of
+their area is turned towards the radar."""
 
 
 @dataclass(frozen=True)

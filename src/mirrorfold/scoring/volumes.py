@@ -21,7 +21,7 @@ RING, GUARD = 0.10, 0.02
 """A patch is compared with what surrounds it up to the first distance, without the beam that straddles its edge [m]."""
 
 FAN = 81
-"""Rays along each side of the scan that look for mirrors: a mirror of 3 degrees in a scan of 90 is met by several."""
+"""Rays along each side of the scan that look for mirrors: in a scan of 80 degrees one for each degree."""
 
 
 def truth(scene: Scene3D, *, bounces: int = BOUNCES) -> Truth:
