@@ -22,7 +22,7 @@ from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import Scene, parse_scene
-from mirrorfold.scoring.images import visible_truth
+from mirrorfold.scoring.floor_plans import visible_truth
 
 Generator = np.random.Generator
 Surface = dict[str, Any]

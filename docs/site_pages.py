@@ -109,7 +109,7 @@ def command_reference() -> str:
 
 def json_reference() -> str:
     """The fields of what each verb prints with `--json`."""
-    from mirrorfold.cli.outputs import describe_fields, models, outputs
+    from mirrorfold.cli.schema import describe_fields, models, outputs, parts
 
     lines = [
         "# JSON",
@@ -128,8 +128,8 @@ def json_reference() -> str:
     for verb, output in outputs().items():
         names = [f"[{_heading(model)}](#{_heading(model).replace(' ', '-')})" for model in models(output)]
         lines += [f"| `{verb}` | {' or '.join(names)} |"]
-    parts = [part for model in known for part in model.parts() if part not in known]
-    for model in [*known, *dict.fromkeys(parts)]:
+    inner = [part for model in known for part in parts(model) if part not in known]
+    for model in [*known, *dict.fromkeys(inner)]:
         lines += [
             "",
             f"## {_heading(model)}",
@@ -144,7 +144,7 @@ def json_reference() -> str:
 
 
 def _heading(model: type) -> str:
-    from mirrorfold.cli.outputs import type_name
+    from mirrorfold.cli.schema import type_name
 
     return type_name(model)
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
     from mirrorfold import plotting as plot
-    from mirrorfold.describing.facts import info
+    from mirrorfold.describing.info import info
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mirrorfold.reporting import report
     from mirrorfold.scenes.floor_plan import Scene, load_scene
     from mirrorfold.scenes.solids import Scene3D
-    from mirrorfold.scoring.images import score
+    from mirrorfold.scoring.score import score
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
     from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
@@ -51,7 +51,7 @@ _HOME = {
     "fold": "reconstruction",
     "import_data": "io",
     "import_image": "io",
-    "info": "describing.facts",
+    "info": "describing.info",
     "load": "io",
     "load_scene": "scenes.floor_plan",
     "make_monostatic_sweep": "sweep",
@@ -64,7 +64,7 @@ _HOME = {
     "report": "reporting",
     "save": "io",
     "save_touchstone": "io",
-    "score": "scoring.images",
+    "score": "scoring.score",
     "simulate": "simulation",
     "to_voxels": "focusing",
     "view": "viewing",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import pty
@@ -12,10 +13,11 @@ import numpy as np
 import pydantic
 import pytest
 from scans import ball, content, panel
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, main
-from mirrorfold.cli.outputs import OUTPUTS, check, describe_fields, json_schema, models, outputs
+from mirrorfold.cli.schema import OUTPUTS, check, describe_fields, json_schema, models, outputs
 
 PLAN = ["--band", "270e9:300e9", "--points", "101", "--aperture", "0.02", "--pitch", "0.5e-3", "--range", "1"]
 
@@ -30,11 +32,11 @@ def folder(tmp_path, monkeypatch, sweep, image, reconstruction, scene_file):
 
 
 def checked(capsys, verb, *arguments, code=0):
-    """The model of what a verb prints, which must be all that it prints, and hold every field that is printed."""
+    """The record that a verb prints, which must be all that it prints, with every field that is printed."""
     assert main([verb, *arguments, "--json"]) == code
     printed = capsys.readouterr().out
     found = check(verb, printed)
-    assert set(json.loads(printed)) <= set(type(found).model_fields)
+    assert found == json.loads(printed)
     return found
 
 
@@ -50,7 +52,9 @@ def test_schemas_can_be_printed_and_documented(verb, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed == json_schema(verb)
     for model in models(OUTPUTS[verb]):
-        assert all(kind != "anything" for _, kind, _ in describe_fields(model))
+        described = describe_fields(model)
+        assert [name for name, _, _ in described] == [item.name for item in dataclasses.fields(model)]
+        assert all(kind != "anything" for _, kind, _ in described)
 
 
 def test_a_field_that_is_not_promised_is_refused():
@@ -61,19 +65,35 @@ def test_a_field_that_is_not_promised_is_refused():
 
 
 def test_the_chain_from_a_scene_to_a_score(folder, capsys):
-    assert checked(capsys, "simulate", "scene.toml", "-o", "s.nc").files == ["s.nc"]
-    assert checked(capsys, "calibrate", "s.nc", "-o", "c.nc", "--gate", "0.1:").processing[-1]
-    assert checked(capsys, "focus", "c.nc", "-o", "i.nc", "--x", "-0.25:0.25:0.005", "--y", "0.2:0.45:0.005").type
-    assert checked(capsys, "fold", "i.nc", "-o", "r.nc").files == ["r.nc"]
-    assert checked(capsys, "reconstruct", "s.nc", "-o", "out").kind == "reconstruction"
+    simulated = checked(capsys, "simulate", "scene.toml", "-o", "s.nc")
+    assert simulated.files == ["s.nc"]
+    truth = mf.load_scene("scene.toml")
+    assert simulated.dimensions == {
+        "frequency": truth.band.points, "tx": truth.array.elements, "rx": truth.array.elements
+    }  # fmt: skip
+    assert "gate" in checked(capsys, "calibrate", "s.nc", "-o", "c.nc", "--gate", "0.1:").processing[-1]
+    grid = ["--x", "-0.25:0.25:0.005", "--y", "0.2:0.45:0.005"]
+    image = checked(capsys, "focus", "c.nc", "-o", "i.nc", *grid)
+    assert (image.type, image.dimensions) == ("complex64", {"y": 51, "x": 101})
+    folded = checked(capsys, "fold", "i.nc", "-o", "r.nc")
+    assert folded.files == ["r.nc"]
+    assert sum(folded.points_by_bounces.values()) == folded.points > 0
+    assert checked(capsys, "reconstruct", "s.nc", "-o", "out").files[0] == "out/reconstruction.nc"
     score = checked(capsys, "score", "r.nc", "scene.toml")
-    assert score.hidden.surfaces is not None
-    assert checked(capsys, "report", "r.nc", "-o", "r.html").bytes > 1000
+    assert score.hidden.surfaces == list(score.surfaces)
+    assert {*score.hidden.surfaces} <= {surface.name for surface in truth.surface}
+    assert 0 < score.points <= folded.points
+    assert 0.0 < score.reachable_m <= sum(np.hypot(*np.subtract(s.start, s.end)) for s in truth.surface) + 0.01
+    assert checked(capsys, "report", "r.nc", "-o", "r.html").bytes == (folder / "r.html").stat().st_size
 
 
-@pytest.mark.parametrize("name", ["sweep.nc", "image.nc", "reconstruction.nc", "scene.toml"])
-def test_info_of_each_kind(folder, capsys, name):
-    assert checked(capsys, "info", name).path == name
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("sweep.nc", "sweep"), ("image.nc", "image"), ("reconstruction.nc", "reconstruction"), ("scene.toml", "scene")],
+)
+def test_info_of_each_kind(folder, capsys, name, kind):
+    found = checked(capsys, "info", name)
+    assert (found.path, found.kind) == (name, kind)
 
 
 def test_info_of_a_sweep_that_cannot_be_used(folder, capsys, sweep):
@@ -81,40 +101,68 @@ def test_info_of_a_sweep_that_cannot_be_used(folder, capsys, sweep):
     samples[0, 0, :3] = np.nan
     sweep.assign(s=sweep["s"].copy(data=samples)).to_netcdf("nan.nc", engine="h5netcdf")
     found = checked(capsys, "info", "nan.nc", code=2)
-    assert not found.valid
-    assert found.findings
+    assert found.valid is False
+    assert [finding.name for finding in found.findings] == ["nan"]
 
 
 def test_three_dimensions(folder, capsys):
-    wall = panel(width=0.8, height=0.8)
-    scene = content(wall, ball(), half=4.0, beams=15, points=201)
-    path = folder / "space.toml"
-    path.write_text(_toml(scene))
+    """A wall across the view, turned by 45 degrees, that shows a ball around the corner."""
+    wall, half, radius = panel(width=0.8, height=0.8), np.radians(4.0), 0.15
+    (folder / "space.toml").write_text(_toml(content(wall, ball(radius=radius), half=4.0, beams=15, points=801)))
     assert checked(capsys, "info", "space.toml").beams == [15, 15]
-    assert checked(capsys, "simulate", "space.toml", "--dry-run").echoes >= 0
+    cost = checked(capsys, "simulate", "space.toml", "--dry-run")
+    assert (cost.beams, cost.frequencies, cost.sweep_bytes) == (225, 801, 8 * 225 * 801)
+    # The ball stands 3 m away by way of the wall; what is seen of it is nearer by up to its radius.
+    assert 3.0 - radius < cost.longest_return_m < 3.0
+    assert cost.needed_frequencies == 1 + np.ceil(2 * 30e9 * cost.longest_return_m / speed_of_light)
+    assert cost.scatterers >= cost.echoes > 1000
     checked(capsys, "simulate", "space.toml", "-o", "s.nc", "--force")
-    assert checked(capsys, "info", "s.nc").beams == [15, 15]
-    checked(capsys, "focus", "s.nc", "-o", "v.nc")
-    checked(capsys, "fold", "v.nc", "-o", "r.nc")
-    assert checked(capsys, "score", "r.nc", "space.toml").reachable_m2 >= 0
+    assert checked(capsys, "info", "s.nc").dimensions == {"frequency": 801, "azimuth": 15, "elevation": 15}
+    assert checked(capsys, "focus", "s.nc", "-o", "v.nc").kind == "image"
+    folded = checked(capsys, "fold", "v.nc", "-o", "r.nc")
+    score = checked(capsys, "score", "r.nc", "space.toml")
+    assert 0 < score.points <= folded.points
+    assert score.hidden.surfaces == list(score.surfaces) == ["ball"]
+    # In the view, x + y = 2 m, tan(azimuth) = x / y, up to sqrt(x^2 + y^2) tan(half) above and below.
+    x = 2.0 * np.tan(np.linspace(-half, half, 1001)) / (1.0 + np.tan(np.linspace(-half, half, 1001)))
+    seen = np.trapezoid(2.0 * np.tan(half) * np.hypot(x, 2.0 - x), np.sqrt(2.0) * x)
+    # Of the ball what faces the radar, 3 m from its middle, within 80 degrees: a - asin(r / d sin a) = t.
+    steepest = np.arccos(0.17)
+    cap = steepest - np.arcsin(radius / 3.0 * np.sin(steepest))
+    assert score.hidden.reachable_m2 == pytest.approx(2.0 * np.pi * radius**2 * (1.0 - np.cos(cap)), rel=0.02)
+    assert score.reachable_m2 - score.hidden.reachable_m2 == pytest.approx(seen, rel=0.03)
 
 
 def test_measured_data(folder, capsys):
     scan = checked(capsys, "export", "sweep.nc", "-o", "scan")
     back = checked(capsys, "import", "scan", "--positions", scan.positions, "-o", "back.nc")
-    assert back.tx == 9
+    assert (back.tx, back.rx, back.frequencies) == (9, 9, 41)
     np.savez("image.npz", image=np.ones((5, 6)), x=np.arange(6) * 0.1, y=np.arange(5) * 0.1 + 1.0)
-    assert checked(capsys, "import", "image.npz", "--image", "image", "-o", "foreign.nc").kind == "image"
+    image = checked(capsys, "import", "image.npz", "--image", "image", "-o", "foreign.nc")
+    assert (image.kind, image.dimensions) == ("image", {"y": 5, "x": 6})
     np.savez("raw.npz", s=np.ones((11, 3, 4), complex), f=np.linspace(1e9, 2e9, 11))
-    assert checked(capsys, "import", "raw.npz", "--guess").mapping
+    proposal = checked(capsys, "import", "raw.npz", "--guess")
+    assert "frequency" in proposal.mapping
+    assert (proposal.works, proposal.files) == ("", [])
+    assert proposal.missing
 
 
 def test_full_waves_are_estimated(folder, capsys):
-    assert checked(capsys, "simulate", "scene.toml", "--solver", "fullwave", "--dry-run").unknowns > 0
+    found = checked(capsys, "simulate", "scene.toml", "--solver", "fullwave", "--dry-run")
+    truth = mf.load_scene("scene.toml")
+    length = sum(np.hypot(*np.subtract(surface.start, surface.end)) for surface in truth.surface)
+    per_wavelength = found.unknowns * speed_of_light / truth.band.stop / length
+    assert 4.0 < per_wavelength < 40.0
+    assert found.skeletons <= found.unknowns
+    assert found.frequencies == truth.band.points
+    minutes = found.cpu_seconds_per_frequency * found.frequencies / found.workers / 60.0
+    assert found.minutes == pytest.approx(minutes)
+    assert found.memory_gb == pytest.approx(found.workers * found.memory_per_worker_gb)
 
 
 def test_plan_and_completion(folder, capsys):
-    assert checked(capsys, "plan", *PLAN).samples > 0
+    plan = checked(capsys, "plan", *PLAN)
+    assert (plan.tx, plan.samples, plan.files) == (41, 41 * 41 * 101, [])
     for shell, word in (("bash", "complete"), ("zsh", "#compdef mirrorfold"), ("fish", "complete -c mirrorfold")):
         found = checked(capsys, "completion", shell)
         assert word in found.script

@@ -10,7 +10,8 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.describing.planning import Instrument, shares
+from mirrorfold.describing.planning import Instrument
+from mirrorfold.describing.walls import shares
 
 BASE = {"band": (270e9, 300e9), "points": 1001, "aperture": 0.08, "pitch": 0.5e-3, "range": 3.0}
 ARGUMENTS = [

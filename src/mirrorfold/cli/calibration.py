@@ -10,10 +10,24 @@ from cyclopts import Parameter
 import mirrorfold as mf
 from mirrorfold.cli.options import Numbers, Output, command
 from mirrorfold.cli.terminal import progress, show_files, show_json
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class Calibration(Record):
+    """A calibrated sweep."""
+
+    kind: Literal["sweep"]
+    processing: list[str] = fact("every step so far")
+    rx_displacement_m: list[float] | None = fact(default=LEFT_OUT)
+    cable_length_m: Number = fact(default=LEFT_OUT)
+    elements_residual_m: Number = fact(default=LEFT_OUT)
+    silent_tx: int | None = fact(default=LEFT_OUT)
+    silent_rx: int | None = fact(default=LEFT_OUT)
+    files: list[str] = fact("what was written")
 
 
 def calibrate(
@@ -154,7 +168,7 @@ def calibrate(
         if sphere and find_displacement:
             spheres = [prepared(repaired(path)) for path in sphere]
             vector, length = mf.calibrate.estimate_displacement(spheres, at=places, radius=sphere_radius)
-            facts |= {"rx_displacement_m": vector, "cable_length_m": length}
+            facts |= {"rx_displacement_m": [float(part) for part in vector], "cable_length_m": length}
             result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length)
         elif sphere:
             spheres = [prepared(repaired(path)) for path in sphere]
@@ -173,16 +187,17 @@ def calibrate(
     files = [mf.save(result.assign_attrs(command=command.get()), output)]
     if save_elements is not None:
         files.append(mf.calibrate.save_elements(found, save_elements))
-    history = result.attrs.get("processing", [])
+    history = [str(step) for step in result.attrs.get("processing", [])]
+    done = Calibration(kind="sweep", processing=history, **facts, files=list(map(str, files)))
     if json:
-        show_json({"kind": "sweep", "processing": history, **facts, "files": list(map(str, files))})
+        show_json(done)
         return
-    for step in history:
+    for step in done.processing:
         print(step)
-    if "cable_length_m" in facts:
-        print(f"common delay: {1e3 * facts['cable_length_m']:.4g} mm")
-    if "elements_residual_m" in facts:
-        print(f"left unexplained by the elements: {1e6 * facts['elements_residual_m']:.3g} um")
+    if done.cable_length_m is not None:
+        print(f"common delay: {1e3 * done.cable_length_m:.4g} mm")
+    if done.elements_residual_m is not None:
+        print(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
     show_files(files)
 
 

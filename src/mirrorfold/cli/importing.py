@@ -9,7 +9,35 @@ from typing import Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
+from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
+
+
+class InferredFact(Record):
+    """One line of a proposed mapping."""
+
+    what: str
+    sure: str
+    why: str
+
+
+class MappingProposal(Record):
+    """A proposed mapping, of ``import --guess``."""
+
+    kind: Literal["mapping"]
+    findings: list[InferredFact]
+    missing: list[str] = fact("what could not be found")
+    works: str | None = fact("what the mapping makes of the file; null if something is missing")
+    mapping: str = fact("the text (TOML)")
+    files: list[str] = fact("what was written")
+
+
+class TouchstoneScan(Record):
+    """A folder of Touchstone files."""
+
+    kind: Literal["scan"]
+    positions: str = fact("the table of the positions")
+    files: list[str] = fact("what was written")
 
 
 def import_(
@@ -99,11 +127,12 @@ def import_(
                 )  # fmt: skip
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
-    remark([*notes, *facts["remarks"]])
+    remarks = [*notes, *facts.remarks]
+    remark(remarks)
     if json:
-        show_json({**facts, "remarks": [*notes, *facts["remarks"]], "files": [str(output)]})
+        show_json(facts.but(remarks=remarks, files=[str(output)]))
         return
-    show_info({**facts, "remarks": []})
+    show_info(facts.but(remarks=[]))
     show_files([output])
 
 
@@ -124,9 +153,11 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
             temporary.write_text(text, encoding="utf-8")
     written = [] if output is None else [str(output)]
     if json:
-        findings = [vars(finding) for finding in found.findings]
-        facts = {"kind": "mapping", "findings": findings, "missing": found.missing, "works": found.works}
-        show_json({**facts, "mapping": text, "files": written})
+        findings = [InferredFact(**vars(finding)) for finding in found.findings]
+        proposal = MappingProposal(
+            kind="mapping", findings=findings, missing=found.missing, works=found.works, mapping=text, files=written
+        )
+        show_json(proposal)
         return
     print(text, end="")
     works = f"this makes {found.works}" if found.works else "this is not complete yet: see TO DO"
@@ -153,7 +184,7 @@ def export(sweep: Path, *, output: Output, json: bool = False) -> None:
     with progress("writing the scan") as report:
         positions = mf.save_touchstone(read(sweep, "sweep"), output, progress=report)
     if json:
-        show_json({"kind": "scan", "positions": str(positions), "files": [str(output)]})
+        show_json(TouchstoneScan(kind="scan", positions=str(positions), files=[str(output)]))
         return
     show_files([output])
     print(f"read it back with: mirrorfold import {output} --positions {positions} -o sweep.nc")

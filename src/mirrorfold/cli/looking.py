@@ -11,10 +11,34 @@ import mirrorfold as mf
 from mirrorfold.cli.options import Output
 from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import show_files, show_json
+from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 
 FORMATS = (".png", ".pdf", ".svg")
 """Of figures: for screens, for papers, and for both."""
+
+
+class Report(Record):
+    """A page."""
+
+    kind: Literal["report"]
+    bytes: int
+    files: list[str] = fact("what was written")
+
+
+class View(Record):
+    """A page that answers."""
+
+    kind: Literal["view"]
+    address: str
+
+
+class Figure(Record):
+    """A figure for a paper or a talk."""
+
+    kind: Literal["figure"]
+    what: str
+    files: list[str] = fact("what was written")
 
 
 def report(reconstruction: Path, *, output: Output, scene: Path | None = None, json: bool = False) -> None:
@@ -37,7 +61,7 @@ def report(reconstruction: Path, *, output: Output, scene: Path | None = None, j
     truth = None if scene is None else mf.load_scene(scene)
     mf.report(read(reconstruction, "reconstruction"), output, scene=truth)
     if json:
-        show_json({"kind": "report", "bytes": output.stat().st_size, "files": [str(output)]})
+        show_json(Report(kind="report", bytes=output.stat().st_size, files=[str(output)]))
         return
     show_files([output])
 
@@ -69,7 +93,7 @@ def view(
 
     def announce(address: str) -> None:
         if json:
-            show_json({"kind": "view", "address": address})
+            show_json(View(kind="view", address=address))
         else:
             print(f"{file} is at {address} for browsers on this machine; Ctrl+C ends it")
         sys.stdout.flush()
@@ -120,6 +144,6 @@ def show(
     with written_whole(output) as temporary:
         figure.savefig(temporary, dpi=dpi, bbox_inches="tight")
     if json:
-        show_json({"kind": "figure", "what": drawn, "files": [str(output)]})
+        show_json(Figure(kind="figure", what=drawn, files=[str(output)]))
         return
     show_files([output])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -112,18 +112,18 @@ def plan(
             moving=moving,
         ),
     )
-    files: list[Any] = []
+    files = []
     if output is not None:
         from mirrorfold.plotting import planning as plot_plan
 
         with written_whole(output) as temporary:
             plot_plan.plan(found, roughness=heights, detection_db=detection_db).savefig(temporary)
-        files.append(output)
+        files.append(str(output))
     if json:
-        show_json({**found, "files": list(map(str, files))})
+        show_json(found.but(files=files))
         return
     show_plan(found)
-    show_info({name: value for name, value in found.items() if name not in ("walls", "link_budget", "kind")})
+    show_info({name: value for name, value in found.items() if name not in ("walls", "link_budget", "kind", "files")})
     show_files(files)
 
 

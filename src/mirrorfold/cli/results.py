@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
 from mirrorfold.cli.terminal import remark, show_files, show_json, show_mirrors
 from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from mirrorfold.common.records import Record
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
@@ -102,26 +107,21 @@ def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:
     return [export(reconstruction, path)]
 
 
-def write_json(result: dict[str, Any], path: Path) -> None:
+def write_json(result: Record, path: Path) -> None:
     """Write one JSON object to a file."""
     from mirrorfold.cli.terminal import to_json
 
     path.write_text(to_json(result) + "\n", encoding="utf-8")
 
 
-def mirror_table(reconstruction: Any) -> list[dict[str, Any]]:
-    """The mirrors as `info` lists them."""
-    return list(mf.info(reconstruction)["mirrors"])
-
-
-def report_reconstruction(reconstruction: Any, files: Sequence[Path], *, json: bool) -> None:
+def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *, json: bool) -> None:
     """Print mirrors and counts, and where the files are."""
     found = mf.info(reconstruction)
-    remark(found["remarks"])
+    remark(found.remarks)
     if json:
-        show_json({**found, "files": list(map(str, files))})
+        show_json(found.but(files=list(map(str, files))))
         return
-    show_mirrors(found["mirrors"])
-    counts = ", ".join(f"{count} after {bounces}" for bounces, count in found["points_by_bounces"].items())
-    print(f"{found['points']} points, by bounces: {counts or 'none'}")
+    show_mirrors(found.mirrors)
+    counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
+    print(f"{found.points} points, by bounces: {counts or 'none'}")
     show_files(files)

@@ -6,7 +6,16 @@ import json as json_format
 from typing import Literal
 
 from mirrorfold.cli.terminal import show_json
+from mirrorfold.common.records import Record
 from mirrorfold.errors import InputError
+
+
+class Completion(Record):
+    """A script that completes verbs and options."""
+
+    kind: Literal["completion"]
+    shell: str
+    script: str
 
 
 def completion(shell: Literal["bash", "zsh", "fish"], *, json: bool = False) -> None:
@@ -23,7 +32,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], *, json: bool = False) -> 
 
     script = app.generate_completion(shell=shell)
     if json:
-        show_json({"kind": "completion", "shell": shell, "script": script})
+        show_json(Completion(kind="completion", shell=shell, script=script))
         return
     print(script, end="" if script.endswith("\n") else "\n")
 
@@ -38,7 +47,7 @@ def schema(verb: str, *, json: bool = False) -> None:
     json
         Changes nothing: the schema is a JSON object.
     """
-    from mirrorfold.cli.outputs import json_schema, outputs
+    from mirrorfold.cli.schema import json_schema, outputs
 
     if verb not in outputs():
         raise InputError(f"{verb!r} is no verb with a schema, expected one of {', '.join(outputs())}")

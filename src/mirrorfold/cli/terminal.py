@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from mirrorfold.describing.planning import Plan
+    from mirrorfold.describing.reconstructions import MirrorFacts
+    from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 Progress = Callable[[int, int], None]
 
@@ -39,12 +44,12 @@ def remark(sentences: Iterable[str]) -> None:
         print(f"mirrorfold: note: {sentence}", file=sys.stderr)
 
 
-def show_json(result: dict[str, Any]) -> None:
+def show_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object."""
     print(to_json(result))
 
 
-def to_json(result: dict[str, Any]) -> str:
+def to_json(result: Mapping[str, Any]) -> str:
     """One JSON object; numbers that are not finite become null."""
     return json.dumps(_finite(result), indent=2)
 
@@ -55,7 +60,7 @@ def show_files(files: Iterable[Any]) -> None:
         print(f"wrote {file}")
 
 
-def show_info(found: dict[str, Any]) -> None:
+def show_info(found: Mapping[str, Any]) -> None:
     """Print what `info` has found, as a table of names and values."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
@@ -72,57 +77,57 @@ def show_info(found: dict[str, Any]) -> None:
         print(f"! {sentence}")
 
 
-def show_mirrors(mirrors: list[dict[str, Any]]) -> None:
+def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
     """Print the table of mirrors."""
     table = _table("mirrors, at their true places")
     for heading in ("mirror", "seen through", "generation", "start [m]", "end [m]", "strength"):
         table.add_column(heading, justify="right")
     for mirror in mirrors:
         table.add_row(
-            str(mirror["mirror"]),
-            "" if mirror["parent"] < 0 else str(mirror["parent"]),
-            str(mirror["generation"]),
-            *("({:.4f}, {:.4f})".format(*mirror[end]) for end in ("start_m", "end_m")),
-            f"{mirror['strength']:.3g}",
+            str(mirror.mirror),
+            "" if mirror.parent < 0 else str(mirror.parent),
+            str(mirror.generation),
+            *(f"({', '.join(f'{part:.4f}' for part in end)})" for end in (mirror.start_m, mirror.end_m)),
+            _number(mirror.strength, ".3g"),
         )
     _console().print(table)
 
 
-def show_plan(found: dict[str, Any]) -> None:
+def show_plan(found: Plan) -> None:
     """Print how walls mirror and scatter, and what is left after each bounce."""
-    for name, wall in found["walls"].items():
+    for name, wall in found.walls.items():
         table = _table(f"{name}: share of the power [dB]")
         table.add_column("angle of incidence [deg]")
-        for angle in wall["angle_deg"]:
+        for angle in wall.angle_deg:
             table.add_column(f"{angle:g}", justify="right")
-        for label, key in (
-            ("mirrored, TE", "specular_te_db"),
-            ("mirrored, TM", "specular_tm_db"),
-            ("scattered", "diffuse_db"),
+        for label, levels in (
+            ("mirrored, TE", wall.specular_te_db),
+            ("mirrored, TM", wall.specular_tm_db),
+            ("scattered", wall.diffuse_db),
         ):
-            table.add_row(label, *(_number(value, ".1f") for value in wall[key]))
+            table.add_row(label, *(_number(level, ".1f") for level in levels))
         _console().print(table)
     budget = _table("a target by way of mirrors at 45 degrees")
     for heading in ("bounces", "range [m]", "SNR of a sample [dB]", "SNR in the image [dB]"):
         budget.add_column(heading, justify="right")
-    for row in found["link_budget"][: (found["bounces_above_noise"] or 0) + 3]:
+    for row in found.link_budget[: (found.bounces_above_noise or 0) + 3]:
         budget.add_row(
-            str(row["bounces"]),
-            f"{row['range_m']:.3g}",
-            _number(row["sample_snr_db"], ".1f"),
-            _number(row["snr_db"], ".1f"),
+            str(row.bounces),
+            f"{row.range_m:.3g}",
+            _number(row.sample_snr_db, ".1f"),
+            _number(row.snr_db, ".1f"),
         )
     _console().print(budget)
 
 
-def show_score(score: dict[str, Any]) -> None:
+def show_score(score: PlanScore | VolumeScore) -> None:
     """Print the score: mirrors, then all surfaces beside those out of sight."""
     mirrors = _table("mirrors against the truth")
     for heading in ("surface", "angle error [deg]", "offset error [mm]"):
         mirrors.add_column(heading, justify="left" if heading == "surface" else "right")
-    for mirror in score["mirrors"]:
+    for mirror in score.mirrors:
         mirrors.add_row(
-            str(mirror["surface"]), _number(mirror["angle_error_deg"], ".3f"), _number(mirror["offset_error_mm"], ".2f")
+            str(mirror.surface), _number(mirror.angle_error_deg, ".3f"), _number(mirror.offset_error_mm, ".2f")
         )
     points = _table("points against the truth")
     for heading in ("", "all surfaces", "out of sight"):
@@ -136,7 +141,7 @@ def show_score(score: dict[str, Any]) -> None:
         ("F-score at 5 cm", "f_score_5cm", 1.0),
         ("invented share", "invented_fraction", 1.0),
     ):
-        values = (score.get(name), (score.get("hidden") or {}).get(name))
+        values = (score[name], score.hidden[name])
         points.add_row(label, *(_number(value, ".1f" if scale > 1 else ".3f", scale) for value in values))
     _console().print(mirrors, points)
     for name, patch in (score.get("patches") or {}).items():

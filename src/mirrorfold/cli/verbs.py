@@ -21,7 +21,6 @@ from mirrorfold.cli.results import (
     SPACE,
     available_cores,
     check_export,
-    mirror_table,
     parse_axis,
     read,
     remove_directory,
@@ -91,9 +90,9 @@ def demo(
         write_json(score, directory / "score.json")
     paths = [out / name for name in (file, "sweep.nc", *results, "score.json")]
     if json:
-        show_json({**score, "files": list(map(str, paths))})
+        show_json(score.but(files=list(map(str, paths))))
         return
-    show_mirrors(mirror_table(reconstruction))
+    show_mirrors(mf.info(reconstruction).mirrors)
     show_score(score)
     show_files(paths)
     print(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
@@ -162,8 +161,8 @@ def simulate(
         from mirrorfold.simulation import estimate
 
         options: dict[str, Any] = {"bounces": bounces, "seed": seed, "tolerance": tolerance, "workers": workers or 1}
-        found = {"kind": "estimate", **estimate(truth, solver=solver, **options), "remarks": []}
-        show_json(found) if json else show_info(found)
+        cost = estimate(truth, solver=solver, **options)
+        show_json(cost) if json else show_info(cost)
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
@@ -195,9 +194,9 @@ def simulate(
     if solver == "fullwave":
         remove_directory(results)
     found = mf.info(sweep, diagnose=False)
-    remark(found["remarks"])
+    remark(found.remarks)
     if json:
-        show_json({**found, "files": [str(output)]})
+        show_json(found.but(files=[str(output)]))
         return
     show_files([output])
 
@@ -254,12 +253,12 @@ def focus(
         measured = reading.result()
         with progress("focusing") as report:
             image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
-        remark(described.result()["remarks"])
+        remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
     found = mf.info(image)
-    remark(found["remarks"])
+    remark(found.remarks)
     if json:
-        show_json({**found, "files": [str(output)]})
+        show_json(found.but(files=[str(output)]))
         return
     show_files([output])
 
@@ -368,7 +367,7 @@ def reconstruct(
     check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=[sweep])
     check_export(export)
     measured = read(sweep, "sweep")
-    remark(mf.info(measured)["remarks"])
+    remark(mf.info(measured).remarks)
     with progress("reconstructing") as report:
         reconstruction = mf.reconstruct(
             measured, preset=preset, threshold_db=threshold_db, minimum_length=minimum_length, progress=report
@@ -415,7 +414,7 @@ def info(file: Path, *, json: bool = False) -> None:
     if json:
         show_json(found)
     if not found.get("valid", True):
-        reason, *others = found["remarks"]
+        reason, *others = found.remarks
         raise InputError(f"{reason}; {' '.join(others)}")
     if not json:
         show_info(found)

@@ -34,6 +34,11 @@ def decibels(amplitude: Array, floor_db: float) -> Array:
     return np.asarray(np.minimum(level, 0.0))
 
 
+def power_decibel(power: float) -> float | None:
+    """``10 log10`` of a ratio of powers; None where there is no power."""
+    return 10.0 * float(np.log10(power)) if power > 0 else None
+
+
 def bounce_label(count: int) -> str:
     """The words for a number of bounces."""
     return "in line of sight" if count == 0 else "1 bounce" if count == 1 else f"{count} bounces"

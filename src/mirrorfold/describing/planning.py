@@ -4,21 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import Boltzmann, speed_of_light
 
-from mirrorfold.describing.facts import resolution
+from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.describing.resolution import Arrays, resolution
+from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import default_grid
-from mirrorfold.scenes.materials import Dielectric, coherent_factor, material, names
+from mirrorfold.scenes.materials import names
 
 Array = NDArray[np.float64]
 
-ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
-"""Angles of incidence at which a wall is described [degree]."""
+MATERIALS = names()
+"""What `materials` may hold."""
+
+LARGEST_COUNT = 100_000
+"""Antennas or frequencies; more are a slip of the unit."""
+
+DIAGONAL = ANGLES.index(45.0)
+"""Of the angles of a wall the one that stands for bounces in a room."""
 
 TEMPERATURE = 290.0
 """Of noise figures, by definition [K]."""
@@ -33,6 +41,15 @@ SAMPLES_PER_SECOND = 8e7
 PIXELS_PER_SECOND = 2e7
 """Speed of focusing on two cores by the structured path, from `benchmarks/focus.py`: 161 x 161 x 201 samples to 600 x
 800 pixels in 80 ms."""
+
+INVISIBLE_DB = -60.0
+"""Share of the power that a wall scatters below which it cannot be found but by its glint [dB]."""
+
+DULL_DB = -25.0
+"""Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
+
+MOST_REMARKED = 3
+"""Bounces whose wrapping around is worth a remark: as many as `mirrorfold.simulate` follows by default."""
 
 FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `benchmarks/families.py`: two to three seconds for three million pixels."""
@@ -73,6 +90,39 @@ class Instrument:
             raise InputError("if_bandwidth must be above zero, settling and moving must not be negative")
 
 
+class BudgetRow(Record):
+    """A target by way of so many mirrors."""
+
+    bounces: int
+    range_m: float
+    sample_snr_db: Number
+    snr_db: Number
+
+
+class PlanHead(Record):
+    """What tells a plan from other records."""
+
+    kind: Literal["plan"]
+
+
+class Plan(Arrays, PlanHead):
+    """A plan."""
+
+    walls: dict[str, Wall]
+    link_budget: list[BudgetRow]
+    bounces_above_noise: int | None
+    bounces_unambiguous: int | None
+    bounces: int | None
+    samples: int
+    data_megabytes: float
+    measuring_s: float
+    image_pixels: int
+    focusing_s: float
+    folding_s: float
+    remarks: list[str] = fact("sentences on what looks wrong")
+    files: list[str] = fact("what was written")
+
+
 def plan(
     *,
     band: tuple[float, float],
@@ -88,7 +138,7 @@ def plan(
     leg: float | None = None,
     detection_db: float = 13.0,
     instrument: Instrument | None = None,
-) -> dict[str, Any]:
+) -> Plan:
     """What a radar with two line arrays will resolve in a room, and how many bounces it will see.
 
     *Walls.* ``|R|^2 rho^2`` of the power is mirrored and ``|R|^2 (1 - rho^2)`` scattered by the surface, with Fresnel's
@@ -124,8 +174,8 @@ def plan(
 
     Returns
     -------
-    dict
-        Plain numbers, strings, lists and dicts, named as by `mirrorfold.info`, with `remarks`.
+    Plan
+        Facts to read as attributes or as items, named as by `mirrorfold.info`, with `remarks`.
 
     Raises
     ------
@@ -142,13 +192,14 @@ def plan(
     rx = _line(aperture if rx_aperture is None else rx_aperture, pitch if rx_pitch is None else rx_pitch)
     facts, remarks = resolution(frequency, tx, rx)
     wavelength = speed_of_light / float(frequency.mean())
-    facts["cross_range_resolution_m"] = {f"{range:g}": wavelength * range / max(float(np.ptp(tx)), float(np.ptp(rx)))}
+    longer = max(float(np.ptp(tx)), float(np.ptp(rx)))
+    facts = facts.but(cross_range_resolution_m={f"{range:g}": wavelength * range / longer})
+    ambiguous = facts.ambiguous_range_m or np.inf
     walls = {name: wall(name, float(frequency.mean()), roughness) for name in materials}
-    budget = _link_budget(
-        facts, walls[materials[0]], range, leg, target, wavelength, len(tx) * len(rx), points, instrument
-    )
-    by_noise = sum(1 for row in budget if row["snr_db"] >= detection_db) - 1
-    by_ambiguity = sum(1 for row in budget if row["range_m"] <= facts["ambiguous_range_m"]) - 1
+    first = walls[materials[0]]
+    budget = _link_budget(first, range, leg, target, wavelength, len(tx) * len(rx), points, instrument)
+    by_noise = sum(1 for row in budget if row.snr_db is not None and row.snr_db >= detection_db) - 1
+    by_ambiguity = sum(1 for row in budget if row.range_m <= ambiguous) - 1
     samples = len(tx) * len(rx) * points
     x, y = default_grid(frequency, tx, rx)
     measuring = samples * (1.0 / instrument.if_bandwidth + instrument.settling)
@@ -156,115 +207,66 @@ def plan(
     pixels = x.size * y.size
     if by_ambiguity < 0:
         remarks.append(
-            f"The ambiguous range, {facts['ambiguous_range_m']:.3g} m, is shorter than the room, {range:g} m; "
+            f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {range:g} m; "
             f"measure at least {_points_for(range, band)} frequencies."
         )
-    elif by_ambiguity < min(by_noise, 3):
-        needed = _points_for(range + leg * min(by_noise, 3), band)
+    elif by_ambiguity < min(by_noise, MOST_REMARKED):
+        needed = _points_for(range + leg * min(by_noise, MOST_REMARKED), band)
         remarks.append(
             f"Echoes of more than {by_ambiguity} bounces arrive beyond the ambiguous range, "
-            f"{facts['ambiguous_range_m']:.3g} m, and wrap around into the scene; measure at least {needed} "
-            "frequencies."
+            f"{ambiguous:.3g} m, and wrap around into the scene; measure at least {needed} frequencies."
         )
     if by_noise < 0:
         remarks.append(
             "Not even the line of sight stands above the noise; transmit more power, narrow the bandwidth, or come "
             "nearer."
         )
-    diffuse = walls[materials[0]]["diffuse_db"][0]
+    diffuse, mirrored = first.diffuse_db[0], first.specular_te_db[DIAGONAL]
     if diffuse is None or diffuse < INVISIBLE_DB:
         remarks.append("The walls are so smooth that they scatter next to nothing: away from broadside they stay dark.")
-    if walls[materials[0]]["specular_te_db"][3] < DULL_DB:
+    if mirrored is None or mirrored < DULL_DB:
         remarks.append("The walls mirror so little at 45 degrees that bounces fade quickly; choose a lower band.")
-    return {
-        "kind": "plan",
+    return Plan(
+        kind="plan",
         **facts,
-        "walls": walls,
-        "link_budget": budget,
-        "bounces_above_noise": by_noise if by_noise >= 0 else None,
-        "bounces_unambiguous": by_ambiguity if by_ambiguity >= 0 else None,
-        "bounces": max(min(by_noise, by_ambiguity), 0) if min(by_noise, by_ambiguity) >= 0 else None,
-        "samples": samples,
-        "data_megabytes": samples * BYTES_PER_SAMPLE / 1e6,
-        "measuring_s": measuring,
-        "image_pixels": pixels,
-        "focusing_s": samples / SAMPLES_PER_SECOND + pixels / PIXELS_PER_SECOND,
-        "folding_s": pixels / FOLDING_PIXELS_PER_SECOND,
-        "remarks": remarks,
-    }
-
-
-INVISIBLE_DB = -60.0
-"""Share of the power that a wall scatters below which it cannot be found but by its glint [dB]."""
-
-DULL_DB = -25.0
-"""Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
-
-
-def wall(
-    name: str, frequency: float, roughness: tuple[float, float | None], angles: Sequence[float] = ANGLES
-) -> dict[str, Any]:
-    """Shares of the power that a wall mirrors and scatters, by angle of incidence [degree].
-
-    Parameters
-    ----------
-    name : str
-        Of the material.
-    frequency : float [Hz]
-    roughness : (rms height, correlation length or None) [m]
-    angles : list of float [degree]
-
-    Returns
-    -------
-    dict
-        `angle_deg`; `specular_te_db`, `specular_tm_db` for E perpendicular to the plane of incidence and in it;
-        `diffuse_db` of the mean of both. None where there is no power.
-    """
-    specular, diffuse = shares(name, np.array(frequency), np.radians(angles), roughness)
-    return {
-        "angle_deg": [float(angle) for angle in angles],
-        "specular_te_db": [_decibel(value) for value in specular[0]],
-        "specular_tm_db": [_decibel(value) for value in specular[1]],
-        "diffuse_db": [_decibel(value) for value in diffuse.mean(axis=0)],
-    }
-
-
-def shares(name: str, frequency: Array, angle: Array, roughness: tuple[float, float | None]) -> tuple[Array, Array]:
-    """Mirrored and scattered shares of the power, (2, ...) each for TE and TM; frequency [Hz], angle [rad]."""
-    kind = material(name)
-    perpendicular = np.abs(kind.reflection(frequency, angle)) ** 2
-    parallel = np.ones_like(perpendicular)
-    if isinstance(kind, Dielectric):
-        # E in the plane of incidence: (e cos t - sqrt(e - sin^2 t)) / (e cos t + sqrt(e - sin^2 t)).
-        permittivity = kind.permittivity(frequency)
-        inside = np.sqrt(permittivity - np.sin(angle) ** 2)
-        outside = permittivity * np.cos(angle)
-        parallel = np.abs((outside - inside) / (outside + inside)) ** 2
-    left = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
-    reflected = np.stack([perpendicular, parallel])
-    return reflected * left, reflected * (1.0 - left)
+        walls=walls,
+        link_budget=budget,
+        bounces_above_noise=by_noise if by_noise >= 0 else None,
+        bounces_unambiguous=by_ambiguity if by_ambiguity >= 0 else None,
+        bounces=max(min(by_noise, by_ambiguity), 0) if min(by_noise, by_ambiguity) >= 0 else None,
+        samples=samples,
+        data_megabytes=samples * BYTES_PER_SAMPLE / 1e6,
+        measuring_s=measuring,
+        image_pixels=pixels,
+        focusing_s=samples / SAMPLES_PER_SECOND + pixels / PIXELS_PER_SECOND,
+        folding_s=pixels / FOLDING_PIXELS_PER_SECOND,
+        remarks=remarks,
+        files=[],
+    )
 
 
 def _link_budget(
-    facts: dict[str, Any], walls: dict[str, Any], range_: float, leg: float, target: float, wavelength: float,
-    pairs: int, points: int, instrument: Instrument,
-) -> list[dict[str, Any]]:  # fmt: skip
+    wall: Wall, range_: float, leg: float, target: float, wavelength: float, pairs: int, points: int,
+    instrument: Instrument,
+) -> list[BudgetRow]:  # fmt: skip
     """Range and signal over noise of a target by number of bounces, at 45 degrees on every wall."""
     noise = Boltzmann * TEMPERATURE * instrument.if_bandwidth * 10.0 ** (instrument.noise_figure_db / 10.0)
     power = 1e-3 * 10.0 ** (instrument.power_dbm / 10.0) * 10.0 ** (instrument.gain_dbi / 5.0)
-    loss = walls["specular_te_db"][ANGLES.index(45.0)]
+    loss = wall.specular_te_db[DIAGONAL]
     rows = []
     for bounces in np.arange(MOST_BOUNCES + 1):
         distance = range_ + leg * bounces
-        received = power * wavelength**2 * target / ((4.0 * np.pi) ** 3 * distance**4)
-        sample = 10.0 * np.log10(received / noise) + 2.0 * bounces * loss
+        sample = None
+        if loss is not None or not bounces:
+            received = power * wavelength**2 * target / ((4.0 * np.pi) ** 3 * distance**4)
+            sample = float(10.0 * np.log10(received / noise) + 2.0 * bounces * (loss or 0.0))
         rows.append(
-            {
-                "bounces": int(bounces),
-                "range_m": float(distance),
-                "sample_snr_db": float(sample),
-                "snr_db": float(sample + 10.0 * np.log10(pairs * points)),
-            }
+            BudgetRow(
+                bounces=int(bounces),
+                range_m=float(distance),
+                sample_snr_db=sample,
+                snr_db=None if sample is None else sample + 10.0 * float(np.log10(pairs * points)),
+            )
         )
     return rows
 
@@ -317,15 +319,3 @@ def _check(
             raise InputError(f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches")
         if length / step > LARGEST_COUNT:
             raise InputError(f"{side} has {length / step:.3g} pitches, expected at most {LARGEST_COUNT:g}")
-
-
-LARGEST_COUNT = 100_000
-"""Antennas or frequencies; more are a slip of the unit."""
-
-
-def _decibel(share: float) -> float | None:
-    return 10.0 * float(np.log10(share)) if share > 0 else None
-
-
-MATERIALS = names()
-"""What `materials` may hold."""

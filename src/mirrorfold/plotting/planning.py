@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +10,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.decibels import COLOURS
-from mirrorfold.describing.planning import shares
+from mirrorfold.describing.planning import Plan
+from mirrorfold.describing.walls import shares
 
 FLOOR_DB = -60.0
 """Lowest level that is shown."""
@@ -23,12 +22,12 @@ SPECTRUM = (50e9, 1000e9)
 SPECTRUM_ANGLES = (0.0, 45.0, 75.0)
 
 
-def plan(found: dict[str, Any], *, roughness: tuple[float, float | None], detection_db: float = 13.0) -> Figure:
+def plan(found: Plan, *, roughness: tuple[float, float | None], detection_db: float = 13.0) -> Figure:
     """Draw what `mirrorfold.plan` found.
 
     Parameters
     ----------
-    found : dict
+    found : Plan
         As `mirrorfold.plan` returns it.
     roughness : (rms height, correlation length or None) [m]
         As it was given to it.
@@ -40,10 +39,10 @@ def plan(found: dict[str, Any], *, roughness: tuple[float, float | None], detect
     matplotlib.figure.Figure
     """
     figure, panels = plt.subplots(2, 2, figsize=(12.0, 8.5), layout="constrained")
-    name = next(iter(found["walls"]))
-    centre = 0.5 * sum(found["band_hz"])
+    name = next(iter(found.walls))
+    centre = 0.5 * sum(found.band_hz)
     _over_angle(panels[0, 0], name, centre, roughness)
-    _over_frequency(panels[0, 1], name, found["band_hz"], roughness)
+    _over_frequency(panels[0, 1], name, found.band_hz, roughness)
     _bounces(panels[1, 0], found, name, detection_db)
     _resolution(panels[1, 1], found, centre)
     return figure
@@ -81,11 +80,11 @@ def _over_frequency(ax: Axes, name: str, band: list[float], roughness: tuple[flo
     _finish(ax, f"{name} against frequency")
 
 
-def _bounces(ax: Axes, found: dict[str, Any], name: str, detection_db: float) -> None:
+def _bounces(ax: Axes, found: Plan, name: str, detection_db: float) -> None:
     """Signal over noise in the image by number of bounces; those beyond the ambiguous range are hollow."""
-    rows = found["link_budget"]
-    snr = np.array([row["snr_db"] for row in rows])
-    unambiguous = np.array([row["range_m"] <= found["ambiguous_range_m"] for row in rows])
+    rows, ambiguous = found.link_budget, found["ambiguous_range_m"]
+    snr = np.array([row.snr_db for row in rows], dtype=float)
+    unambiguous = np.array([row.range_m <= ambiguous for row in rows])
     bounces = np.arange(len(rows))
     bottom = min(0.0, detection_db) - 20.0
     shown = snr > bottom
@@ -103,15 +102,16 @@ def _bounces(ax: Axes, found: dict[str, Any], name: str, detection_db: float) ->
     ax.grid(axis="y", alpha=0.3)
 
 
-def _resolution(ax: Axes, found: dict[str, Any], frequency: float) -> None:
+def _resolution(ax: Axes, found: Plan, frequency: float) -> None:
     """Size of a resolution cell against range."""
-    aperture = max(found["aperture_m"])
-    farthest = max(found["ambiguous_range_m"], found["link_budget"][0]["range_m"])
+    aperture = max(found.aperture_m)
+    ambiguous = found["ambiguous_range_m"]
+    farthest = max(ambiguous, found.link_budget[0].range_m)
     range_ = np.linspace(0.0, farthest * 1.1, 100)
     ax.plot(range_, 1e3 * speed_of_light / frequency * range_ / aperture, color=COLOURS[0], label="across the range")
     ax.axhline(1e3 * found["range_resolution_m"], color=COLOURS[1], linestyle="--", label="along the range")
-    ax.axvline(found["ambiguous_range_m"], color="#CC0000", linewidth=1.0, label="ambiguous range")
-    ax.axvline(found["link_budget"][0]["range_m"], color="0.4", linewidth=1.0, linestyle=":", label="the room ends")
+    ax.axvline(ambiguous, color="#CC0000", linewidth=1.0, label="ambiguous range")
+    ax.axvline(found.link_budget[0].range_m, color="0.4", linewidth=1.0, linestyle=":", label="the room ends")
     ax.set(xlabel="range [m]", ylabel="resolution [mm]", xlim=(0, farthest * 1.1), ylim=(0, None))
     ax.set_title(f"Resolution; field of view {found['field_of_view_deg']:.0f} degrees", fontsize=11)
     ax.legend(fontsize=9, frameon=False)

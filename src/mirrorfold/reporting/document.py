@@ -116,7 +116,7 @@ def to_document(
         "facts": _facts(objects, mirrors),
     }
     if scene is not None and scored:
-        from mirrorfold.scoring.images import score
+        from mirrorfold.scoring.score import score
 
         document["score"] = score_rows(score(reconstruction, scene))
     return document

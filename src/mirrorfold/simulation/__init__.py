@@ -16,6 +16,8 @@ from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
+    from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
+    from mirrorfold.simulation.raster.sweep import ScanEstimate
 
 SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
@@ -215,14 +217,15 @@ def estimate(
     seed: int = 0,
     tolerance: float = 1e-3,
     workers: int = 1,
-) -> dict[str, Any]:
+) -> FullWaveEstimate | ScanEstimate:
     """What a simulation that takes minutes would take, without doing it: of a raster scan, or of full waves.
 
     Returns
     -------
-    dict
-        Plain numbers: `frequencies`, and `beams`, `echoes`, `longest_return_m`, `needed_frequencies`, `seconds` of a
-        raster scan, or `unknowns`, `minutes`, `memory_gb`, `disk_gb` of full waves.
+    FullWaveEstimate or ScanEstimate
+        Facts to read as attributes or as items: `frequencies`, and `beams`, `echoes`, `longest_return_m`,
+        `needed_frequencies`, `seconds` of a raster scan, or `unknowns`, `minutes`, `memory_gb`, `disk_gb` of full
+        waves.
 
     Raises
     ------
@@ -239,20 +242,23 @@ def estimate(
             f"scene {scene.name!r}: rays in two dimensions take seconds; "
             "only a raster scan or the solver 'fullwave' is estimated beforehand"
         )
+    from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 
     cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
-    return {
-        "unknowns": cost.unknowns,
-        "skeletons": cost.skeletons,
-        "frequencies": scene.band.points,
-        "workers": workers,
-        "cpu_seconds_per_frequency": cost.seconds_per_frequency,
-        "minutes": cost.seconds_per_frequency * scene.band.points / workers / 60.0,
-        "memory_per_worker_gb": cost.memory / 1e9,
-        "memory_gb": workers * cost.memory / 1e9,
-        "disk_gb": cost.disk / 1e9,
-    }
+    return FullWaveEstimate(
+        kind="estimate",
+        unknowns=cost.unknowns,
+        skeletons=cost.skeletons,
+        frequencies=scene.band.points,
+        workers=workers,
+        cpu_seconds_per_frequency=cost.seconds_per_frequency,
+        minutes=cost.seconds_per_frequency * scene.band.points / workers / 60.0,
+        memory_per_worker_gb=cost.memory / 1e9,
+        memory_gb=workers * cost.memory / 1e9,
+        disk_gb=cost.disk / 1e9,
+        remarks=[],
+    )
 
 
 def _unit_noise(shape: tuple[int, ...], seed: int) -> np.ndarray:

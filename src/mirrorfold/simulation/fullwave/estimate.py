@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import lapack
 
+from mirrorfold.common.records import Record, fact
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System
 from mirrorfold.simulation.fullwave.threads import one_thread
@@ -40,6 +42,22 @@ class Estimate:
     seconds_per_frequency: float
     memory: float
     disk: float
+
+
+class FullWaveEstimate(Record):
+    """What a full-wave simulation would take."""
+
+    kind: Literal["estimate"]
+    unknowns: int
+    skeletons: int
+    frequencies: int
+    workers: int
+    cpu_seconds_per_frequency: float
+    minutes: float
+    memory_per_worker_gb: float
+    memory_gb: float
+    disk_gb: float
+    remarks: list[str] = fact("sentences on what looks wrong")
 
 
 def estimate(system: System, frequencies: int) -> Estimate:

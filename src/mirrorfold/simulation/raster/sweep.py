@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
@@ -353,15 +354,24 @@ def check_step(scene: Scene3D) -> None:
             )
 
 
-def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> dict[str, Any]:
-    """What a simulation would take, without doing it.
+class ScanEstimate(Record):
+    """What a simulation of a raster scan would take."""
 
-    Returns
-    -------
-    dict
-        `echoes`, `scatterers`, `chains`, `longest_return_m`, `needed_frequencies`, `frequencies`, `beams`,
-        `sweep_bytes` and `seconds`, a rough figure for one core.
-    """
+    kind: Literal["estimate"]
+    scatterers: int
+    chains: int
+    echoes: int
+    longest_return_m: float
+    needed_frequencies: int
+    frequencies: int
+    beams: int
+    sweep_bytes: int
+    seconds: float
+    remarks: list[str] = fact("sentences on what looks wrong")
+
+
+def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> ScanEstimate:
+    """What a simulation would take, without doing it; the time is a rough figure for one core."""
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
     azimuth, elevation = scene.scanner.angles
     beams = azimuth.size * elevation.size
@@ -369,16 +379,18 @@ def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> dict[str, Any]:
     cell = float(np.diff(azimuth).mean() * np.diff(elevation).mean())
     lit = float(np.sum(4.0 * reach**2 / cell))
     size = DelayGrid(scene.band.points).size
-    return {
+    return ScanEstimate(
+        kind="estimate",
         **counts,
-        "echoes": int(echoes.range.size),
-        "longest_return_m": float(echoes.range.max(initial=0.0)),
-        "needed_frequencies": needed_points(scene, echoes),
-        "frequencies": scene.band.points,
-        "beams": int(beams),
-        "sweep_bytes": 8 * beams * scene.band.points,
-        "seconds": SECONDS_PER_SPREAD * lit + SECONDS_PER_FLOP * beams * size * np.log2(size),
-    }
+        echoes=int(echoes.range.size),
+        longest_return_m=float(echoes.range.max(initial=0.0)),
+        needed_frequencies=needed_points(scene, echoes),
+        frequencies=scene.band.points,
+        beams=int(beams),
+        sweep_bytes=8 * beams * scene.band.points,
+        seconds=float(SECONDS_PER_SPREAD * lit + SECONDS_PER_FLOP * beams * size * np.log2(size)),
+        remarks=[],
+    )
 
 
 SECONDS_PER_SPREAD, SECONDS_PER_FLOP = 2.5e-8, 2e-9

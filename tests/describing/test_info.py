@@ -6,9 +6,11 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
+from mirrorfold.cli.terminal import show_mirrors
 from mirrorfold.sweep import add_noise
 
 
@@ -103,6 +105,24 @@ def test_a_reconstruction_lists_mirrors_and_points(reconstruction):
     assert found["points_by_bounces"] == {"0": 2, "1": 3}
     assert found["mirrors"][0]["start_m"] == [0.4, 1.6]
     assert found["remarks"] == []
+
+
+def test_mirrors_of_space_have_three_coordinates(reconstruction, capsys):
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    heights = {f"folded_z{end}": ("mirror", np.full(mirrors.sizes["mirror"], 0.3 + end)) for end in (0, 1)}
+    reconstruction["mirrors"] = xr.DataTree(mirrors.assign(heights))
+    mirror = mf.info(reconstruction).mirrors[0]
+    assert mirror.start_m == [0.4, 1.6, 0.3]
+    assert mirror["end_m"][2] == 1.3
+    show_mirrors([mirror])
+    assert "(0.4000, 1.6000, 0.3000)" in capsys.readouterr().out
+
+
+def test_facts_are_attributes_and_items(image):
+    found = mf.info(image)
+    assert found.pixel is found["pixel"]
+    assert "path" not in found
+    assert found.path is None
 
 
 def test_a_scene_beyond_the_unambiguous_range_is_remarked(scene_file):

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import xarray as xr
 from numpy.testing import assert_allclose
+from scans import panel, scene
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
-from mirrorfold.scoring.images import CELL, thin, visible_truth
+from mirrorfold.scoring.figures import CELL, Figures, thin
+from mirrorfold.scoring.floor_plans import truth as plan_truth
+from mirrorfold.scoring.floor_plans import visible_truth
 
 ARRAY = {"elements": 3, "pitch": 0.5e-3}
 BAND = {"start": 290e9, "stop": 300e9, "points": 401}
@@ -106,6 +111,49 @@ def test_thinning_leaves_one_mean_a_cell():
     assert_allclose(thinned[np.argsort(thinned[:, 0])], [[-0.001, 0.001], [0.002, 0.005], [0.0101, 0.001]])
     assert thin(np.empty((0, 2))).shape == (0, 2)
     assert_allclose(thin(points, cell=1.0)[:, 0].sum(), -0.001 + np.mean([0.001, 0.003, 0.0101]))
+
+
+def test_thinning_means_the_same_in_space():
+    """On a plane z = 0 cells are those of the floor plan; off the plane there are others."""
+    points = np.random.default_rng(2).uniform(-0.05, 0.05, (500, 2))
+    flat = np.column_stack([points, np.full(500, 0.004)])
+    assert_allclose(thin(flat), np.column_stack([thin(points), np.full(len(thin(points)), 0.004)]))
+    assert len(thin(np.concatenate([flat, flat + np.array([0.0, 0.0, CELL])]))) == 2 * len(thin(points))
+
+
+PANEL = panel("wall", (0.0, 2.0, 0.0), (0.0, -1.0, 0.0), 0.3, 0.3)
+
+
+def rebuilt_in_space(points, bounces=0):
+    """A reconstruction of points in three dimensions, without mirrors."""
+    objects = {axis: ("point", points[:, i]) for i, axis in enumerate("xyz")}
+    objects |= {"bounces": ("point", np.full(len(points), bounces)), "amplitude": ("point", np.ones(len(points)))}
+    return xr.DataTree.from_dict({"/": xr.Dataset(), "/objects": xr.Dataset(objects), "/mirrors": xr.Dataset({
+        "generation": ("mirror", np.empty(0, dtype=int))})})  # fmt: skip
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01, 0.028, 0.12, 0.2])
+def test_the_figures_of_space_are_those_of_the_plan(shift):
+    """The same points before a wall, in line in the plan and as a square in space, each twice in its cell."""
+    line = np.arange(-0.145, 0.15, 0.01)
+    flat = np.stack([line, np.full(line.size, 2.0005 - shift)], axis=1)
+    square = np.stack(np.meshgrid(line, [2.0005 - shift], line, indexing="ij"), axis=-1).reshape(-1, 3)
+    plan = mf.score(rebuilt(np.tile(flat, (2, 1))), make_scene(segment((-0.15, 2.0), (0.15, 2.0))))
+    space = mf.score(rebuilt_in_space(np.tile(square, (2, 1))), scene(PANEL, half=8.0))
+    assert (plan.points, space.points) == (30, 900)
+    assert plan.reachable_m**2 == pytest.approx(space.reachable_m2, rel=0.01)
+    names = [item.name for item in fields(Figures) if item.name not in ("points", "chamfer_m")]
+    assert {name: plan[name] for name in names} == pytest.approx({name: space[name] for name in names}, abs=1e-9)
+    assert plan.chamfer_m == pytest.approx(space.chamfer_m, abs=0.002)
+    assert (plan.invented_fraction, plan.false_fraction) == (float(shift > 0.1), float(shift > 0.15))
+    assert plan.completeness_3cm == float(shift < 0.03)
+
+
+def test_between_samples_a_surface_is_flat_and_at_its_end_it_ends():
+    points = np.array([[0.0007, 1.002], [0.2991, 1.0], [0.31, 1.0], [0.3, 1.004]])
+    judged = plan_truth(make_scene(WALL))
+    assert_allclose(judged.distances(points)[0], [0.002, 0.0, 0.01, 0.004], atol=1e-9)
+    assert judged.distances(np.empty((0, 2)))[0].shape == (0,)
 
 
 def test_thinning_again_changes_little_and_never_adds_points():
@@ -249,6 +297,19 @@ def test_hidden_figures_are_of_hidden_surfaces_and_of_points_seen_by_way_of_mirr
     assert direct["hidden"]["points"] == 0
     assert direct["hidden"]["completeness_2cm"] == direct["hidden"]["f_score_2cm"] == 0.0
     assert direct["precision_2cm"] == 1.0
+
+
+def test_each_hidden_surface_is_judged_by_the_points_nearest_to_it():
+    other = segment((-0.4, 1.6), (-0.4, 1.8))
+    truth = make_scene(SCREEN, MIRROR, HIDDEN, other)
+    on_hidden = np.stack([np.full(20, -0.19), np.arange(1.605, 1.8, 0.01)], axis=1)
+    result = mf.score(rebuilt(np.concatenate([on_hidden, [[-0.405, 1.705]]]), 1), truth)
+    assert result.hidden.surfaces == list(result.surfaces) == ["surface 2", "surface 3"]
+    assert [result.surfaces[name].points for name in result.hidden.surfaces] == [20, 1]
+    assert result.surfaces["surface 2"].accuracy_m == pytest.approx(0.01)
+    assert result.surfaces["surface 3"].accuracy_m == pytest.approx(0.005)
+    assert result.surfaces["surface 2"].completeness_2cm == 1.0
+    assert sum(part.reachable_m for part in result.surfaces.values()) == pytest.approx(result.hidden.reachable_m)
 
 
 def turned(segment_ends, degrees, shift):

@@ -1,0 +1,94 @@
+"""What is in a file, what can be resolved with it, and what looks wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+import xarray as xr
+
+from mirrorfold.describing.images import ImageFacts, describe_image
+from mirrorfold.describing.reconstructions import ReconstructionFacts, describe_reconstruction
+from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts, describe_scene, describe_volume_scene
+from mirrorfold.describing.sweeps import SweepFacts, describe_sweep
+from mirrorfold.errors import InputError
+from mirrorfold.io import load
+from mirrorfold.io.netcdf import check_image, check_reconstruction, read_unchecked
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
+
+Facts = SweepFacts | ImageFacts | ReconstructionFacts | SceneFacts | VolumeSceneFacts
+"""What `info` may return."""
+
+
+@overload
+def info(obj: xr.Dataset, *, diagnose: bool = True) -> SweepFacts: ...
+@overload
+def info(obj: xr.DataArray, *, diagnose: bool = True) -> ImageFacts: ...
+@overload
+def info(obj: xr.DataTree, *, diagnose: bool = True) -> ReconstructionFacts: ...
+@overload
+def info(obj: Scene, *, diagnose: bool = True) -> SceneFacts: ...
+@overload
+def info(obj: Scene3D, *, diagnose: bool = True) -> VolumeSceneFacts: ...
+@overload
+def info(obj: str | Path, *, diagnose: bool = True) -> Facts: ...
+
+
+def info(
+    obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | Path, *, diagnose: bool = True
+) -> Facts:
+    """What a sweep, image, reconstruction or scene holds, what it can resolve, and what looks wrong.
+
+    Parameters
+    ----------
+    obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene, Scene3D or path
+        What is to be described, or the path of its file.
+    diagnose : bool, default True
+        Look for classic mistakes in a sweep, which takes a second or two.
+
+    Returns
+    -------
+    Record
+        Facts to read as attributes or as items: `SweepFacts`, `ImageFacts`, `ReconstructionFacts`, `SceneFacts` or
+        `VolumeSceneFacts`. `kind` is "sweep", "image", "reconstruction" or "scene", lengths end in ``_m``, frequencies
+        in ``_hz``, angles in ``_deg``, levels in ``_db``. `remarks` is a list of sentences on what looks wrong; of a
+        sweep, `findings` is a list of `name`, `what`, `sure` (0 to 1) and `fix`, the command that puts it right, or
+        advice; see `mirrorfold.diagnosis`.
+
+    Raises
+    ------
+    InputError
+        If the object is none of these or not valid.
+    """
+    if isinstance(obj, str | Path):
+        return _file(Path(obj), diagnose).but(path=str(obj))
+    if isinstance(obj, xr.DataTree):
+        return describe_reconstruction(check_reconstruction(obj))
+    if isinstance(obj, xr.DataArray):
+        return describe_image(check_image(obj))
+    if isinstance(obj, xr.Dataset):
+        return describe_sweep(obj, "SWEEP.nc", diagnose=diagnose)
+    from mirrorfold.scenes.floor_plan import Scene
+
+    if isinstance(obj, Scene):
+        return describe_scene(obj)
+    if getattr(obj, "dimensions", None) == 3:
+        return describe_volume_scene(obj)
+    raise InputError(f"info: got a {type(obj).__name__}, expected a sweep, an image, a reconstruction or a scene")
+
+
+def _file(path: Path, diagnose: bool) -> Facts:
+    """What a file holds; a sweep that is not valid is described as far as it can be."""
+    try:
+        content = load(path)
+    except InputError:
+        if path.suffix.lower() == ".toml":
+            raise
+        raw = read_unchecked(path)
+        if "s" not in raw or raw["s"].dtype.kind != "c":
+            raise
+        return describe_sweep(raw, str(path), diagnose=diagnose)
+    return describe_sweep(content, str(path), diagnose=diagnose) if isinstance(content, xr.Dataset) else info(content)

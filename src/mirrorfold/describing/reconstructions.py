@@ -1,0 +1,72 @@
+"""The mirrors and points of a reconstruction."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.describing.contents import Sized
+
+
+class MirrorFacts(Record):
+    """A mirror at its true place."""
+
+    mirror: int
+    parent: int = fact("the mirror it was seen through, -1 for none")
+    generation: int
+    start_m: list[float] = fact(min_length=2, max_length=3)
+    end_m: list[float] = fact(min_length=2, max_length=3)
+    strength: Number
+
+
+class ReconstructionFacts(Sized):
+    """A reconstruction."""
+
+    kind: Literal["reconstruction"]
+    points: int
+    points_by_bounces: dict[str, int]
+    mirrors: list[MirrorFacts]
+    remarks: list[str] = fact("sentences on what looks wrong")
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
+    """What a valid reconstruction holds."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
+    mirrors = mirror_table(reconstruction)
+    remarks = []
+    if not mirrors:
+        remarks.append("No mirror was found; the image is unfolded.")
+    if not objects.sizes.get("point", 0):
+        remarks.append("No object was found.")
+    return ReconstructionFacts(
+        kind="reconstruction",
+        title=str(reconstruction.attrs.get("title", "")),
+        dimensions={str(name): int(size) for name, size in reconstruction.dataset["intensity"].sizes.items()},
+        points=int(objects.sizes.get("point", 0)),
+        points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
+        mirrors=mirrors,
+        remarks=remarks,
+    )
+
+
+def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:
+    """The mirrors of a reconstruction in two or three dimensions, in the order of the file."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    axes = "xyz" if "folded_z0" in mirrors else "xy"
+    return [
+        MirrorFacts(
+            mirror=index,
+            parent=int(mirror["parent"]),
+            generation=int(mirror["generation"]),
+            start_m=[float(mirror[f"folded_{axis}0"]) for axis in axes],
+            end_m=[float(mirror[f"folded_{axis}1"]) for axis in axes],
+            strength=float(mirror["strength"]),
+        )
+        for index in range(mirrors.sizes.get("mirror", 0))
+        for mirror in [mirrors.isel(mirror=index)]
+    ]

@@ -1,0 +1,183 @@
+"""What a band, two arrays and a raster scan can resolve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.records import Number, Record, fact
+
+Array = NDArray[np.float64]
+
+RANGES = (1.0, 2.0, 4.0)
+"""Where the cross-range resolution is stated [m]: at the sizes of a desk, a room and a hall."""
+
+PITCH_TOLERANCE = 0.01
+"""How far the pitch may exceed half a wavelength, as a share of it: grating lobes then stay beyond 80 degrees."""
+
+
+class Band(Record):
+    """The frequencies of a sweep."""
+
+    band_hz: list[float] = fact("lowest and highest frequency", min_length=2, max_length=2)
+    frequencies: int
+    frequency_step_hz: Number
+
+
+class Depth(Record):
+    """What a band resolves along range."""
+
+    range_resolution_m: Number = fact("`c / (2 B)`")
+    ambiguous_range_m: Number = fact("`c / (2 df)`")
+
+
+class ArraySizes(Record):
+    """Two arrays."""
+
+    tx: int = fact("transmitters")
+    rx: int = fact("receivers")
+    aperture_m: list[float] = fact("of the transmitters and the receivers")
+    pitch_m: list[Number] = fact("likewise")
+
+
+class Arrays(Depth, ArraySizes, Band):
+    """What a band and two arrays can resolve."""
+
+    cross_range_resolution_m: dict[str, float] | None = fact("by range [m]")
+    field_of_view_deg: Number = fact("the sector free of grating lobes")
+
+
+class Beams(Record):
+    """The beams of a raster scan."""
+
+    azimuth_deg: list[float] = fact("first and last")
+    elevation_deg: list[float] = fact("first and last")
+    beams: list[int] = fact("in azimuth and elevation")
+    scan_step_deg: list[Number]
+    spot_radius_m: Number
+    focus_distance_m: Number
+
+
+class Scan(Depth, Beams, Band):
+    """What a band and a raster scan can resolve."""
+
+
+def resolution(
+    frequency: Array, tx_position: Array, rx_position: Array, speed: float = speed_of_light
+) -> tuple[Arrays, list[str]]:
+    """What a band and two arrays can resolve, and remarks on what they cannot.
+
+    Parameters
+    ----------
+    frequency : (frequencies,) array [Hz]
+    tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
+    speed : float [m/s]
+        Of the waves, by default of light in vacuum.
+
+    Returns
+    -------
+    facts : Arrays
+        Cross-range resolution is ``lambda r / D`` at the centre of the band, D the longer aperture: the first zero
+        of the focus. The field of view, ``2 arcsin(lambda / (2 p))`` at the top of the band with the finer pitch p,
+        is the widest sector around broadside that holds no grating lobe of anything in it.
+    remarks : list of str
+    """
+    wavelength = speed / float(frequency.mean())
+    shortest = speed / float(frequency[-1])
+    aperture = max(_extent(tx_position), _extent(rx_position))
+    pitches = [pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
+    field_of_view = 2.0 * float(np.degrees(np.arcsin(min(1.0, shortest / (2.0 * min(pitches)))))) if pitches else None
+    band, depth, remarks = _band(frequency, speed)
+    facts = Arrays(
+        **band,
+        tx=len(tx_position),
+        rx=len(rx_position),
+        aperture_m=[_extent(tx_position), _extent(rx_position)],
+        pitch_m=[_pitch(tx_position), _pitch(rx_position)],
+        **depth,
+        cross_range_resolution_m={f"{r:g}": wavelength * r / aperture for r in RANGES} if aperture else None,
+        field_of_view_deg=field_of_view,
+    )
+    if not aperture:
+        remarks.append("All antennas stand at one place, so directions cannot be told apart; move them.")
+    if pitches and min(pitches) > (1.0 + PITCH_TOLERANCE) * shortest / 2.0:
+        remarks.append(
+            f"The pitch of {min(pitches) * 1e3:.3g} mm exceeds half a wavelength, {shortest * 500:.3g} mm: grating "
+            f"lobes will show things at wrong places outside a field of view of {field_of_view:.0f} degrees."
+        )
+    return facts, remarks
+
+
+def scan_resolution(
+    frequency: Array,
+    azimuth: Array,
+    elevation: Array,
+    beam: tuple[float, float] | None,
+    speed: float = speed_of_light,
+) -> tuple[Scan, list[str]]:
+    """What a band and a raster scan can resolve, and remarks on what they cannot.
+
+    Parameters
+    ----------
+    frequency : (frequencies,) array [Hz]
+    azimuth, elevation : 1D arrays [degree]
+    beam : (radius of the focus, its distance) [m], optional
+        Where it is known.
+    speed : float [m/s]
+        Of the waves, by default of light in vacuum.
+
+    Returns
+    -------
+    facts : Scan
+    remarks : list of str
+    """
+    steps = [float(np.diff(angle).max()) if angle.size > 1 else None for angle in (azimuth, elevation)]
+    band, depth, remarks = _band(frequency, speed)
+    facts = Scan(
+        **band,
+        azimuth_deg=[float(azimuth[0]), float(azimuth[-1])],
+        elevation_deg=[float(elevation[0]), float(elevation[-1])],
+        beams=[int(azimuth.size), int(elevation.size)],
+        scan_step_deg=steps,
+        spot_radius_m=beam[0] if beam else None,
+        focus_distance_m=beam[1] if beam else None,
+        **depth,
+    )
+    if beam is not None:
+        widest = 2.0 * float(np.degrees(beam[0] / beam[1]))
+        if any(angle is not None and angle > widest for angle in steps):
+            remarks.append(
+                f"The scan steps are wider than the beam, {widest:.2g} degrees: things between two beams are seen by "
+                "neither."
+            )
+    return facts, remarks
+
+
+def _band(frequency: Array, speed: float) -> tuple[Band, Depth, list[str]]:
+    """The frequencies, what they resolve along range, and a remark where there is only one of them."""
+    step = float(frequency[-1] - frequency[0]) / (frequency.size - 1) if frequency.size > 1 else None
+    band = Band(
+        band_hz=[float(frequency[0]), float(frequency[-1])], frequencies=int(frequency.size), frequency_step_hz=step
+    )
+    depth = Depth(
+        range_resolution_m=speed / (2.0 * step * frequency.size) if step else None,
+        ambiguous_range_m=speed / (2.0 * step) if step else None,
+    )
+    return band, depth, [] if step else ["There is a single frequency, so ranges cannot be told apart; sweep a band."]
+
+
+def _extent(position: Array) -> float:
+    """Length [m] of an array along its longest direction."""
+    centred = position - position.mean(axis=0)
+    longest = np.linalg.svd(centred, full_matrices=False)[2][0]
+    return float(np.ptp(centred @ longest))
+
+
+def _pitch(position: Array) -> float | None:
+    """Median distance [m] between nearest neighbours; None for a single place."""
+    places = np.unique(position, axis=0)
+    if len(places) < 2:
+        return None
+    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))

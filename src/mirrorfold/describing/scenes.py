@@ -1,0 +1,84 @@
+"""What a radar can resolve in a scene, and what of it lies too far away."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mirrorfold.common.records import Record, fact
+from mirrorfold.describing.contents import Described
+from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
+
+SURFACE_STEP = 0.01
+"""Distance of the points of a surface of which the farthest is looked for [m]; the answer is given to a centimetre."""
+
+
+class SurfaceFacts(Record):
+    """A surface of a scene."""
+
+    name: str
+    kind: str
+    material: str
+
+
+class SceneFacts(Arrays, Described):
+    """A scene in two dimensions."""
+
+    kind: Literal["scene"]
+    farthest_surface_m: float
+    surfaces: list[SurfaceFacts]
+    remarks: list[str] = fact("sentences on what looks wrong")
+
+
+class VolumeSceneFacts(Scan, Described):
+    """A scene in three dimensions."""
+
+    kind: Literal["scene"]
+    surfaces: list[SurfaceFacts]
+    remarks: list[str] = fact("sentences on what looks wrong")
+
+
+def describe_scene(scene: Scene) -> SceneFacts:
+    """What the arrays of a floor plan resolve in it."""
+    facts, remarks = resolution(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
+    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    reach = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1).max() for surface in scene.surface]
+    farthest = float(max(reach, default=0.0))
+    if facts.ambiguous_range_m is not None and farthest > facts.ambiguous_range_m:
+        remarks.append(
+            f"The farthest surface, {farthest:.3g} m away, lies beyond the unambiguous range of "
+            f"{facts.ambiguous_range_m:.3g} m and will appear at a wrong place; use more frequency points."
+        )
+    if not scene.surface:
+        remarks.append("The scene has no surfaces.")
+    surfaces = [
+        SurfaceFacts(name=surface.name, kind=surface.kind, material=surface.material) for surface in scene.surface
+    ]
+    return SceneFacts(
+        kind="scene", title=scene.name, **facts, farthest_surface_m=farthest, surfaces=surfaces, remarks=remarks
+    )
+
+
+def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
+    """What the scanner of a three-dimensional scene resolves in it."""
+    azimuth, elevation = scene.scanner.angles
+    beam = (scene.scanner.spot_radius, scene.scanner.focus_distance)
+    facts, remarks = scan_resolution(scene.band.frequency, azimuth, elevation, beam)
+    if not scene.surface:
+        remarks.append("The scene has no surfaces.")
+    surfaces = [
+        SurfaceFacts(
+            name=surface.name,
+            kind=surface.kind,
+            material=surface.material
+            if isinstance(surface.material, str)
+            else f"permittivity {surface.material.permittivity:g}, {surface.material.conductivity:g} S/m",
+        )
+        for surface in scene.surface
+    ]
+    return VolumeSceneFacts(kind="scene", title=scene.name, **facts, surfaces=surfaces, remarks=remarks)

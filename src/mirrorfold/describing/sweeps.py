@@ -1,0 +1,259 @@
+"""What the samples of a sweep show: levels, noise, echoes at wrong places, mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import field
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.special import gammaincinv
+
+from mirrorfold.common.decibels import power_decibel
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.describing.contents import Sized
+from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
+from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.errors import InputError
+from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster, wave_speed
+
+Array = NDArray[np.float64]
+
+QUIET_SHARE = 0.1
+"""Share of the range profile that is taken to hold noise alone."""
+
+END_SHARE = 0.1
+"""Share of the range profile, at its end, where strong echoes suggest that others have wrapped around."""
+
+END_LEVEL_DB = -30.0
+"""Level of such an echo against the strongest one [dB]; weaker ones wrap around without harm."""
+
+END_OVER_NOISE = 10.0
+"""Power of such an echo over that of the noise; weaker ones may be peaks of the noise."""
+
+SIDE_LOBES = 3
+"""Bins at the end of the range profile that the Hann window fills with leakage from range zero."""
+
+RECIPROCITY_DB = -40.0
+"""Difference between a sweep and its transpose, against its mean power [dB], that calibration should not leave."""
+
+RECIPROCITY_OVER_NOISE = 4.0
+"""Power of that difference over the noise of a sample: noise alone makes it 1 on average, and hardly ever 4."""
+
+
+class FindingFacts(Record):
+    """A mistake that the data show."""
+
+    name: str
+    what: str = fact("what was found, one sentence")
+    sure: float = fact(ge=0, le=1)
+    fix: str = fact("the command that puts it right, or advice")
+
+
+class Levels(Record):
+    """Levels of the samples of a sweep."""
+
+    power_db: Number = fact("[dB]")
+    snr_db: Number = fact("[dB]")
+    noise_floor_db: Number = fact("[dB]")
+    dynamic_range_db: Number = fact("[dB]")
+
+
+class ArrayLevels(Levels):
+    """Levels of the samples of two arrays."""
+
+    range_end_db: Number = fact("what arrives near the ambiguous range, against the strongest")
+    reciprocity_db: Number = fact(
+        "difference from the transpose, where antennas transmit and receive [dB]", default=LEFT_OUT
+    )
+
+
+class Verdict(Record):
+    """What is wrong with a sweep that can be used."""
+
+    remarks: list[str] = fact("sentences on what looks wrong")
+    valid: bool = True
+    judged: dict[str, bool] | None = fact("which mistakes the data suffice to look for", default=LEFT_OUT)
+    findings: list[FindingFacts] = field(default_factory=list)
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+class ArraySweepFacts(Verdict, ArrayLevels, Arrays, Sized):
+    """A sweep of two arrays, or of one moving antenna."""
+
+    kind: Literal["sweep"]
+
+
+class RasterSweepFacts(Verdict, Levels, Scan, Sized):
+    """A sweep of a raster scanner."""
+
+    kind: Literal["sweep"]
+
+
+class BrokenSweepFacts(Sized):
+    """A sweep that cannot be used, but repaired; the exit code is 2."""
+
+    kind: Literal["sweep"]
+    valid: Literal[False]
+    remarks: list[str] = fact("sentences on what looks wrong")
+    findings: list[FindingFacts]
+
+
+SweepFacts = ArraySweepFacts | RasterSweepFacts | BrokenSweepFacts
+"""What `mirrorfold.info` says of a sweep."""
+
+
+def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFacts:
+    """A sweep with its mistakes, where they are asked for; one that is not valid where a repair is known.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    path : str
+        Of its file, for the commands that put mistakes right.
+    diagnose : bool
+
+    Raises
+    ------
+    InputError
+        If it is not valid, and no repair is known.
+    """
+    try:
+        valid = check_sweep(sweep, source=path)
+    except InputError as error:
+        return _broken(sweep, path, error)
+    facts = _raster(valid) if is_raster(valid) else _arrays(valid)
+    if not diagnose:
+        return facts
+    from mirrorfold.diagnosis import diagnose as find_mistakes
+
+    found, judged = find_mistakes(valid)
+    return facts.but(remarks=facts.remarks + _sentences(found, path), judged=judged, findings=_findings(found, path))
+
+
+def _broken(sweep: xr.Dataset, path: str, error: InputError) -> BrokenSweepFacts:
+    """What is wrong with a sweep whose samples or frequencies can be repaired.
+
+    Raises
+    ------
+    InputError
+        `error` itself, if no repair is known.
+    """
+    from mirrorfold.diagnosis import sample_findings
+
+    if "s" not in sweep or sweep["s"].dtype.kind != "c" or not sweep["s"].size:
+        raise error
+    found = sample_findings(sweep)
+    if not found:
+        raise error
+    return BrokenSweepFacts(
+        **_contents(sweep), valid=False, remarks=[str(error), *_sentences(found, path)], findings=_findings(found, path)
+    )
+
+
+def _contents(sweep: xr.Dataset) -> dict[str, Any]:
+    """Kind, title and dimensions."""
+    return {
+        "kind": "sweep",
+        "title": str(sweep.attrs.get("title", "")),
+        "dimensions": {str(name): int(size) for name, size in zip(sweep["s"].dims, sweep["s"].shape, strict=True)},
+    }
+
+
+def _findings(found: list[Finding], path: str) -> list[FindingFacts]:
+    return [FindingFacts(name=f.name, what=f.what, sure=f.sure, fix=f.command(path)) for f in found]
+
+
+def _sentences(found: list[Finding], path: str) -> list[str]:
+    return [f"{f.sentence()} Remedy: {f.command(path)}" for f in found]
+
+
+def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
+    known = "spot_radius" in sweep.attrs and "focus_distance" in sweep.attrs
+    beam = (float(sweep.attrs["spot_radius"]), float(sweep.attrs["focus_distance"])) if known else None
+    axes = [sweep[name].values.astype(float) for name in ("frequency", "azimuth", "elevation")]
+    facts, remarks = scan_resolution(axes[0], axes[1], axes[2], beam, wave_speed(sweep))
+    s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
+    # What leaks inside the instrument is the same in all beams.
+    s = s - s.mean(axis=(2, 3), keepdims=True)
+    power = _mean_power(part for frame in s for part in frame)
+    profile = _range_profile(s)
+    levels = _levels(power, profile, _noise_power(profile, pairs=s.size // profile.size))
+    return RasterSweepFacts(**_contents(sweep), **facts, **levels, remarks=remarks)
+
+
+def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
+    tx_position, rx_position = antenna_positions(sweep)
+    facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position, wave_speed(sweep))
+    s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
+    s = s.reshape((-1, *s.shape[-3:]))
+    power = _mean_power(part for frame in s for part in frame)
+    profile = _range_profile(s)
+    noise = _noise_power(profile, pairs=s.size // profile.size)
+    end = profile[int((1.0 - END_SHARE) * profile.size) : profile.size - SIDE_LOBES]
+    range_end = power_decibel(end.max() / profile.max()) if end.size and profile.max() > 0 else None
+    noise_in_profile = noise / power * profile.mean() if power > 0 else 0.0
+    if range_end is not None and range_end > END_LEVEL_DB and end.max() > END_OVER_NOISE * noise_in_profile:
+        remarks.append(
+            f"Echoes in the last part of the unambiguous range, {facts.ambiguous_range_m:.3g} m, are only "
+            f"{abs(range_end):.0f} dB below the strongest: later ones have probably wrapped around and "
+            "stand at wrong places; measure with smaller frequency steps."
+        )
+    reciprocity: Any = LEFT_OUT
+    if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
+        difference = _mean_power(part - part.T for frame in s for part in frame) / 2.0
+        reciprocity = power_decibel(difference / power)
+        if difference > RECIPROCITY_OVER_NOISE * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:
+            remarks.append(
+                "Exchanging transmitter and receiver changes the samples by more than the noise "
+                f"({reciprocity + 0.0:.0f} dB of their power): the sweep is not reciprocal; "
+                "check the calibration, the positions, and that nothing moved."
+            )
+    return ArraySweepFacts(
+        **_contents(sweep),
+        **facts,
+        **_levels(power, profile, noise),
+        range_end_db=range_end,
+        reciprocity_db=reciprocity,
+        remarks=remarks,
+    )
+
+
+def _levels(power: float, profile: Array, noise: float) -> Levels:
+    """Mean power and noise of a sample, and how far the strongest range bin stands above the floor of the profile."""
+    floor = float(np.quantile(profile, QUIET_SHARE))
+    return Levels(
+        power_db=power_decibel(power),
+        snr_db=power_decibel((power - noise) / noise) if 0.0 < noise < power else None,
+        noise_floor_db=power_decibel(noise),
+        dynamic_range_db=power_decibel(float(profile.max()) / floor) if floor > 0 else None,
+    )
+
+
+def _mean_power(parts: Iterable[NDArray[np.complex64]]) -> float:
+    """Of samples, one frequency at a time: copies of a whole sweep cost more than the arithmetic."""
+    energy, size = 0.0, 0
+    for part in parts:
+        energy, size = energy + float(np.vdot(part, part).real), size + part.size
+    return energy / size
+
+
+def _range_profile(s: NDArray[np.complex64]) -> Array:
+    """Mean power over all pairs in each range bin, Hann window over frequency, shape (frequencies,)."""
+    window = np.hanning(s.shape[1] + 2)[1:-1].astype(np.float32)
+    profile = np.zeros(s.shape[1])
+    for tx in range(s.shape[2]):
+        profile += np.sum(np.abs(np.fft.ifft(s[:, :, tx] * window[:, None], axis=1)) ** 2, axis=(0, 2), dtype=float)
+    return profile * s.shape[1] ** 2 / np.sum(window**2, dtype=float) * s.shape[1] / s.size
+
+
+def _noise_power(profile: Array, *, pairs: int) -> float:
+    """Power of the noise in each sample, at most, from the quietest part of the range profile.
+
+    Where that part holds white noise alone, its mean over n pairs follows a gamma distribution of shape n, which
+    says how far the quantile lies below the mean.
+    """
+    below_mean = gammaincinv(pairs, QUIET_SHARE) / pairs
+    return float(max(np.quantile(profile, QUIET_SHARE) / below_mean, np.finfo(np.float32).eps ** 2 * profile.max()))

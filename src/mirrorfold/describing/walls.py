@@ -1,0 +1,68 @@
+"""How the walls of a room mirror and scatter terahertz waves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.decibels import power_decibel
+from mirrorfold.common.records import Number, Record
+from mirrorfold.scenes.materials import Dielectric, coherent_factor, material
+
+Array = NDArray[np.float64]
+
+ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+"""Angles of incidence at which a wall is described [degree]."""
+
+
+class Wall(Record):
+    """Shares of the power that a wall mirrors and scatters, by angle of incidence."""
+
+    angle_deg: list[float]
+    specular_te_db: list[Number]
+    specular_tm_db: list[Number]
+    diffuse_db: list[Number]
+
+
+def wall(name: str, frequency: float, roughness: tuple[float, float | None], angles: Sequence[float] = ANGLES) -> Wall:
+    """Shares of the power that a wall mirrors and scatters, by angle of incidence [degree].
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    frequency : float [Hz]
+    roughness : (rms height, correlation length or None) [m]
+    angles : list of float [degree]
+
+    Returns
+    -------
+    Wall
+        `angle_deg`; `specular_te_db`, `specular_tm_db` for E perpendicular to the plane of incidence and in it;
+        `diffuse_db` of the mean of both. None where there is no power.
+    """
+    specular, diffuse = shares(name, np.array(frequency), np.radians(angles), roughness)
+    return Wall(
+        angle_deg=[float(angle) for angle in angles],
+        specular_te_db=[power_decibel(value) for value in specular[0]],
+        specular_tm_db=[power_decibel(value) for value in specular[1]],
+        diffuse_db=[power_decibel(value) for value in diffuse.mean(axis=0)],
+    )
+
+
+def shares(name: str, frequency: Array, angle: Array, roughness: tuple[float, float | None]) -> tuple[Array, Array]:
+    """Mirrored and scattered shares of the power, (2, ...) each for TE and TM; frequency [Hz], angle [rad]."""
+    kind = material(name)
+    perpendicular = np.abs(kind.reflection(frequency, angle)) ** 2
+    parallel = np.ones_like(perpendicular)
+    if isinstance(kind, Dielectric):
+        # E in the plane of incidence: (e cos t - sqrt(e - sin^2 t)) / (e cos t + sqrt(e - sin^2 t)).
+        permittivity = kind.permittivity(frequency)
+        inside = np.sqrt(permittivity - np.sin(angle) ** 2)
+        outside = permittivity * np.cos(angle)
+        parallel = np.abs((outside - inside) / (outside + inside)) ** 2
+    left = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
+    reflected = np.stack([perpendicular, parallel])
+    return reflected * left, reflected * (1.0 - left)

@@ -1,0 +1,116 @@
+"""How close points come to the truth: accuracy, precision, completeness, F-score, invented points.
+
+The same in two and three dimensions. Accuracy asks of every reconstructed point how far the nearest true surface is,
+completeness asks of every piece of true surface that could be seen at all whether a point lies near it. Points are
+thinned to one per cell first, so that a dense blob counts once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.records import Number, Record, fact
+
+Array = NDArray[np.float64]
+
+CELL = 0.01
+"""Edge of the square or cubic cells that points are thinned to [m]: half of `NEAR`, so that a
+mean stays closer to its points than the finest limit that is asked for."""
+
+NEAR, COVERED, WIDE, INVENTED, FALSE = 0.02, 0.03, 0.05, 0.10, 0.15
+"""Distances [m]: a good point, a covered piece of truth, a fair point, and those beyond which a point is invented, or
+false. Chosen, not derived: a few resolution cells of a band of 10 to 30 GHz (5 to 15 mm each), up to tens of them."""
+
+
+class Figures(Record):
+    """Points against the truth."""
+
+    points: int
+    accuracy_m: Number = fact("mean distance of the points from the truth")
+    precision_2cm: Number = fact("share of the points within 2 cm of the truth")
+    completeness_2cm: Number = fact("share of the truth within 2 cm of the points")
+    f_score_2cm: Number = fact("harmonic mean of both")
+    precision_5cm: Number
+    completeness_5cm: Number
+    f_score_5cm: Number
+    completeness_3cm: Number
+    chamfer_m: Number = fact("mean of both mean distances")
+    invented_fraction: Number = fact("share of the points far from every surface")
+    false_fraction: Number
+
+
+def thin(points: Array, cell: float = CELL) -> Array:
+    """The mean of the points in each occupied cell of a square or cubic grid.
+
+    Parameters
+    ----------
+    points : (n, d) array [m]
+    cell : float [m], default `CELL`
+
+    Returns
+    -------
+    (m, d) array [m]
+    """
+    if not len(points):
+        return points
+    _, which, counts = np.unique(
+        np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    which = which.ravel()
+    return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1)
+
+
+def figures(points: Array, distance: Array, reachable: Array) -> Figures:
+    """All the figures for one set of points; None where they are undefined.
+
+    Parameters
+    ----------
+    points : (n, d) array [m]
+        Thinned.
+    distance : (n,) array [m]
+        Of each point from the nearest true surface.
+    reachable : (m, d) array [m]
+        Samples of the truth that could be seen.
+    """
+    to_points = cKDTree(points).query(reachable)[0] if len(points) else np.full(len(reachable), np.inf)
+    one_way, other_way = _mean(distance), _mean(to_points)
+    precision, completeness = ({limit: _share(d, limit) for limit in (NEAR, COVERED, WIDE)}
+                               for d in (distance, to_points))  # fmt: skip
+    return Figures(
+        points=len(points),
+        accuracy_m=one_way,
+        precision_2cm=precision[NEAR],
+        completeness_2cm=completeness[NEAR],
+        f_score_2cm=_harmonic_mean(precision[NEAR], completeness[NEAR]),
+        precision_5cm=precision[WIDE],
+        completeness_5cm=completeness[WIDE],
+        f_score_5cm=_harmonic_mean(precision[WIDE], completeness[WIDE]),
+        completeness_3cm=completeness[COVERED],
+        chamfer_m=None if one_way is None or other_way is None else 0.5 * (one_way + other_way),
+        invented_fraction=_beyond(distance, INVENTED),
+        false_fraction=_beyond(distance, FALSE),
+    )
+
+
+def _share(distances: Array, limit: float) -> float | None:
+    """Of the distances that are within a limit."""
+    return float(np.mean(distances <= limit)) if len(distances) else None
+
+
+def _beyond(distances: Array, limit: float) -> float:
+    """Share of the distances that are beyond a limit; of no points none are."""
+    return 1.0 - float(np.mean(distances <= limit)) if len(distances) else 0.0
+
+
+def _mean(distances: Array) -> float | None:
+    return float(np.mean(distances)) if len(distances) and np.isfinite(distances).all() else None
+
+
+def _harmonic_mean(precision: float | None, completeness: float | None) -> float | None:
+    """The F-score: 0 without points, None without truth."""
+    if completeness is None:
+        return None
+    both = (precision or 0.0) + completeness
+    return 2.0 * (precision or 0.0) * completeness / both if both else 0.0

@@ -1,0 +1,196 @@
+"""How close a reconstruction comes to the truth, in two dimensions and in three.
+
+A piece of truth counts where the radar could have seen it, directly or by way of mirrors; `floor_plans` and `volumes`
+find out which those are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar, overload
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scoring import floor_plans
+from mirrorfold.scoring.figures import Figures, figures, thin
+from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
+from mirrorfold.scoring.truth import BOUNCES, Array, Mask, Truth
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.solids import Scene3D
+
+
+class Mirrors(Record):
+    """The mirrors of a score."""
+
+    mirrors: list[MirrorError]
+
+
+class PlanFigures(Figures):
+    """The same in two dimensions."""
+
+    reachable_m: float = fact("length of the truth that can be seen")
+
+
+class VolumeFigures(Figures):
+    """The same in three dimensions."""
+
+    reachable_m2: float = fact("area of the truth that can be seen")
+
+
+class HiddenPlan(PlanFigures, Mirrors):
+    """What is out of sight."""
+
+    surfaces: list[str]
+
+
+class HiddenVolume(VolumeFigures, Mirrors):
+    """What is out of sight."""
+
+    surfaces: list[str]
+
+
+class Contrast(Record):
+    """A patch over its surroundings."""
+
+    contrast_db: Number = fact("[dB]")
+
+
+class PlanScore(PlanFigures, Mirrors):
+    """A score in two dimensions."""
+
+    hidden: HiddenPlan
+    surfaces: dict[str, PlanFigures] = fact("each hidden surface by itself")
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+class VolumeScore(VolumeFigures, Mirrors):
+    """A score in three dimensions."""
+
+    hidden: HiddenVolume
+    surfaces: dict[str, VolumeFigures] = fact("each hidden surface by itself")
+    patches: dict[str, Contrast]
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+@overload
+def score(reconstruction: xr.DataTree, scene: Scene, *, bounces: int = BOUNCES) -> PlanScore: ...
+@overload
+def score(reconstruction: xr.DataTree, scene: Scene3D, *, bounces: int = BOUNCES) -> VolumeScore: ...
+@overload
+def score(
+    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+) -> PlanScore | VolumeScore: ...
+
+
+def score(
+    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+) -> PlanScore | VolumeScore:
+    """Distances between a reconstruction and the true scene.
+
+    Before anything is counted, points are thinned, in two dimensions and in three: all that lie in one cell of a square
+    or cubic grid of one centimetre are replaced by their mean. How densely an image is sampled then does not matter.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+    scene : Scene, Scene3D or path of a scene file
+    bounces : int
+        Largest number of reflections by which a piece of truth counts as reachable.
+
+    Returns
+    -------
+    PlanScore or VolumeScore
+        Facts to read as attributes or as items. `mirrors`: a list with `surface` (name of the true one or None),
+        `angle_error_deg`, `offset_error_mm`, `generation` and `length_m` for every detected mirror, at its true place.
+        For all points: `points` (how many, after thinning), `accuracy_m` (mean distance from the nearest true
+        surface), `precision_2cm`, `precision_5cm`, `completeness_2cm`, `completeness_3cm`, `completeness_5cm` (share
+        of the reachable truth within that distance of a point), `f_score_2cm`, `f_score_5cm`, `chamfer_m` (mean of
+        both mean distances), `invented_fraction` and `false_fraction` (points further than 10 and 15 cm from any
+        truth), `reachable_m` (length of reachable truth) or `reachable_m2` (its area). `hidden`: the same for points
+        seen by way of mirrors, and for surfaces of which nothing is in line of sight. `surfaces`: the same for the
+        points nearest to each of these surfaces. In three dimensions `patches`: the contrast of each patch to its
+        surroundings, `contrast_db`. What is undefined, such as the accuracy of no points, is None.
+
+    Raises
+    ------
+    InputError
+        If the first argument is not a reconstruction, or has not the dimensions of the scene.
+    """
+    if not isinstance(reconstruction, xr.DataTree) or "objects" not in reconstruction.children:
+        raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
+    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    objects = reconstruction.children["objects"].dataset
+    flat = "z" not in objects.variables
+    if flat != isinstance(scene, Scene):
+        held, given = (2, 3) if flat else (3, 2)
+        raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
+    points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
+    by_mirror = objects["bounces"].values > 0
+    if isinstance(scene, Scene):
+        mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
+        every, hidden, each = _judge(points, by_mirror, floor_plans.truth(scene, bounces=bounces), _plan_figures)
+        behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
+        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each)
+    from mirrorfold.scoring import volumes
+
+    mirrors = mirror_errors(reconstruction, volumes.faces(scene))
+    whole, unseen, parts = _judge(points, by_mirror, volumes.truth(scene, bounces=bounces), _volume_figures)
+    contrasts = volumes.patch_contrasts(scene, points[by_mirror], objects["amplitude"].values[by_mirror])
+    return VolumeScore(
+        mirrors=mirrors,
+        **whole,
+        hidden=HiddenVolume(mirrors=_deep(mirrors), **unseen, surfaces=list(parts)),
+        surfaces=parts,
+        patches={name: Contrast(contrast_db=contrast) for name, contrast in contrasts.items()},
+    )
+
+
+SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
+
+
+def _judge(
+    points: Array, by_mirror: Mask, truth: Truth, sized: Callable[[Figures, float], SomeFigures]
+) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
+    """The figures of all points; of those seen by way of mirrors; and of these by the hidden surface they lie nearest.
+
+    Parameters
+    ----------
+    points : (n, d) array [m]
+    by_mirror : (n,) bool array
+    truth : Truth
+    sized : callable
+        Adds the length or area of the reachable truth to figures.
+    """
+
+    def compared(points: Array, distance: Array, of: Mask) -> SomeFigures:
+        reachable = truth.place[truth.reachable & of]
+        return sized(figures(points, distance, reachable), len(reachable) * truth.size)
+
+    every = thin(points)
+    mirrored = thin(points[by_mirror])
+    distance, nearest = truth.distances(mirrored)
+    whose = truth.owner[nearest] if len(truth.owner) else np.full(len(mirrored), -1)
+    return (
+        compared(every, truth.distances(every)[0], np.ones(len(truth.owner), dtype=bool)),
+        compared(mirrored, distance, np.isin(truth.owner, truth.hidden)),
+        {truth.names[i]: compared(mirrored[whose == i], distance[whose == i], truth.owner == i) for i in truth.hidden},
+    )
+
+
+def _plan_figures(found: Figures, length: float) -> PlanFigures:
+    return PlanFigures(**found, reachable_m=length)
+
+
+def _volume_figures(found: Figures, area: float) -> VolumeFigures:
+    return VolumeFigures(**found, reachable_m2=area)
+
+
+def _deep(mirrors: list[MirrorError]) -> list[MirrorError]:
+    """The mirrors that are themselves seen by way of others."""
+    return [mirror for mirror in mirrors if mirror.generation > 1]

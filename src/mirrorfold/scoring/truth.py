@@ -1,0 +1,76 @@
+"""What a reconstruction is compared with: samples of the true surfaces, and which of them can be seen at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from mirrorfold.scenes.floor_plan import Band
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
+
+BOUNCES = 3
+"""Reflections that a line of sight may take to a piece of truth that counts as reachable."""
+
+SMALLEST_COSINE = 0.17
+"""Surfaces are taken to be visible up to 80 degrees from their normal: at more, less than a sixth of
+their area is turned towards the radar."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Samples of all true surfaces of a scene, in d = 2 or 3 dimensions.
+
+    Attributes
+    ----------
+    names : dict of int to str
+        Of the surfaces that are judged, by their index in the scene.
+    place, normals : (n, d) arrays [m]
+        The samples, and the unit normals there.
+    owner : (n,) array of int
+        Index of the surface of each sample.
+    direct, reachable : (n,) bool arrays
+        Which samples the radar can see directly, and by way of mirrors too.
+    size : float [m] or [m^2]
+        Length or area that a sample stands for.
+    reach : float [m]
+        How far from a sample the surface goes on in its tangent, at least half way to the next sample.
+    """
+
+    names: dict[int, str]
+    place: Array
+    normals: Array
+    owner: Index
+    direct: Mask
+    reachable: Mask
+    size: float
+    reach: float
+
+    @property
+    def hidden(self) -> list[int]:
+        """Indices of the surfaces of which nothing is in line of sight."""
+        in_sight = set(self.owner[self.direct].tolist())
+        return [index for index in self.names if index not in in_sight]
+
+    def distances(self, points: Array) -> tuple[Array, Index]:
+        """Distance [m] of points (m, d) from the nearest surface, infinite where there is none; index of its sample.
+
+        Around a sample the surface counts as flat, so that the distance between samples does not matter.
+        """
+        if not len(self.place) or not len(points):
+            return np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+        distance, nearest = cKDTree(self.place).query(points)
+        across = np.abs(np.einsum("nd,nd->n", points - self.place[nearest], self.normals[nearest]))
+        aside = np.sqrt(np.maximum(distance**2 - across**2, 0.0))
+        return np.hypot(across, np.maximum(aside - self.reach, 0.0)), nearest
+
+
+def farthest_range(band: Band) -> float:
+    """The ambiguous range [m], beyond which nothing counts as visible."""
+    return speed_of_light * (band.points - 1) / (2.0 * (band.stop - band.start))
