@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 import mirrorfold as mf
-from mirrorfold.folding.plan import FoldPlan
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.viewing.server import TOKEN_HEADER, Server
 from mirrorfold.viewing.session import Session
 

@@ -27,14 +27,16 @@ from scipy.spatial import cKDTree
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
-from mirrorfold.detection.planes import find_planes
-from mirrorfold.detection.volume_echoes import find_peaks, to_radar_volume
+from mirrorfold.detection import find_echoes, find_mirrors, see
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
-from mirrorfold.folding.volumes import find_worlds, folded_voxels
+from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.volume_picture import draw_volume
+from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scoring.volumes import patch_contrast
 from mirrorfold.simulation.raster.meshes import solids
-from mirrorfold.simulation.raster.sweep import find_echoes, measure
+from mirrorfold.simulation.raster.sweep import find_echoes as simulated_echoes
+from mirrorfold.simulation.raster.sweep import measure
 
 Content = dict[str, Any]
 
@@ -256,12 +258,14 @@ def speed() -> Table:
     add("simulate corridor 81x81x901, 3 bounces", 30, timed(lambda: mf.simulate(hall, bounces=3), 1))
     volume: xr.DataArray = add("S11 -> volume 121x121x1001", 0.8, timed(lambda: focus_raster(sweep)))
     add("plan view", 0.5, timed(lambda: plan_view(volume)))
-    radar = to_radar_volume(volume)
-    cloud = find_peaks(radar)
-    add("mirrors", 0.2, timed(lambda: find_planes(cloud, radar)))
-    found = find_worlds(volume)
-    axes = {"x": np.linspace(-1.7, 0.7, 250), "y": np.linspace(1.5, 3.9, 250), "z": np.linspace(-1.0, 1.0, 160)}
-    add("fold 10 million voxels", 0.3, timed(lambda: folded_voxels(found, **axes)))
+    view = see(volume)
+    echoes = find_echoes(view)
+    add("mirrors", 0.2, timed(lambda: find_mirrors(view, echoes)))
+    settings = FoldSettings().for_view(view)
+    found = find_tree(view, echoes, settings)
+    x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
+    folds = found.tree.folds()
+    add("fold 10 million voxels", 0.3, timed(lambda: draw_volume(x, y, z, found.sight, folds, settings.wall_margin)))
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))
     table.caption = f"largest memory of the process up to the first simulation: {memory:.2f} GB (target 1 GB)"
@@ -276,7 +280,7 @@ def simulator_error() -> float:
         "elevation": {"start": -2, "stop": 2, "points": 5},
     }
     scene = parse_scene(content)
-    echoes, _ = find_echoes(scene, bounces=1, seed=0, density=0.1)
+    echoes, _ = simulated_echoes(scene, bounces=1, seed=0, density=0.1)
     fast = measure(scene, echoes)
     from mirrorfold.common.beams import beam_direction
 
