@@ -261,11 +261,15 @@ def speed() -> Table:
     view = see(volume)
     echoes = find_echoes(view)
     add("mirrors", 0.2, timed(lambda: find_mirrors(view, echoes)))
-    settings = FoldSettings().for_view(view)
+    settings = FoldSettings().for_view(view, echoes)
     found = find_tree(view, echoes, settings)
     x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
-    folds = found.tree.folds()
-    add("fold 10 million voxels", 0.3, timed(lambda: draw_volume(x, y, z, found.sight, folds, settings.wall_margin)))
+    folds, margin = found.tree.folds(), settings.wall_margin or 0.0
+    add(
+        "fold 10 million voxels",
+        0.3,
+        timed(lambda: draw_volume(x, y, z, found.sight, folds, margin)),
+    )
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))
     table.caption = f"largest memory of the process up to the first simulation: {memory:.2f} GB (target 1 GB)"

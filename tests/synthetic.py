@@ -107,5 +107,5 @@ def together(*parts):
 
 def build_tree(echoes, view, *, known=None, **settings):
     """Tree and lines of sight of the echoes of a view: steps 2 to 4."""
-    found = find_tree(view, echoes, FoldSettings(**settings).for_view(view), known=known)
+    found = find_tree(view, echoes, FoldSettings(**settings).for_view(view, echoes), known=known)
     return found.tree, found.sight

@@ -175,7 +175,7 @@ class FoldPlan:
         known = None if mirrors is None else check_mirrors(mirrors)
         report = progress or (lambda done, total: None)
         view, echoes = self._seen(chosen)
-        settings = chosen.for_view(view)
+        settings = chosen.for_view(view, echoes)
         report(1, 3)
         found = find_tree(view, echoes, settings, known=known, mixed=self._mixed(view, settings))
         report(2, 3)
@@ -289,12 +289,13 @@ def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | 
 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
     """
-    length, opaque = settings.minimum_length, settings.opaque
-    assert length is not None  # FoldSettings.for_view has chosen it
+    length, margin, opaque = settings.minimum_length, settings.wall_margin, settings.opaque
+    assert length is not None  # FoldSettings.for_view has chosen both
+    assert margin is not None
     for _ in range(MAXIMUM_ROUNDS):
         mirrors = find_mirrors(view, echoes, minimum_length=length, tested=not settings.published, known=known)
         order = order_mirrors(
-            mirrors, view, echoes, minimum_length=length, wall_margin=settings.wall_margin, opaque=opaque,
+            mirrors, view, echoes, minimum_length=length, wall_margin=margin, opaque=opaque,
             generations=settings.generations,
         )  # fmt: skip
         seen = order.seen(echoes) if opaque else echoes

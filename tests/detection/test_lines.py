@@ -16,7 +16,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.line_fit import across_profiles, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
-from mirrorfold.detection.lines import MINIMUM_LENGTH, find_lines
+from mirrorfold.detection.lines import find_lines
 
 NOISE = 0.01
 
@@ -325,7 +325,7 @@ def test_as_published_every_long_row_of_pixels_is_a_mirror():
     view, echoes, _ = look(*together((points, amplitude), diffuse(start, end, 2)))
     published = find_lines(find_pixels(view, threshold_db=-25.0), view, tested=False)
     assert len(published) > len(find_lines(echoes, view)) == 1
-    assert all(mirror.length >= MINIMUM_LENGTH for mirror in published)
+    assert all(mirror.length >= 0.2 for mirror in published)
     assert min(errors(m, start, end)[1] for m in published if errors(m, start, end)[0] < 3.0) < 10.0
 
 

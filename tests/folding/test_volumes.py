@@ -262,7 +262,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     _, volume = world_volume
     view = see(volume)
     echoes = find_echoes(view)
-    found = find_tree(view, echoes, FoldSettings().for_view(view))
+    found = find_tree(view, echoes, FoldSettings().for_view(view, echoes))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
     drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -102,15 +102,14 @@ def find_mirrors(
     if known is not None and len(known) and known.shape[2] != view.dimensions:
         wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
         raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
-    length = minimum_length_of(view) if minimum_length is None else minimum_length
     if isinstance(view, VolumeView):
         if known is not None:
             return known_planes(known, echoes, view)
-        return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
+        return planes.find_planes(echoes, view, minimum_length=minimum_length, tested=tested)
     view = _image(view)
     if known is not None:
         return known_lines(known, echoes, view)
-    return lines.find_lines(echoes, view, minimum_length=length, tested=tested)
+    return lines.find_lines(echoes, view, minimum_length=minimum_length, tested=tested)
 
 
 def threshold_of(view: View) -> float:
@@ -118,9 +117,10 @@ def threshold_of(view: View) -> float:
     return volume_echoes.THRESHOLD_DB if isinstance(view, VolumeView) else image_echoes.THRESHOLD_DB
 
 
-def minimum_length_of(view: View) -> float:
-    """Shortest mirror [m], where none is given."""
-    return planes.MINIMUM_SIZE if isinstance(view, VolumeView) else lines.MINIMUM_LENGTH
+def minimum_length_of(view: View, echoes: Echoes) -> float:
+    """Shortest mirror [m], where none is given: so many resolution cells at the typical range of the echoes."""
+    cells = planes.MINIMUM_CELLS if isinstance(view, VolumeView) else lines.MINIMUM_CELLS
+    return cells * float(view.cell(echoes.typical_range))
 
 
 def example_mirror(dimensions: int) -> Mirror:

@@ -113,6 +113,10 @@ class ImageView(View):
         range_, u = self.to_polar(points)
         return np.stack([range_ / self.range_cell, u / self.u_cell], axis=-1)
 
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m]."""
+        return np.hypot(self.range_cell, self.u_cell * np.asarray(range_))
+
     def object_depth(self, range_: Array) -> Array:
         """How far [m] behind the first echo of an object others may be the object's own."""
         return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)

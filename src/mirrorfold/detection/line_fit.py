@@ -15,6 +15,16 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
 
+PLACES = 0.125, 0.25
+"""Steps along a mirror, in range cells, from one profile across it to the next: for its line, and for its front."""
+
+LOBE, AROUND, BEHIND = 0.75, 1.5, 2.0
+"""Half-lengths of the profiles across a mirror, in cells across it: of its main lobe; with its surroundings; and with
+what scatters behind its front."""
+
+HALF = 0.5
+"""Amplitude, relative to the peak, down to which the main lobe is taken: the cell's own definition."""
+
 DEEP = 0.1
 """A line at least this many range cells behind the leading edge of its wall's echoes is moved to it."""
 
@@ -71,11 +81,11 @@ def refined(mirror: LineMirror, view: ImageView) -> LineMirror:
     is fitted to the centroids: weighted by clipped power, with Cauchy weights against places that hold something else.
     """
     for _ in range(2):
-        along, offset, amplitude = across_profiles(mirror, view, reach=0.75, spacing=0.125)
+        along, offset, amplitude = across_profiles(mirror, view, reach=LOBE, spacing=PLACES[0])
         peak = amplitude.max(axis=1)
         if not peak.any():
             return mirror
-        lobe = np.where(amplitude >= 0.5 * peak[:, None], amplitude**2, 0.0)
+        lobe = np.where(amplitude >= HALF * peak[:, None], amplitude**2, 0.0)
         centroid = (lobe * offset).sum(axis=1) / np.maximum(lobe.sum(axis=1), np.finfo(float).tiny)
         strength = np.minimum(peak / np.median(peak[peak > 0.0]), CLIP) ** 2
         first, last = _slanting(mirror, view)
@@ -88,7 +98,7 @@ def refined(mirror: LineMirror, view: ImageView) -> LineMirror:
             normal_matrix = basis.T @ (weight[:, None] * basis)
             solution = np.linalg.solve(normal_matrix, basis.T @ (weight * centroid))
             residual = centroid - basis @ solution
-            scale = 2.0 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
+            scale = 2.0 * 1.4826 * float(np.median(np.abs(residual))) + np.finfo(float).tiny
             weight = strength / (1.0 + (residual / scale) ** 2)
         # Neighbouring places share a resolution cell and its speckle.
         _, cell = line_cell(view, mirror.center[None], mirror.direction)
@@ -128,21 +138,21 @@ def leading_edge(mirror: LineMirror, view: ImageView) -> LineMirror:
     A thick wall's echoes lie deeper than its face. The mean power across the wall rises to a quarter of its peak half
     a resolution cell before the face; where that says that the fitted line lies well behind the face, it is moved.
     """
-    _, offset, amplitude = across_profiles(mirror, view, reach=1.5, spacing=0.25)
+    _, offset, amplitude = across_profiles(mirror, view, reach=AROUND, spacing=PLACES[1])
     towards = np.sign(float((view.radar - mirror.center) @ mirror.normal)) or 1.0
-    cell = float(np.median(offset[:, -1])) / 1.5
+    cell = float(np.median(offset[:, -1])) / AROUND
     if towards > 0.0:
         amplitude = amplitude[:, ::-1]
     # Now from in front of the wall to behind it.
-    depth = np.linspace(-1.5, 1.5, PROFILE_SAMPLES)
+    depth = np.linspace(-AROUND, AROUND, PROFILE_SAMPLES)
     peak = amplitude.max(axis=1)
     power = np.mean((amplitude / np.maximum(peak, np.median(peak))[:, None]) ** 2, axis=0)
     top = int(np.argmax(power))
-    front = np.flatnonzero(power[:top] < 0.25 * power[top])
+    front = np.flatnonzero(power[:top] < HALF**2 * power[top])
     if not front.size:
         return mirror
     i = int(front[-1])
-    crossing = depth[i] + (0.25 * power[top] - power[i]) / (power[i + 1] - power[i]) * (depth[i + 1] - depth[i])
+    crossing = depth[i] + (HALF**2 * power[top] - power[i]) / (power[i + 1] - power[i]) * (depth[i + 1] - depth[i])
     shift = float(crossing + 0.5) * cell
     if shift > -DEEP * view.range_cell:
         return mirror
@@ -161,7 +171,7 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
     the face alone. With the mean at each depth taken from the wall itself, the likelihood is largest where the mean of
     the depths' logarithmic means is smallest: a line askew smears the wall's steep front.
     """
-    along, offset, amplitude = across_profiles(mirror, view, reach=2.0, spacing=0.25)
+    along, offset, amplitude = across_profiles(mirror, view, reach=BEHIND, spacing=PLACES[1])
     power = amplitude**2
     _, cell = line_cell(view, mirror.center[None], mirror.direction)
     width = LEVEL_CELLS * float(cell[0]) / (along[1] - along[0])

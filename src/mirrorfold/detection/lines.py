@@ -19,11 +19,11 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_fit import CLIP, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
 
-MINIMUM_LENGTH = 0.25
-"""Shortest mirror [m]: the row of echoes of a shorter one says too little about its direction."""
+MINIMUM_CELLS = 7.2
+"""Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
 
-LARGEST_SAGITTA = 0.010
-"""A row of echoes that bulges by more than this [m] is curved: an object, not a plane mirror."""
+SAGITTA_CELLS = 0.29
+"""A row of echoes that bulges by more than this many resolution cells is curved: an object, not a plane mirror."""
 
 GAP_CELLS = 3.0
 """A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
@@ -42,14 +42,31 @@ MAXIMUM_PROPOSALS = 100
 """A room has tens of mirrors, and the strongest come first; noise that passes for echoes proposes without end."""
 
 HOUGH_STEP_DEG = 0.25
+"""Step of the angle of proposed lines: half a cell off at the end of a row of a hundred cells."""
+
+HOUGH_BIN = 0.25
+"""Step of the distance of proposed lines, in range cells: a thin wall fills two or three bins."""
+
+NEAR_LINE = 2.0 / 3.0
+"""Echoes at least this close to a proposed line, in range cells, may be of its row, however narrow the cell across."""
+
+NARROWING = (0.8, 0.6, 0.6)
+"""Echoes of a row lie within these parts of the cell across its line, from one refit to the next: half a cell to either
+side is its own, and the first line is not yet the best."""
+
+TAKEN = 1.5
+"""Echoes this close to a mirror, in cells across it, belong to no other: its main lobe reaches as far."""
+
+ON_LINE, BEFORE_LINE = 0.75, (1.0, 2.5)
+"""Half the width of a mirror's own band, and where the band in front begins and ends, in cells across it: both hold 1.5
+cells."""
+
 FILL_SAMPLES = 200
+"""Places along a mirror where its fill is judged: half a percent each."""
 
-BAND_CELLS = 4.0
-"""Echoes further from a proposed line than this many of the largest resolution cells, and `STRAY` besides, cannot be
-part of what is found on it: rows reach 1.5 cells from it, the band in front of them 2.5."""
-
-STRAY = 0.05
-"""How far [m] a refit may move a proposed line."""
+BAND_CELLS = 6.0
+"""Echoes further from a proposed line than this many of the largest resolution cells cannot be part of what is found on
+it: rows reach 1.5 cells from it, the band in front of them 2.5, and refits move it by a cell or two."""
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -103,7 +120,7 @@ def find_lines(
     echoes: Echoes,
     view: ImageView,
     *,
-    minimum_length: float = MINIMUM_LENGTH,
+    minimum_length: float | None = None,
     tested: bool = True,
 ) -> list[LineMirror]:
     """Straight mirrors among the echoes, strongest first.
@@ -114,7 +131,8 @@ def find_lines(
         Those that are visible may support a mirror; strong ones are evidence, faint ones continue it.
     view : ImageView
         What the echoes were found in; tells the resolution.
-    minimum_length : float [m]
+    minimum_length : float [m], optional
+        By default `MINIMUM_CELLS` resolution cells at the typical range of the echoes.
     tested : bool
         Whether a row must be straight, filled and stand out of its surroundings, not only long enough.
 
@@ -122,6 +140,8 @@ def find_lines(
     -------
     list of LineMirror
     """
+    if minimum_length is None:
+        minimum_length = MINIMUM_CELLS * float(view.cell(echoes.typical_range))
     every = echoes.position[echoes.visible]
     usable = echoes.visible & echoes.strong
     points = echoes.position[usable]
@@ -129,7 +149,7 @@ def find_lines(
         return []
     amplitude = echoes.amplitude[usable]
     weight = echoes.length[usable] * np.minimum(amplitude / np.median(amplitude), CLIP)
-    hough = _Hough(points - view.radar, weight, 0.25 * view.range_cell)
+    hough = _Hough(points - view.radar, weight, HOUGH_BIN * view.range_cell)
     widest = max(view.range_cell, float(view.cross_cell(*view.to_polar(points)).max()))
     free = np.ones(len(points), dtype=bool)
     mirrors: list[LineMirror] = []
@@ -140,7 +160,7 @@ def find_lines(
         if votes < enough:
             return mirrors
         on_line = on_line + view.radar
-        band = np.flatnonzero(np.abs(cross2(points - on_line, direction)) <= BAND_CELLS * widest + STRAY)
+        band = np.flatnonzero(np.abs(cross2(points - on_line, direction)) <= BAND_CELLS * widest)
         mirror, row = _grow(
             points[band], amplitude[band], weight[band], free[band], on_line, direction, view, minimum_length, tested
         )
@@ -171,9 +191,9 @@ def _grow(
     """Refit a proposed line; the mirror on it, if there is one, and the echoes to take out of the search."""
     proposal = LineMirror(on_line, on_line + direction)
     across, _ = line_cell(view, points, direction)
-    near = free & (np.abs(proposal.beside(points)) <= np.maximum(across, 0.02))
+    near = free & (np.abs(proposal.beside(points)) <= np.maximum(across, NEAR_LINE * view.range_cell))
     row = _longest_row(points, weight, near, proposal, view)
-    for tolerance in (0.8, 0.6, 0.6):
+    for tolerance in NARROWING:
         if np.count_nonzero(row) < 3:
             break
         proposal = _fit(points[row], weight[row])
@@ -188,13 +208,13 @@ def _grow(
     position = mirror.along(points)
     across, _ = line_cell(view, points, mirror.direction)
     inside = (position > -along_cell) & (position < mirror.length + along_cell)
-    taken = free & inside & (np.abs(mirror.beside(points)) <= 1.5 * across)
+    taken = free & inside & (np.abs(mirror.beside(points)) <= TAKEN * across)
     if mirror.length < minimum_length:
         return None, row
     mirror = replace(mirror, fill=filled(points[row], mirror, view))
     short = np.clip(2.0 - mirror.length / minimum_length, 0.0, 1.0)
     if tested and not (
-        _is_straight(points[row], mirror)
+        _is_straight(points[row], mirror, view)
         and mirror.fill >= SMALLEST_FILL + short * (SMALLEST_FILL_SHORT - SMALLEST_FILL)
         and _contrast(points, weight, mirror, view) >= SMALLEST_CONTRAST
     ):
@@ -222,7 +242,7 @@ def _longest_row(points: Array, weight: Array, near: Mask, line: LineMirror, vie
 def _extended(mirror: LineMirror, points: Array, view: ImageView) -> LineMirror:
     """The mirror as far as its row of echoes, faint ones included, goes on."""
     across, _ = line_cell(view, points, mirror.direction)
-    near = np.abs(mirror.beside(points)) <= 0.6 * across
+    near = np.abs(mirror.beside(points)) <= NARROWING[-1] * across
     position = mirror.along(points)
     # Its own echoes outweigh any other row on the same line.
     weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
@@ -244,13 +264,13 @@ def _fit(points: Array, weight: Array, amplitude: Array | None = None) -> LineMi
     return LineMirror(center + along.min() * direction, center + along.max() * direction, strength)
 
 
-def _is_straight(points: Array, mirror: LineMirror) -> bool:
+def _is_straight(points: Array, mirror: LineMirror, view: ImageView) -> bool:
     """Whether a parabola through the echoes bulges by less than the allowed sagitta."""
     along = mirror.along(points) / mirror.length * 2.0 - 1.0
     beside = mirror.beside(points)
     basis = np.stack([np.ones_like(along), along, along**2], axis=1)
     solution, *_ = np.linalg.lstsq(basis, beside, rcond=None)
-    return bool(abs(solution[2]) <= LARGEST_SAGITTA)
+    return bool(abs(solution[2]) <= SAGITTA_CELLS * view.cell_at(mirror.center))
 
 
 def filled(points: Array, mirror: LineMirror, view: ImageView) -> float:
@@ -270,6 +290,6 @@ def _contrast(points: Array, weight: Array, mirror: LineMirror, view: ImageView)
     across, _ = line_cell(view, points, mirror.direction)
     towards = np.sign(float((view.radar - mirror.center) @ mirror.normal)) or 1.0
     inside = (position >= 0.0) & (position <= mirror.length)
-    on_it = inside & (np.abs(beside) <= 0.75 * across)
-    before = inside & (beside * towards > 1.0 * across) & (beside * towards <= 2.5 * across)
+    on_it = inside & (np.abs(beside) <= ON_LINE * across)
+    before = inside & (beside * towards > BEFORE_LINE[0] * across) & (beside * towards <= BEFORE_LINE[1] * across)
     return float(weight[on_it].sum() / max(weight[before].sum(), 1e-12))

@@ -12,18 +12,21 @@ from mirrorfold.detection.plane_mirror import PlaneMirror, plane_ranges
 from mirrorfold.detection.volume_view import VolumeView
 
 LARGEST_DEVIATION = 1.2
-"""Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_DEVIATION` together: walls show
+"""Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_CELLS` together: walls show
 up to 0.8, for they average over the footprint, the flattest parts of a body 1.3 and more."""
 
-INSIDE_DEVIATION = 0.004
-"""What volume scattering adds at most to the deviation of a wall's centroids [m]."""
+INSIDE_CELLS = 0.115
+"""What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
 
-PROFILE_STEP = 0.001
-PROFILE_REACH = 0.06
-"""Step and half-length of the mean profile across a wall [m]: volume scattering reaches 1-3 cm deep."""
+PROFILE_STEP = 0.1
+"""Step of the mean profile across a wall, in range cells."""
 
-LARGEST_DEPTH = 0.04
-"""Deepest volume scattering that the leading edge of a wall is corrected for [m]."""
+PROFILE_CELLS = 1.7
+"""Half-length of that profile, in resolution cells: it holds all that scatters inside."""
+
+DEPTH_CELLS = 1.15
+"""Deepest volume scattering that the leading edge of a wall is corrected for, in resolution cells: 4 cm where a cell
+measures 3.5, for building materials scatter from 1 to 3 cm deep at 0.1 to 1 THz."""
 
 
 def weighted_plane(points: Array, weight: Array) -> tuple[Array, Array]:
@@ -40,13 +43,14 @@ def refitted(view: VolumeView, mirror: PlaneMirror) -> PlaneMirror | None:
     plane, where single echoes are off by the footprint.
     """
     normal, center = mirror.normal, mirror.center
+    cell = view.cell_at(center)
     sight = view.sight
     beams = np.flatnonzero(mirror.beams)
     for _ in range(3):
         predicted = plane_ranges(view, normal, center)[beams]
         cosine = np.abs(sight[beams] @ normal)
         spread = view.spread_across(predicted, cosine)
-        half = (3.0 * spread + 0.5 * LARGEST_DEPTH) / cosine
+        half = (3.0 * spread + 0.5 * DEPTH_CELLS * cell) / cosine
         centroid, power = np.zeros(beams.size), np.zeros(beams.size)
         _centroids(view.amplitude.reshape(-1, view.range.size), beams, predicted, half, float(view.range[0]),
                    view.step, 2.0 * view.noise**2, centroid, power)  # fmt: skip
@@ -54,7 +58,7 @@ def refitted(view: VolumeView, mirror: PlaneMirror) -> PlaneMirror | None:
         points = view.radar + centroid[good, None] * sight[beams[good]]
         weight = 1.0 / spread[good] ** 2
         across = (points - center) @ normal
-        deviation = 1.4826 * float(np.median(np.abs(across - np.median(across)))) + 1e-9
+        deviation = 1.4826 * float(np.median(np.abs(across - np.median(across)))) + np.finfo(float).tiny
         weight = weight / (1.0 + (np.abs(across - np.median(across)) / (2.0 * deviation)) ** 4)
         fitted, center = weighted_plane(points, weight)
         normal = fitted * np.sign(fitted @ normal)
@@ -63,7 +67,7 @@ def refitted(view: VolumeView, mirror: PlaneMirror) -> PlaneMirror | None:
     independent = max(float(good.sum()) / shared, 3.0)
     size = float(np.sqrt(np.linalg.eigvalsh(np.cov(points.T))[1]))
     offset_error = deviation / np.sqrt(independent)
-    if deviation > LARGEST_DEVIATION * float(np.hypot(np.median(spread), INSIDE_DEVIATION)):
+    if deviation > LARGEST_DEVIATION * float(np.hypot(np.median(spread), INSIDE_CELLS * cell)):
         return None
     depth = front_depth(view, normal, center, mirror.beams)
     return replace(
@@ -104,7 +108,10 @@ def front_depth(view: VolumeView, normal: Array, center: Array, beams: Mask) -> 
     predicted = plane_ranges(view, normal, center)[which]
     cosine = np.abs(view.sight[which] @ normal)
     spread = view.spread_across(predicted, cosine)
-    z = np.arange(-PROFILE_REACH, PROFILE_REACH + 0.5 * PROFILE_STEP, PROFILE_STEP)
+    cell = view.cell_at(center)
+    step, reach = PROFILE_STEP * view.range_cell, PROFILE_CELLS * cell
+    z = np.arange(-reach, reach + 0.5 * step, step)
+    largest = DEPTH_CELLS * cell
     profile = np.zeros(z.size)
     _stack(view.amplitude.reshape(-1, view.range.size), which, predicted, 1.0 / cosine, float(view.range[0]),
            view.step, 2.0 * view.noise**2, z, profile)  # fmt: skip
@@ -124,10 +131,12 @@ def front_depth(view: VolumeView, normal: Array, center: Array, beams: Mask) -> 
         tail = np.where(np.isfinite(tail), tail, rate * np.sqrt(2.0 * np.pi) * np.exp(0.5 * rate**2 - rate * t))
         return np.asarray(face * gauss + inside * tail)
 
-    start = np.array([-0.3 * sigma, 1.0, 0.5, 0.5, 0.006])
-    low, high = [-LARGEST_DEPTH, 0.95, 0.0, 0.0, 0.001], [LARGEST_DEPTH, 1.05, 4.0, 8.0, LARGEST_DEPTH]
-    fit = least_squares(lambda p: model(p) - profile, start, bounds=(low, high))
-    return float(np.clip(-fit.x[0], 0.0, LARGEST_DEPTH))
+    # Place of the face, width of the beam's footprint over its nominal one, weights of face and inside, depth.
+    start = np.array([-0.3 * sigma, 1.0, 0.5, 0.5, 0.15 * largest])
+    low, high = [-largest, 0.95, 0.0, 0.0, step], [largest, 1.05, 4.0, 8.0, largest]
+    scale = [sigma, 1.0, 1.0, 1.0, largest]
+    fit = least_squares(lambda p: model(p) - profile, start, bounds=(low, high), x_scale=scale)
+    return float(np.clip(-fit.x[0], 0.0, largest))
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

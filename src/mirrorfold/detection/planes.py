@@ -19,14 +19,15 @@ from mirrorfold.detection.plane_fit import refitted, weighted_plane
 from mirrorfold.detection.plane_mirror import PlaneMirror, hull, plane_points, plane_ranges
 from mirrorfold.detection.volume_view import VolumeView
 
-MINIMUM_SIZE = 0.40
-"""Smallest width and height of a mirror [m]: a torso is a sheet of 0.3 m that bulges less than it speckles."""
+MINIMUM_CELLS = 11.4
+"""Smallest width and height of a mirror in resolution cells: a torso, of eight cells where a cell is 3.5 cm, is a sheet
+that bulges less than it speckles."""
 
 SMALLEST_FILL = 0.5
 """Share of its beams in which a mirror's own echo must stand."""
 
-LARGEST_SAGITTA = 0.010
-"""A sheet that bulges by more than this [m] is curved: an object, not a plane mirror."""
+SAGITTA_CELLS = 0.29
+"""A sheet that bulges by more than this many resolution cells is curved: an object, not a plane mirror."""
 
 PROPOSALS = 300
 """Triples drawn for each plane: one in ten falls on a wall that holds a third of the echoes, hence never none."""
@@ -55,7 +56,7 @@ def find_planes(
     echoes: Echoes,
     view: VolumeView,
     *,
-    minimum_length: float = MINIMUM_SIZE,
+    minimum_length: float | None = None,
     tested: bool = True,
     seed: int = 0,
 ) -> list[PlaneMirror]:
@@ -65,8 +66,8 @@ def find_planes(
     ----------
     echoes : Echoes
     view : VolumeView
-    minimum_length : float [m]
-        Smallest width and height.
+    minimum_length : float [m], optional
+        Smallest width and height; by default `MINIMUM_CELLS` resolution cells at the typical range of the echoes.
     tested : bool
         Whether a sheet must be filled and flat, not only large enough.
     seed : int
@@ -76,6 +77,8 @@ def find_planes(
     -------
     list of PlaneMirror
     """
+    if minimum_length is None:
+        minimum_length = MINIMUM_CELLS * float(view.cell(echoes.typical_range))
     generator = np.random.default_rng(seed)
     free = echoes.visible.copy()
     found: list[PlaneMirror] = []
@@ -194,7 +197,7 @@ def _settle(
     if min(mirror.extent) < smallest:
         return None, member
     if tested:
-        if fill < SMALLEST_FILL or _sagitta(echoes, mirror, member) > LARGEST_SAGITTA:
+        if fill < SMALLEST_FILL or _sagitta(echoes, mirror, member) > SAGITTA_CELLS * view.cell_at(mirror.center):
             return None, member
         fitted = refitted(view, mirror)
         if fitted is None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array, Index, Mask
@@ -60,6 +61,13 @@ class View(ABC):
         """Coordinates of points (n, d) in units of the resolution cell, (n, d)."""
 
     @abstractmethod
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m] at that range: how large the echo of a small object is.
+
+        Whatever is a length in the steps after imaging is a multiple of this, so that any radar is served alike.
+        """
+
+    @abstractmethod
     def object_depth(self, range_: Array) -> Array:
         """How far [m] behind the first echo of an object others may be the object's own, at that range."""
 
@@ -81,6 +89,10 @@ class View(ABC):
     def dimensions(self) -> int:
         """2 for the floor plan, 3 for space."""
         return self.radar.size
+
+    def cell_at(self, point: Array) -> float:
+        """Diagonal of the resolution cell [m] at a point (d,)."""
+        return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""

@@ -184,6 +184,10 @@ class VolumeView(View):
         azimuth, elevation = beam_angles(offset)
         return np.stack([range_ / self.range_cell, np.radians(azimuth) / angle, np.radians(elevation) / angle], axis=-1)
 
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m]: range cell and diameter of the beam."""
+        return np.hypot(self.range_cell, 2.0 * self.width(range_))
+
     def object_depth(self, range_: Array) -> Array:
         """How far [m] behind the first echo of an object others may be the object's own."""
         return OPAQUE_RADII * self.width(range_)

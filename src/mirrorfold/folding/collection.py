@@ -69,7 +69,7 @@ def collect(
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
-    (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin, grid)
+    (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin or 0.0, grid)
     coords = {
         "y": ("y", y, {"units": "m", "long_name": "range"}),
         "x": ("x", x, {"units": "m", "long_name": "cross-range"}),

@@ -23,9 +23,9 @@ CLEAR_DB = 20.0
 and multiple scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by
 40 dB."""
 
-OPEN_MARGIN = 0.1
-"""The radar's own view is taken to be open up to this distance [m] before and beside each echo in it: an object that
-shows its edge may show its face by way of a mirror only."""
+OPEN_CELLS = 2.9
+"""The radar's own view is taken to be open up to this many resolution cells before and beside each echo in it: an
+object that shows its edge may show its face by way of a mirror only."""
 
 ROOT = -1
 """In the place of a mirror's number: seen directly."""
@@ -175,8 +175,9 @@ class LinesOfSight:
         points = np.concatenate([direct.position, self.view.points(nearest[met], met)])
         range_ = np.concatenate([direct.range, nearest[met]])
         empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)
-        row, direction = self.view.within(points, np.maximum(OPEN_MARGIN / range_, self.view.cross_angle))
-        np.minimum.at(empty, direction, range_[row] - OPEN_MARGIN)
+        margin = OPEN_CELLS * self.view.cell(range_)
+        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.cross_angle))
+        np.minimum.at(empty, direction, (range_ - margin)[row])
         return empty
 
 
