@@ -5,22 +5,23 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-Progress = Callable[[int, int], None]
+if TYPE_CHECKING:
+    from mirrorfold.common import types
 
 PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
 
 
 @contextmanager
-def progress(description: str) -> Iterator[Progress | None]:
+def progress(description: str) -> Iterator[types.Progress | None]:
     """A progress bar on stderr, as a function of done and total; None where nobody is watching."""
     if not sys.stderr.isatty():
         yield None

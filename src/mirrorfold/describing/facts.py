@@ -13,6 +13,8 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
 from mirrorfold.io.netcdf import check_image, check_reconstruction, image_axes, read_unchecked
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
 
 RANGES = (1.0, 2.0, 4.0)
 """Where the cross-range resolution is stated [m]."""
@@ -423,7 +424,7 @@ def _mean_power(parts: Iterable[NDArray[np.complex64]]) -> float:
 
 def _range_profile(s: NDArray[np.complex64]) -> Array:
     """Mean power over all pairs in each range bin, Hann window over frequency, shape (frequencies,)."""
-    window = np.hanning(s.shape[1] + 2)[1:-1].astype(np.float32)
+    window = hann(s.shape[1]).astype(np.float32)
     profile = np.zeros(s.shape[1])
     for tx in range(s.shape[2]):
         profile += np.sum(np.abs(np.fft.ifft(s[:, :, tx] * window[:, None], axis=1)) ** 2, axis=(0, 2), dtype=float)

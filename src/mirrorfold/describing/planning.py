@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import Boltzmann, speed_of_light
 
+from mirrorfold.common.types import Array
 from mirrorfold.describing.facts import resolution
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.scenes.materials import Dielectric, coherent_factor, material, names
-
-Array = NDArray[np.float64]
 
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Angles of incidence at which a wall is described [degree]."""

@@ -17,14 +17,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import Progress, for_each
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.phasor import unit_phasor
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import ROUNDING, focus_exact, unit_phasor
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
@@ -158,7 +158,7 @@ class Slab:
     def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
         """The block's image on its samples, less the phase of the path to its centre."""
         if not block.parts:
-            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), self._exact_tolerance)
+            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), SHARE_EXACT * self.tolerance)
             one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
@@ -166,10 +166,6 @@ class Slab:
             planar = _interpolated(self._image(part, s, one_more), part, block.index)
             self._turned(planar, block.index, part.centre, block.centre, total)
         return total
-
-    @property
-    def _exact_tolerance(self) -> float:
-        return max(SHARE_EXACT * self.tolerance, ROUNDING)
 
     def _turned(
         self,

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array, Index
 from mirrorfold.focusing.problem import Problem
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LATTICE_SLACK = 0.02
 """Deviation of midpoints from the lattice, as a share of its pitch, under which the lattice counts as exact."""

@@ -18,11 +18,9 @@ import scipy.linalg
 from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.focusing.lattice import Lattice, across
 from mirrorfold.focusing.problem import Problem
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 PAIR_SAMPLES = 500
 """Random pairs that stand for all of them, at least; more where there are many nodes."""

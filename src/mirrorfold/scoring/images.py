@@ -17,14 +17,13 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, Surface, load_scene
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CELL = 0.01
 """Points are thinned to cells of this size [m]."""

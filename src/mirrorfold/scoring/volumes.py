@@ -6,19 +6,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.speckle import image_frame, sample
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.int64]
 
 TRUTH_SPACING = 0.005
 """Mean distance of the samples of the true surfaces [m]; between them the surface counts as flat."""

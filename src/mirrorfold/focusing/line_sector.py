@@ -9,7 +9,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import Buffers, cpu_count, for_each
-from mirrorfold.focusing import kernels
+from mirrorfold.focusing import line_kernels as kernels
 from mirrorfold.focusing.interpolation import taper_kernel, triangular_kernel, weights_at
 from mirrorfold.focusing.lattice import Lattice
 from mirrorfold.focusing.nodes import Sector, chebyshev_matrix, find_nodes, remainder, spreads, warp
@@ -41,7 +41,7 @@ SHARES = {"nodes": 0.5, "stretch": 0.2, "range": 0.4, "cosine": 0.4}
 """How the tolerance is shared out; errors of different sources add as squares."""
 
 
-class PolarSector:
+class LineArraySector:
     """The fast path on one sector, with all its tables; calling it is free of side effects but for its pixels.
 
     Parameters
