@@ -38,17 +38,18 @@ LINES = {
 }
 
 
-@pytest.mark.parametrize("name", LINES)
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+CASES = [(name, tolerance) for name in LINES for tolerance in (1e-3, 1e-5)]
+CASES.remove(("displaced and unequal", 1e-5))
+"""Hardly any midpoint is that of two pairs there: with so many nodes the exact kernel takes over."""
+
+
+@pytest.mark.parametrize(("name", "tolerance"), CASES)
 def test_fast_path_holds_its_tolerance_on(name, tolerance):
     tx, rx = LINES[name]
     c = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
     p = problem(tx, rx, BAND, c[0] + np.linspace(-1.2, 1.2, 90), c[1] + np.linspace(0.1, 1.4, 70))
     s = noise(p.data_shape)
     proven = choose(p, tolerance, s, PlanCache())
-    if (name, tolerance) == ("displaced and unequal", 1e-5):
-        assert proven is None  # no midpoints in common, at this tolerance: too many nodes
-        return
     assert proven.plan.algorithm == "polar"
     assert proven.error <= tolerance
     assert relative_error(proven.image, p, s, pixels=150) <= tolerance

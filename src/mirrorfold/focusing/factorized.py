@@ -186,7 +186,7 @@ class Slab:
         flat, out = planar.reshape(2, z.size, -1), result.reshape(2, z.size, -1)
 
         def plane(n: int) -> None:
-            _turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
+            turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
 
         for_each(plane, range(z.size))
         return result
@@ -320,7 +320,7 @@ def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Pla
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
+def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
     """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
     turn = np.zeros(x.size)
     for c in range(turns.size):

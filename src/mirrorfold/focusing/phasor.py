@@ -8,7 +8,10 @@ from numba import njit
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def unit_phasor(turns):  # type: ignore[no-untyped-def]
-    """Cosine and sine of ``2 pi turns``: reduced in float64, then Taylor series of the half angle in float32 (6e-8)."""
+    """Cosine and sine of ``2 pi turns``: reduced in float64, then Taylor series of the half angle in float32.
+
+    The error is 1.4e-7 in the root mean square and at most 8e-7.
+    """
     half = np.float32(np.pi) * np.float32(turns - np.floor(turns + 0.5))
     h2 = half * half
     # sin(h) = h (1 - h^2/3! + h^4/5! - ...), cos(h) = 1 - h^2/2! + h^4/4! - ..., by Horner's rule from the last term.

@@ -225,7 +225,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
 
     def column(i: int) -> None:
-        _strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
+        strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
 
     for_each(column, range(azimuth.size))
     side = np.radians(azimuth[[0, -1]])
@@ -236,7 +236,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     x, y = x * pixel, y * pixel
     values = np.zeros((y.size, x.size), dtype=np.float32)
     angle = np.interp(np.degrees(np.arctan2(x[None, :], y[:, None])), azimuth, np.arange(azimuth.size), -1.0, -1.0)
-    _polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
+    polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
     origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
     coords: dict[str, Any] = {
         "y": ("y", y + origin[1], {"units": "m", "long_name": "range"}),
@@ -280,7 +280,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
     grid = angle_table(azimuth), angle_table(elevation)
 
     def row(i: int) -> None:
-        _grid_row(amplitude, axes[0], float(axes[1][i]), axes[2], *grid, float(range_[0]),
+        grid_row(amplitude, axes[0], float(axes[1][i]), axes[2], *grid, float(range_[0]),
                   float(range_[1] - range_[0]), values[i])  # fmt: skip
 
     for_each(row, range(axes[1].size))
@@ -307,7 +307,7 @@ def angle_table(angle: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
+def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
     """``out[k] = max_e profile[e](r_k / cosine[e])``: along one azimuth, what stands above each ground range."""
     for e in range(cosine.size):
         for k in range(out.size):
@@ -320,7 +320,7 @@ def _strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
+def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle` is the azimuth's index, -1 outside."""
     for i in range(y.size):
         for j in range(x.size):
@@ -353,7 +353,7 @@ def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
+def grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
     """Voxels of one y: (x, z). The azimuth of a vertical column is that of its foot."""
     for j in range(x.size):
         ground = x[j] * x[j] + y * y
@@ -369,7 +369,8 @@ def _grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _magnitude(values, out):  # type: ignore[no-untyped-def]
+def magnitude(values, out):  # type: ignore[no-untyped-def]
+    """out[i] = |values[i]|."""
     for i in range(values.size):
         out[i] = np.sqrt(values[i].real * values[i].real + values[i].imag * values[i].imag)
 
@@ -379,5 +380,5 @@ def _amplitude(values: NDArray[Any]) -> NDArray[np.float32]:
     if values.dtype != np.complex64:
         return np.abs(values).astype(np.float32)
     out = np.empty(values.shape, dtype=np.float32)
-    for_each(lambda i: _magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
+    for_each(lambda i: magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
     return out
