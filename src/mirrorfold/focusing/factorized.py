@@ -1,4 +1,4 @@
-"""The fast path of any array: what a small part of it images is smooth, and needs few pixels.
+"""The fast path of any array, factorised back-projection: the image by a few antennas is smooth, and needs few pixels.
 
 The image by a block of antennas, less the phase of the path to the block's centre, is band-limited: the block's
 antennas see a pixel from nearly the same side. Its samples are summed exactly by few pairs on few pixels, interpolated
@@ -33,7 +33,8 @@ PHASE = 8e-9
 MULTIPLY = 3e-11
 CALL = 1e-3
 """Seconds that two cores take for a pair and pixel of the exact sum, for the phase of a pixel, for a multiplication in
-a matrix product, and for a call. Only their ratios matter, and only to how the array is divided."""
+a matrix product, and for a call. Only their ratios matter: they decide how the array is divided, not what the image is.
+"""
 
 WORTHWHILE = 0.5
 """Share of the exact sum's time that the fast path must keep under."""
@@ -46,7 +47,7 @@ SPREAD_ANGLES = 4
 
 SHARE_EXACT = 0.5
 SHARE_AXIS = 0.5
-"""Of the tolerance: for the exact sums, and for one interpolation along one axis."""
+"""Shares of the tolerance: for the exact sums, and for one interpolation along one axis."""
 
 
 @dataclass(frozen=True, eq=False)

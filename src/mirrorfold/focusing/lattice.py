@@ -3,7 +3,8 @@
 With antennas near a line through c along the unit vector e, and a pixel at distance r from c and u the cosine of its
 angle to e, the path of a pair with midpoint X (along e) is ``R_i + R_k = 2 (r - X_s u) + E``: X_s is the nearest
 point of the lattice, and E the rest - curvature, half the distance of the pair, and what the array lacks in
-regularity. E varies slowly over the image; that is what the fast path lives on.
+regularity. E varies slowly over the image: its values at
+few pixels tell those at all others (see `nodes`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The structured path on a whole image: sectors in range, each with its own nodes; what is nearer, exactly."""
+"""The fast path of line arrays on a whole image: sectors of range, and nearer pixels by the exact kernel."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARGEST_DEVIATION = 0.5
 
 
 class LineArrayPlan:
-    """The structured path on all sectors of a line array's image.
+    """The fast path of a line array on a whole image, through one polar grid for each sector of range.
 
     Raises
     ------

@@ -35,12 +35,13 @@ TEST_POINTS = 250
 """Random pixels, between the Chebyshev points, on which V is tested."""
 
 TABLE_REFINEMENTS = 5
+"""Times that the table of V is made finer before its error is taken as it is."""
 
 LARGEST_TABLE = 40_000
+"""Chebyshev points at which V is tabulated, at most."""
 
 WAVENUMBER_NODES = 8
 """Chebyshev points in wavenumber from which W is interpolated to every frequency."""
-
 
 ON_LINE = 1e-7
 """Distance [m] from the line that counts as none: 1e-3 rad at 1 THz."""
@@ -156,7 +157,10 @@ def antennas_off_line(problem: Problem, lattice: Lattice) -> bool:
 
 
 def spreads(problem: Problem, lattice: Lattice, sector: Sector, height: float, curvature: float) -> tuple[float, float]:
-    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r and along u: what they add to the spectrum's width."""
+    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r [m/m] and along u [m].
+
+    Times the wavenumber they are what E adds to the width of the image's spectrum, and so to the polar grid's sampling.
+    """
     rng = np.random.default_rng(0)
     pairs = rng.integers(0, lattice.tx.size, 200)
     r, u = (

@@ -31,7 +31,7 @@ WORTHWHILE = 0.5
 
 
 def gated(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple[Problem, NDArray[np.complex64]]:
-    """The same task with fewer frequencies, and its data; what was given where that does not pay.
+    """The same problem at fewer frequencies, and its data; both as they were given where that does not pay.
 
     Parameters
     ----------

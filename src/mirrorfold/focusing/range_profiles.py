@@ -293,7 +293,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
 
 
 def angle_table(angle: Array) -> Array:
-    """Index of an axis of angles [degree] as a polynomial-free lookup: (start, step) [rad], for equal steps.
+    """First angle and step [rad] of an axis of angles [degree]: they turn an angle into its index by one division.
 
     Raises
     ------
