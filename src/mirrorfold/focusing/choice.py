@@ -88,7 +88,7 @@ def worth_a_plan(problem: Problem) -> bool:
     return problem.pairs * problem.pixels >= FEWEST_PAIR_PIXELS
 
 
-@takes(FocusSettings, without=("normalization",))
+@takes(FocusSettings)
 def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
     """Make the plan that `focus` will try first, from a sweep's geometry alone: while its samples are still being read.
 
