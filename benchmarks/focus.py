@@ -20,11 +20,13 @@ from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
 
-from mirrorfold.focusing import FocusPlan, focus
-from mirrorfold.focusing.accuracy import measured_error
-from mirrorfold.focusing.plan import make_problem, white_noise
+from mirrorfold.focusing import FocusPlan, PlanCache, focus
+from mirrorfold.focusing.accuracy import measured_error, white_noise
+from mirrorfold.focusing.checks import make_problem
+from mirrorfold.focusing.direct_sum import direct_sum
+from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import direct_sum, focus_exact
+from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import make_sweep
 
 SCENE = Path(__file__).resolve().parents[2] / "shared" / "data" / "two_walls_fullwave.nc"
@@ -110,7 +112,7 @@ def main() -> None:
         sweep = make_sweep(s, frequency=frequency, tx_position=tx, rx_position=tx)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         plan = FocusPlan(sweep, **grid, tolerance=tolerance)
-        problem = make_problem(sweep, grid["x"], grid["y"], None, tolerance, "hann", None, speed_of_light)
+        problem = make_problem(sweep, FocusSettings(**grid, tolerance=tolerance))
         median, fastest = timed(lambda: plan(s), repeats)  # noqa: B023
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         noise = white_noise(problem, seed=3)
@@ -120,7 +122,7 @@ def main() -> None:
         )
         if name.startswith("A 161"):
             again = time.perf_counter()
-            FocusPlan(sweep, **grid, tolerance=tolerance)
+            FocusPlan(sweep, **grid, tolerance=tolerance, plans=PlanCache())
             build = time.perf_counter() - again
             notes.append(
                 f"A: plan build {build:.2f} s (target 1 s), tables {plan.nbytes / 2**20:.0f} MiB, "
@@ -183,7 +185,7 @@ def planar(table: Table) -> None:
     geometry = xr.Dataset(coords={"frequency": frequency, "antenna_position": (("position", "axis"), place)})
     for near, far, half in ((0.8, 1.2, 0.2), (0.3, 0.5, 0.1)):
         across, along = np.linspace(-half, half, 200), np.linspace(near, far, 100)
-        problem = make_problem(geometry, across, along, across, 1e-3, "hann", None, speed_of_light)
+        problem = make_problem(geometry, FocusSettings(x=across, y=along, z=across, tolerance=1e-3))
         s = white_noise(problem)
         plan = FocusPlan(geometry, x=across, y=along, z=across, tolerance=1e-3)
         median, fastest = timed(lambda: plan(s), 3)  # noqa: B023

@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 
 from mirrorfold.common.windows import window
 from mirrorfold.focusing import focus
+from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import direct_sum
 from mirrorfold.sweep import make_sweep
 
 FLOOR_DB = -50.0

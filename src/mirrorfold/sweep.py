@@ -21,9 +21,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 TIME_CONVENTION = "exp(+jwt)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import resource
@@ -13,7 +14,7 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.cli import VERBS, main
+from mirrorfold.cli import VERBS, hidden_dask, main
 
 NEEDED = {
     "demo": [],
@@ -316,3 +317,23 @@ def test_progress_is_shown_to_people_only(folder):
     assert result.stdout == "wrote i.nc\n"
     assert "%" not in result.stderr
     assert "\x1b" not in result.stderr
+
+
+def test_dask_is_hidden_from_xarray_only_while_a_verb_runs(monkeypatch):
+    monkeypatch.delitem(sys.modules, "dask", raising=False)
+    with hidden_dask():
+        assert importlib.util.find_spec("dask") is None
+    assert "dask" not in sys.modules
+    assert importlib.util.find_spec("dask") is not None
+
+
+def test_the_focus_verb_takes_the_settings_of_focusing(tmp_path, sweep):
+    path, image = tmp_path / "sweep.nc", tmp_path / "image.nc"
+    mf.save(sweep, path)
+    options = ["--x", "-0.1:0.1:0.02", "--y", "0.3:0.5:0.02", "--tolerance", "1e-3", "--taper", "uniform"]
+    assert main(["focus", str(path), "-o", str(image), *options, "--wave-speed", "2e8", "--normalization", "r"]) == 0
+    found = mf.load(image)
+    assert [found.attrs[name] for name in ("wave_speed", "normalization", "taper")] == [2e8, "r", "uniform"]
+    wanted = mf.focus(sweep, x=found.x, y=found.y, tolerance=1e-3, taper="uniform", wave_speed=2e8, normalization="r")
+    np.testing.assert_array_equal(found, wanted)
+    assert main(["focus", str(path), "-o", str(image), "--tolerance", "2"]) == 2

@@ -15,9 +15,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter
 
-from mirrorfold.calibration.record import Array, checked_pairs, recorded, with_samples
+from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
 from mirrorfold.calibration.reflectors import positions
-from mirrorfold.common.windows import window
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.grid import default_grid
@@ -145,7 +146,7 @@ def _contributions(sweep: xr.Dataset, stars: Array) -> NDArray[np.complex128]:
     tx, rx = positions(sweep)
     s = sweep["s"].values
     k = wavenumber(sweep)
-    taper = window("hann", k.size, "taper").real
+    taper = hann(k.size)
     found = np.empty((len(stars), len(tx), len(rx)), dtype=complex)
     for n, star in enumerate(stars):
         to_tx = np.exp(1j * k[:, None] * np.linalg.norm(star - tx, axis=1)).astype(np.complex64)

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.windows import window
+from mirrorfold.common.types import Array, Complex
+from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STEPS_PER_CELL = 16
 """Steps of the search for a delay in one resolution cell ``c / B`` of the path: the parabola through the best three
@@ -80,7 +78,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     if k.size < 3:
         raise InputError(f"the sweep has {k.size} frequencies, expected three at least to measure delays")
     centre = float(k.mean())
-    taper = window("hann", k.size, "taper").real[:, None, None]
+    taper = hann(k.size)[:, None, None]
     # The way over the reflector is taken out, so that its echo stands at a delay near zero in every pair.
     aligned = taper * s * np.exp(1j * k[:, None, None] * length)
     offset = k - centre

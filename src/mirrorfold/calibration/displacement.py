@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.calibration.delays import fit_delays
 from mirrorfold.calibration.elements import LARGEST_ERROR
-from mirrorfold.calibration.record import Array, checked_pairs, millimetres, place, recorded
+from mirrorfold.calibration.record import checked_pairs, millimetres, place, recorded
 from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import wavenumber
 

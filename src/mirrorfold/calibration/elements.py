@@ -19,8 +19,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.calibration.delays import Fit, fit_delays
-from mirrorfold.calibration.record import Array, check_same_axes, checked_pairs, place, with_samples
+from mirrorfold.calibration.record import check_same_axes, checked_pairs, place, with_samples
 from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import wavenumber
 

@@ -8,11 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def history(sweep: xr.Dataset) -> list[str]:

@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.calibration.record import Array, place
+from mirrorfold.calibration.record import place
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
 SPECULAR_ITERATIONS = 12

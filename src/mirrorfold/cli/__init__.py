@@ -10,7 +10,8 @@ import gc
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Any, NamedTuple
 
 from mirrorfold import __version__
@@ -100,8 +101,25 @@ and again is a fifth of the time that importing takes."""
 
 
 WITHOUT_DASK = {"calibrate", "demo", "focus", "reconstruct"}
-"""Verbs in which xarray shall not find Dask, whose loading takes it half a second: they make no lazy arrays, and call
-no readers of others, who may."""
+"""Verbs that make no lazy arrays, and call no readers of others, who may."""
+
+
+@contextmanager
+def hidden_dask() -> Iterator[None]:
+    """Have xarray take Dask for missing, while its context lasts.
+
+    Wherever Dask is installed, xarray imports it to ask of any array whether it is lazy, which takes half a second;
+    there is no option against it (`xarray.namedarray.utils.is_dask_collection`). An entry None in `sys.modules` is
+    Python's own way to say that a module cannot be imported. xarray remembers the answer until the process ends.
+    """
+    if "dask" in sys.modules:
+        yield
+        return
+    sys.modules["dask"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules["dask"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -120,10 +138,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is not None:
         return _run(list(argv))
     gc.set_threshold(*COLLECTION_THRESHOLDS)
-    if WITHOUT_DASK.intersection(sys.argv[1:2]):
-        sys.modules["dask"] = None  # type: ignore[assignment]
     try:
-        return _run(sys.argv[1:])
+        with hidden_dask() if WITHOUT_DASK.intersection(sys.argv[1:2]) else nullcontext():
+            return _run(sys.argv[1:])
     finally:
         # The end of a process frees its memory; Python need not look through every module for cycles first.
         gc.freeze()

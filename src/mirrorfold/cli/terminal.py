@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +14,17 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from mirrorfold.common import types
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts
     from mirrorfold.scoring.score import PlanScore, VolumeScore
-
-Progress = Callable[[int, int], None]
 
 PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
 
 
 @contextmanager
-def progress(description: str) -> Iterator[Progress | None]:
+def progress(description: str) -> Iterator[types.Progress | None]:
     """A progress bar on stderr, as a function of done and total; None where nobody is watching."""
     if not sys.stderr.isatty():
         yield None

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -38,7 +37,9 @@ from mirrorfold.cli.terminal import (
     show_mirrors,
     show_score,
 )
+from mirrorfold.common.settings import takes
 from mirrorfold.errors import InputError
+from mirrorfold.focusing.settings import FocusSettings
 
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
@@ -201,6 +202,7 @@ def simulate(
     show_files([output])
 
 
+@takes(FocusSettings, options=True)
 def focus(
     sweep: Path,
     *,
@@ -208,9 +210,8 @@ def focus(
     x: Numbers = None,
     y: Numbers = None,
     z: Numbers = None,
-    tolerance: float = 1e-4,
-    taper: str = "hann",
     json: bool = False,
+    **given: Any,
 ) -> None:
     """Focus a sweep.
 
@@ -227,32 +228,31 @@ def focus(
         Range of the pixels, likewise.
     z
         Height of the pixels, likewise, for a volume; the floor plan by default.
-    tolerance
-        Relative error of the image.
-    taper
-        Window over frequency.
+    **given
     json
         Print what the image holds as one JSON object.
     """
+    from mirrorfold.focusing import prepare
     from mirrorfold.io import load_geometry
     from mirrorfold.io.files import check_output
 
-    axes = {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
+    given |= {name: parse_axis(text, name) for name, text in (("x", x), ("y", y), ("z", z)) if text is not None}
     check_output(output, inputs=[sweep])
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
         geometry = load_geometry(sweep)
-    prepare, describe = import_module("mirrorfold.focusing").prepare, mf.info  # two threads must not import at once
+    focus_sweep, describe = mf.focus, mf.info  # imported now: two threads must not import at once
+    plans = None
     with ThreadPoolExecutor(1) as beside:
         # The plan is made while the samples are read and described.
         reading = beside.submit(read, sweep, "sweep")
         described = beside.submit(lambda: describe(reading.result(), diagnose=False))
         if geometry is not None:
             with suppress(InputError):  # focusing says what is wrong
-                prepare(geometry, **axes, tolerance=tolerance, taper=taper)
+                plans = prepare(geometry, **given)
         measured = reading.result()
         with progress("focusing") as report:
-            image = mf.focus(measured, **axes, tolerance=tolerance, taper=taper, progress=report)
+            image = focus_sweep(measured, **given, plans=plans, progress=report)
         remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
     found = mf.info(image)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 
 def beam_direction(azimuth: ArrayLike, elevation: ArrayLike) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 
 def unit(vector: ArrayLike) -> Array:

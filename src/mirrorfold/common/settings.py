@@ -10,11 +10,11 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
+from math import isfinite
+from numbers import Real
 from textwrap import fill, indent
-from typing import Any, Self, TypeVar, get_type_hints
-
-import numpy as np
+from typing import Any, Literal, Self, TypeVar
 
 from mirrorfold.errors import InputError
 
@@ -22,6 +22,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 LINE_WIDTH = 110
 """Of the generated docstrings."""
+
+OPTION_TYPES = {"bool": bool, "int": int, "float": float}
+"""What the command line reads for a setting of this kind; any other kind is text."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,12 @@ class Rule:
     unit : str
         Such as "m" or "dB"; empty for pure numbers and names.
     kind : str
-        How a docstring names its type, such as "float".
+        How a docstring names its type. "float", "int" and "bool" are checked here; any other, such as "1D array", is
+        checked where the step uses the value, because only there its size is known.
     choices : tuple of str
         The names that it may have; empty for numbers.
-    lowest, above : float, optional
-        Bounds of a number: not below `lowest`, strictly above `above`.
+    lowest, above, below : float, optional
+        Bounds of a number: not less than `lowest`, strictly above `above`, strictly below `below`.
     whole : bool
         Whether the number must be whole.
     option : bool
@@ -52,6 +56,7 @@ class Rule:
     choices: tuple[str, ...] = ()
     lowest: float | None = None
     above: float | None = None
+    below: float | None = None
     whole: bool = False
     option: bool = True
 
@@ -64,33 +69,45 @@ class Rule:
             With the name, the value, and what was expected.
         """
         if self.choices:
-            if value not in self.choices:
+            if not isinstance(value, str) or value not in self.choices:
                 raise InputError(f"{name} is {value!r}, expected one of {', '.join(self.choices)}")
-            return
-        if self.kind == "bool":
-            if not isinstance(value, bool | np.bool_):
+        elif self.kind == "bool":
+            if not _is_bool(value):
                 raise InputError(f"{name} is {value!r}, expected True or False")
-            return
-        if not self.kind.startswith(("float", "int")):
-            return  # checked where it is used
-        number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-        if (
-            not number
-            or not np.isfinite(value)
-            or (self.lowest is not None and value < self.lowest)
-            or (self.above is not None and value <= self.above)
-            or (self.whole and int(value) != value)
-        ):
+        elif self.kind.startswith(("float", "int")) and not self._holds(value):
             raise InputError(f"{name} is {value!r}, expected {self.expected()}; leave it out for the default")
+
+    def _holds(self, value: Any) -> bool:
+        """Whether a value is a number within the bounds."""
+        if not isinstance(value, Real) or _is_bool(value):
+            return False
+        number = float(value)
+        return (
+            isfinite(number)
+            and (self.lowest is None or number >= self.lowest)
+            and (self.above is None or number > self.above)
+            and (self.below is None or number < self.below)
+            and (not self.whole or number.is_integer())
+        )
 
     def expected(self) -> str:
         """What the setting may be, in words."""
         what = "a whole number" if self.whole else "a finite number"
         if self.unit:
             what += f" [{self.unit}]"
-        if self.above is not None:
-            return f"{what} above {self.above:g}"
-        return what if self.lowest is None else f"{what} of at least {self.lowest:g}"
+        bounds = [
+            f"{words} {bound:g}"
+            for words, bound in (("of at least", self.lowest), ("above", self.above), ("below", self.below))
+            if bound is not None
+        ]
+        return " ".join([what, " and ".join(bounds)]).rstrip()
+
+
+def _is_bool(value: Any) -> bool:
+    """Whether a value is a truth value of Python or of NumPy."""
+    import numpy as np  # settings are declared before anything heavy is imported, and checked after
+
+    return isinstance(value, bool | np.bool_)
 
 
 def setting(default: Any, meaning: str, **rule: Any) -> Any:
@@ -98,9 +115,27 @@ def setting(default: Any, meaning: str, **rule: Any) -> Any:
     return field(default=default, metadata={"rule": Rule(meaning, **rule)})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Settings:
-    """Base of all settings. None stands for what is chosen from the data."""
+    """Base of all settings. None stands for what is chosen from the data.
+
+    Settings that may hold arrays are declared with ``eq=False``: arrays are not equal as a whole.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Smoothing(Settings):
+    ...     width: float = setting(0.5, "Width of the window.", unit="m", kind="float", above=0.0)
+    >>> @takes(Smoothing)
+    ... def smooth(image, **given):
+    ...     return Smoothing().with_given(**given)
+    >>> smooth(None, width=2.0)
+    Smoothing(width=2.0)
+    >>> smooth(None, width=-1.0)
+    Traceback (most recent call last):
+    mirrorfold.errors.InputError: width is -1.0, expected a finite number [m] above 0; leave it out for the default
+    """
 
     def __post_init__(self) -> None:
         for name, rule in self.rules().items():
@@ -142,44 +177,68 @@ def takes(
     Returns
     -------
     callable
-        A decorator of a function that ends in ``**given``. The place of the settings in its docstring is the line
-        ``**given``. Settings that are not given reach the function as if they had not been named.
+        A decorator of a function, or of a class whose ``__init__``, ends in ``**given``. The place of the settings in
+        its docstring is the line ``**given``. A setting that the function itself names is left to it, type and text.
+        Settings that are not given, or None, reach the function as if they had not been named.
     """
-    rules: dict[str, Rule] = {}
-    types: dict[str, Any] = {}
+    declared: dict[str, Field[Any]] = {}
     for kind in settings:
-        hints = get_type_hints(kind)
-        for name, rule in kind.rules().items():
-            if name not in without and (rule.option or not options):
-                rules[name], types[name] = rule, hints[name]
+        declared |= {item.name: item for item in fields(kind) if item.name in kind.rules()}
+    rules: dict[str, Rule] = {name: item.metadata["rule"] for name, item in declared.items()}
+    rules = {name: rule for name, rule in rules.items() if name not in without and (rule.option or not options)}
 
-    def decorate(function: Function) -> Function:
-        own = inspect.signature(function)
-        named = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
-        added = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=types[name] | None)
-            for name in rules
-        ]
-        signature = own.replace(parameters=[*named, *added])
-
-        @functools.wraps(function)
-        def wrapper(*args: Any, **kwargs: Any) -> Any:
-            bound = signature.bind(*args, **kwargs)
-            chosen = {name: value for name, value in bound.arguments.items() if name not in rules or value is not None}
-            bound.arguments.clear()
-            bound.arguments.update(chosen)
-            return function(*bound.args, **bound.kwargs)
-
-        wrapper.__signature__ = signature  # type: ignore[attr-defined]
-        wrapper.__annotations__ = {**function.__annotations__, **{p.name: p.annotation for p in added}}
-        wrapper.__annotations__.pop("given", None)
-        wrapper.__doc__ = _completed(function.__doc__ or "", rules, options)
-        return wrapper  # type: ignore[return-value]
+    def decorate(target: Function) -> Function:
+        if isinstance(target, type):
+            target.__init__ = decorate(target.__init__)  # type: ignore[misc]
+            added = {name: rules[name] for name in inspect.signature(target).parameters if name in rules}
+            target.__doc__ = _completed(target.__doc__ or "", added, declared, options)
+            return target
+        return _decorated(target, rules, declared, options)
 
     return decorate
 
 
-def _completed(text: str, rules: dict[str, Rule], options: bool) -> str:
+def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, Field[Any]], options: bool) -> Function:
+    """The function with the settings in its signature and its docstring."""
+    own = inspect.signature(function)
+    named = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    rules = {name: rule for name, rule in rules.items() if name not in own.parameters}
+    added = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=declared[name].default,
+            annotation=_option_type(rule, declared[name].default) if options else declared[name].type,
+        )
+        for name, rule in rules.items()
+    ]
+    signature = own.replace(parameters=[*named, *added])
+
+    @functools.wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError as error:  # as Python words it, with the name of the function
+            raise TypeError(f"{function.__qualname__}() {error}") from None
+        chosen = {name: value for name, value in bound.arguments.items() if name not in rules or value is not None}
+        bound.arguments.clear()
+        bound.arguments.update(chosen)
+        return function(*bound.args, **bound.kwargs)
+
+    wrapper.__signature__ = signature  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {**function.__annotations__, **{p.name: p.annotation for p in added}}
+    wrapper.__annotations__.pop("given", None)
+    wrapper.__doc__ = _completed(function.__doc__ or "", rules, declared, options)
+    return wrapper  # type: ignore[return-value]
+
+
+def _option_type(rule: Rule, default: Any) -> Any:
+    """The type from which the command line learns how to read a setting."""
+    kind = Literal[rule.choices] if rule.choices else OPTION_TYPES.get(rule.kind, str)
+    return kind | None if default is None else kind
+
+
+def _completed(text: str, rules: dict[str, Rule], declared: dict[str, Field[Any]], options: bool) -> str:
     """A docstring with the settings in the place of the line ``**given``."""
     lines = inspect.cleandoc(text).splitlines()
     if "**given" not in lines:
@@ -187,14 +246,16 @@ def _completed(text: str, rules: dict[str, Rule], options: bool) -> str:
     entries: list[str] = []
     for name, rule in rules.items():
         unit = f" [{rule.unit}]" if rule.unit else ""
+        default = declared[name].default
         if options:
             entries += [name, _paragraph(rule.meaning.rstrip(".") + unit + ".")]
         else:
             kind = "{" + ", ".join(f'"{choice}"' for choice in rule.choices) + "}" if rule.choices else rule.kind
-            entries += [f"{name} : {kind}{unit}, optional", _paragraph(rule.meaning)]
+            ending = "optional" if default is None else f"default {default!r}"
+            entries += [f"{name} : {kind}{unit}, {ending}", _paragraph(rule.meaning)]
     at = lines.index("**given")
     return "\n".join([*lines[:at], *entries, *lines[at + 1 :]])
 
 
 def _paragraph(text: str) -> str:
-    return indent(fill(text, LINE_WIDTH), "    ")
+    return indent(fill(text, LINE_WIDTH, break_long_words=False, break_on_hyphens=False), "    ")

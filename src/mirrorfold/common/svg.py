@@ -8,11 +8,10 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mirrorfold.common.decibels import COLOURS
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 WIDTH, HEIGHT = 320, 260
 """Of a sketch [pixels]."""

@@ -16,9 +16,6 @@ from numpy.typing import DTypeLike, NDArray
 
 T = TypeVar("T")
 
-Progress = Callable[[int, int], None]
-"""Called as ``progress(done, total)`` from the thread that asked for the work."""
-
 PATIENCE = 0.2
 """Time [s] after which to look whether a worker has failed."""
 

@@ -1,4 +1,4 @@
-"""The types that the whole package speaks of."""
+"""Types that many modules speak of."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+Complex = NDArray[np.complex128]
+
 Index = NDArray[np.intp]
+
 Mask = NDArray[np.bool_]
 
 Progress = Callable[[int, int], None]
-"""Called now and then with what is done and what there is in all."""
+"""Called as ``progress(done, total)`` from the thread that asked for the work."""
 
 Chain = tuple[int, ...]
 """Indices of mirrors in the tree, from the root; the root's own is empty."""

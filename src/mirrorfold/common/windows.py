@@ -13,7 +13,7 @@ TAYLOR_SIDE_LOBE_DB = 30
 TAYLOR_NBAR = 4
 
 
-def _hann(n: int) -> NDArray[np.float64]:
+def hann(n: int) -> NDArray[np.float64]:
     """``sin^2(pi (i + 1) / (n + 1))``: the Hann window without its two zeros, so that no sample is thrown away."""
     return np.asarray(np.sin(np.pi * np.arange(1, n + 1) / (n + 1)) ** 2)
 
@@ -33,7 +33,7 @@ def _taylor(n: int) -> NDArray[np.float64]:
 
 WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
     "uniform": np.ones,
-    "hann": _hann,
+    "hann": hann,
     "triangular": _triangular,
     "taylor": _taylor,
 }

@@ -13,6 +13,7 @@ from scipy.special import gammaincinv
 
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.windows import hann
 from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
 from mirrorfold.diagnosis.findings import Finding
@@ -242,7 +243,7 @@ def _mean_power(parts: Iterable[NDArray[np.complex64]]) -> float:
 
 def _range_profile(s: NDArray[np.complex64]) -> Array:
     """Mean power over all pairs in each range bin, Hann window over frequency, shape (frequencies,)."""
-    window = np.hanning(s.shape[1] + 2)[1:-1].astype(np.float32)
+    window = hann(s.shape[1]).astype(np.float32)
     profile = np.zeros(s.shape[1])
     for tx in range(s.shape[2]):
         profile += np.sum(np.abs(np.fft.ifft(s[:, :, tx] * window[:, None], axis=1)) ** 2, axis=(0, 2), dtype=float)

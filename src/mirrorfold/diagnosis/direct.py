@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.pairs import Array, Pairs
+from mirrorfold.diagnosis.pairs import Pairs
 from mirrorfold.diagnosis.wavefronts import profiles
 
 LEAST_SPREAD = 1.0

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.wavefronts import Wavefronts
-
-Array = NDArray[np.float64]
 
 PENALTY = 0.03
 """What each mistake, a range offset among them, has to explain more than the sweep as it stands, in the mean fit: a

@@ -8,9 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.sweep import wavenumber
-
-Array = NDArray[np.float64]
 
 LINE_WIDTH = 0.5
 """Half width, in wavelengths, of the line of elements that is taken out of a planar array."""

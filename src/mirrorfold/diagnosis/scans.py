@@ -13,17 +13,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.detection.planes import find_planes
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.focusing import focus
-from mirrorfold.sweep import ambiguous_range
-
-Array = NDArray[np.float64]
+from mirrorfold.sweep import ambiguous_range, wave_speed
 
 LEAKAGE_SHARE = 0.25
 """Leakage is looked for in this share of the range axis at either end."""
@@ -52,7 +51,7 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0]
     if s.shape[0] < 32 or s.shape[1] * s.shape[2] < 9:
         return [], {"waves": False, "exchange": False}
-    taper = np.hanning(s.shape[0] + 2)[1:-1, None, None].astype(np.float32)
+    taper = hann(s.shape[0])[:, None, None].astype(np.float32)
     leakage = np.median(s.real, axis=(1, 2)) + 1j * np.median(s.imag, axis=(1, 2))
     by_walls = _by_walls(sweep)
     by_leakage = _by_leakage(np.abs(np.fft.ifft(leakage * taper[:, 0, 0])) ** 2, s)
@@ -109,7 +108,7 @@ def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
         return 0
     count = profile.shape[0]
     range_ = np.arange(count) * ambiguous_range(sweep) / count
-    wavelength = speed_of_light / float(sweep["frequency"].values.mean())
+    wavelength = wave_speed(sweep) / float(sweep["frequency"].values.mean())
     power = np.mean(np.abs(profile) ** 2, axis=(1, 2))
     loud = power > ABOVE_NOISE * np.quantile(power, 0.1)
     width = np.full(count, np.nan)

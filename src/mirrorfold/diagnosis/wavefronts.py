@@ -30,10 +30,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.diagnosis.pairs import Pairs
-from mirrorfold.focusing.tfm import unit_phasor
+from mirrorfold.focusing.phasor import unit_phasor
 
-Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]
 
 PAIRS = (300, 600)
@@ -170,7 +171,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
 def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
     """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
     count = wavenumber.size
-    taper = np.hanning(count + 2)[1:-1, None].astype(np.float32)
+    taper = hann(count)[:, None].astype(np.float32)
     profile = np.fft.ifft((s * taper).T, OVERSAMPLING * count, axis=1)
     step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / (OVERSAMPLING * count)
     carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(OVERSAMPLING * count))

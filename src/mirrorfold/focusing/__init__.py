@@ -1,20 +1,61 @@
-"""Step 1 of the algorithm: from the raw sweep to the complex image."""
+"""Step 1 of the algorithm: from the raw sweep to the complex image.
+
+`imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
+the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast;
+`choice` takes the fastest that is exact enough, and `plan` keeps it for frame after frame. `accuracy` compares images
+with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
+"""
 
 from __future__ import annotations
 
-from mirrorfold.focusing.api import focus
-from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
-from mirrorfold.focusing.plan import FocusPlan, prepare
-from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mirrorfold.focusing.choice import PlanCache, plan_cache, prepare
+    from mirrorfold.focusing.grid import default_grid, sweep_grid
+    from mirrorfold.focusing.imaging import focus
+    from mirrorfold.focusing.plan import FocusPlan
+    from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+    from mirrorfold.focusing.settings import FocusSettings
+
+_HOME = {
+    "FocusPlan": "plan",
+    "FocusSettings": "settings",
+    "PlanCache": "choice",
+    "default_grid": "grid",
+    "focus": "imaging",
+    "focus_raster": "range_profiles",
+    "plan_cache": "choice",
+    "plan_view": "range_profiles",
+    "prepare": "choice",
+    "sweep_grid": "grid",
+    "to_voxels": "range_profiles",
+}
+"""The module of each name: imported when first asked for, so that settings can be read without compiled kernels."""
 
 __all__ = [
     "FocusPlan",
+    "FocusSettings",
+    "PlanCache",
     "default_grid",
     "focus",
     "focus_raster",
+    "plan_cache",
     "plan_view",
-    "polar_grid",
     "prepare",
     "sweep_grid",
     "to_voxels",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'mirrorfold.focusing' has no attribute {name!r}")
+    value = getattr(import_module(f"mirrorfold.focusing.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,12 +1,13 @@
-"""The proof of an image: its error, measured on random pixels against the float64 direct sum."""
+"""The error of an image, measured on random pixels against the float64 direct sum."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.focusing.direct_sum import direct_sum
+from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import direct_sum
 
 TEST_PIXELS = 60
 """Pixels on which an image is compared with the direct sum."""
@@ -43,3 +44,22 @@ def measured_error(
     chance = (1.0 / power.size + power[flat] / total + near[flat] / near_total) / 3.0
     error = np.abs(values[flat] - direct_sum(problem, s, problem.points(flat))) ** 2
     return float(np.sqrt(np.mean(error / chance) / total))
+
+
+def exact_kernel_error(problem: Problem, s: NDArray[np.complex64], tolerance: float, seed: int = 0) -> float:
+    """Relative L2 error of the exact kernel, measured on a few random pixels without making the whole image.
+
+    All pixels are drawn evenly: the kernel's error is as large everywhere.
+    """
+    wanted = np.zeros(problem.shape, dtype=bool)
+    wanted.flat[np.random.default_rng(seed).integers(0, problem.pixels, TEST_PIXELS)] = True
+    found = focus_exact(problem, s, tolerance, where=wanted)[wanted]
+    reference = direct_sum(problem, s, problem.points(np.flatnonzero(wanted)))
+    return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))
+
+
+def white_noise(problem: Problem, seed: int = 0) -> NDArray[np.complex64]:
+    """Complex white noise in the shape of the data, of variance 2: the hardest data to image within a tolerance."""
+    rng = np.random.default_rng(seed)
+    shape = (*problem.data_shape, 2)
+    return rng.standard_normal(shape, dtype=np.float32).view(np.complex64)[..., 0]

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 BAND_STEP = 1.12
 """Bands are rounded up to powers of this, so that many blocks share one interpolator."""

@@ -1,4 +1,4 @@
-"""The fast path of any array: what a small part of it images is smooth, and needs few pixels.
+"""The fast path of any array, factorised back-projection: the image by a few antennas is smooth, and needs few pixels.
 
 The image by a block of antennas, less the phase of the path to the block's centre, is band-limited: the block's
 antennas see a pixel from nearly the same side. Its samples are summed exactly by few pairs on few pixels, interpolated
@@ -17,14 +17,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import Progress, for_each
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.phasor import unit_phasor
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import ROUNDING, focus_exact, unit_phasor
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
@@ -33,7 +33,8 @@ PHASE = 8e-9
 MULTIPLY = 3e-11
 CALL = 1e-3
 """Seconds that two cores take for a pair and pixel of the exact sum, for the phase of a pixel, for a multiplication in
-a matrix product, and for a call. Only their ratios matter, and only to how the array is divided."""
+a matrix product, and for a call. Only their ratios matter: they decide how the array is divided, not what the image is.
+"""
 
 WORTHWHILE = 0.5
 """Share of the exact sum's time that the fast path must keep under."""
@@ -46,7 +47,7 @@ SPREAD_ANGLES = 4
 
 SHARE_EXACT = 0.5
 SHARE_AXIS = 0.5
-"""Of the tolerance: for the exact sums, and for one interpolation along one axis."""
+"""Shares of the tolerance: for the exact sums, and for one interpolation along one axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ class Slab:
     def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
         """The block's image on its samples, less the phase of the path to its centre."""
         if not block.parts:
-            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), self._exact_tolerance)
+            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), SHARE_EXACT * self.tolerance)
             one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
@@ -166,10 +167,6 @@ class Slab:
             planar = _interpolated(self._image(part, s, one_more), part, block.index)
             self._turned(planar, block.index, part.centre, block.centre, total)
         return total
-
-    @property
-    def _exact_tolerance(self) -> float:
-        return max(SHARE_EXACT * self.tolerance, ROUNDING)
 
     def _turned(
         self,
@@ -190,7 +187,7 @@ class Slab:
         flat, out = planar.reshape(2, z.size, -1), result.reshape(2, z.size, -1)
 
         def plane(n: int) -> None:
-            _turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
+            turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
 
         for_each(plane, range(z.size))
         return result
@@ -324,7 +321,7 @@ def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Pla
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
+def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
     """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
     turn = np.zeros(x.size)
     for c in range(turns.size):

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.sweep import antenna_positions
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
+from mirrorfold.sweep import antenna_positions, wave_speed
 
 FIELD_OF_VIEW = 0.9
 """Largest |sin| of the angle off broadside that the default grid covers: ghosts stand far to the side."""
@@ -133,24 +131,12 @@ def _square(see: Extent, centre: Array, distance: float, maximum_pixels: int) ->
     return np.asarray(centre[0] + steps), np.asarray(centre[1] + steps)
 
 
-def polar_grid(
-    frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light, field_of_view: float = FIELD_OF_VIEW
-) -> tuple[Array, Array]:
-    """Sines of the angle off broadside, and ranges [m], at half a resolution cell: ``x = r u, y = r sqrt(1 - u^2)``."""
-    see = extent(frequency, tx, rx, wave_speed)
-    far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
-    half = max(1, int(np.ceil(CELLS_PER_RESOLUTION * field_of_view / see.angle_resolution)))
-    u = field_of_view * np.arange(-half, half + 1) / half
-    step = see.range_resolution / CELLS_PER_RESOLUTION
-    return u, np.arange(see.near, far, step)
-
-
-def sweep_grid(sweep: xr.Dataset, wave_speed: float = speed_of_light) -> tuple[Array, Array]:
-    """The default grid x, y [m] of a sweep: see `default_grid`."""
+def sweep_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
+    """The default grid x, y [m] of a sweep, at the speed of its own waves: see `default_grid`."""
     centre = sweep.attrs.get("scene_center")
     return default_grid(
         sweep["frequency"].values,
         *antenna_positions(sweep),
-        wave_speed,
+        wave_speed(sweep),
         centre=None if centre is None else np.asarray(centre, dtype=float),
     )

@@ -26,13 +26,16 @@ POLYNOMIAL_TERMS = 10
 """Terms of the polynomial in the fractional position."""
 
 BAND_SAMPLES = 201
+"""Frequencies of the band at which kernels are fitted."""
 
 FACTOR_DEGREE = 24
+"""Of the polynomial through the samples of the factor."""
 
 SEMICIRCLE_SHARE = 0.98
 """The semicircle kernel's exponent as a share of the one at which its spectrum just ends before the alias band."""
 
 RIDGE = 1e-15
+"""Added to the diagonal of the normal equations, relative to its sum, so that they can always be solved."""
 
 POWER_FLOOR = 1e-4
 """Share of the mean power given to every frequency of the band, so that none is ignored."""

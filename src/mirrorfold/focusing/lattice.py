@@ -3,7 +3,8 @@
 With antennas near a line through c along the unit vector e, and a pixel at distance r from c and u the cosine of its
 angle to e, the path of a pair with midpoint X (along e) is ``R_i + R_k = 2 (r - X_s u) + E``: X_s is the nearest
 point of the lattice, and E the rest - curvature, half the distance of the pair, and what the array lacks in
-regularity. E varies slowly over the image; that is what the fast path lives on.
+regularity. E varies slowly over the image: its values at
+few pixels tell those at all others (see `nodes`).
 """
 
 from __future__ import annotations
@@ -13,10 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array, Index
 from mirrorfold.focusing.problem import Problem
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LATTICE_SLACK = 0.02
 """Deviation of midpoints from the lattice, as a share of its pitch, under which the lattice counts as exact."""

@@ -18,11 +18,9 @@ import scipy.linalg
 from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.focusing.lattice import Lattice, across
 from mirrorfold.focusing.problem import Problem
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 PAIR_SAMPLES = 500
 """Random pairs that stand for all of them, at least; more where there are many nodes."""
@@ -37,12 +35,13 @@ TEST_POINTS = 250
 """Random pixels, between the Chebyshev points, on which V is tested."""
 
 TABLE_REFINEMENTS = 5
+"""Times that the table of V is made finer before its error is taken as it is."""
 
 LARGEST_TABLE = 40_000
+"""Chebyshev points at which V is tabulated, at most."""
 
 WAVENUMBER_NODES = 8
 """Chebyshev points in wavenumber from which W is interpolated to every frequency."""
-
 
 ON_LINE = 1e-7
 """Distance [m] from the line that counts as none: 1e-3 rad at 1 THz."""
@@ -158,7 +157,10 @@ def antennas_off_line(problem: Problem, lattice: Lattice) -> bool:
 
 
 def spreads(problem: Problem, lattice: Lattice, sector: Sector, height: float, curvature: float) -> tuple[float, float]:
-    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r and along u: what they add to the spectrum's width."""
+    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r [m/m] and along u [m].
+
+    Times the wavenumber they are what E adds to the width of the image's spectrum, and so to the polar grid's sampling.
+    """
     rng = np.random.default_rng(0)
     pairs = rng.integers(0, lattice.tx.size, 200)
     r, u = (
@@ -178,7 +180,7 @@ def spreads(problem: Problem, lattice: Lattice, sector: Sector, height: float, c
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _product(left, right):  # type: ignore[no-untyped-def]
+def product(left, right):  # type: ignore[no-untyped-def]
     """The matrix product of two small complex matrices, on this thread alone."""
     out = np.zeros((left.shape[0], right.shape[1]), np.complex128)
     for i in range(left.shape[0]):
@@ -190,7 +192,7 @@ def _product(left, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _pivoted_basis(rows, tolerance, most):  # type: ignore[no-untyped-def]
+def pivoted_basis(rows, tolerance, most):  # type: ignore[no-untyped-def]
     """Rows picked by pivoted modified Gram-Schmidt, and the orthonormal basis they span.
 
     Stops when the rest is under `tolerance` of the whole in the Frobenius norm; `rows` is overwritten. LAPACK's pivoted
@@ -276,17 +278,17 @@ def find_nodes(problem: Problem, lattice: Lattice, sector: Sector, height: float
     draws = int(CANDIDATES + 15.0 * turns)
     inverse, u = _arcsine(rng, low, high, draws), _arcsine(rng, sector.u_low, sector.u_high, draws)
     rest = path(inverse, u)
-    picked, basis = _pivoted_basis(np.exp(1j * k * rest.T), tolerance, MAXIMUM_NODES + 1)
+    picked, basis = pivoted_basis(np.exp(1j * k * rest.T), tolerance, MAXIMUM_NODES + 1)
     if picked.size > MAXIMUM_NODES:
         raise UnsuitedError(f"more than {MAXIMUM_NODES} nodes")
     rest = np.ascontiguousarray(rest[:, picked])
     test_base = np.exp(1j * k * path(inverse[picked], u[picked], test_pairs))
     base = np.exp(1j * k * rest)
     onto = np.ascontiguousarray(basis.conj())
-    solver = scipy.linalg.solve_triangular(_product(onto, base), np.eye(picked.size, dtype=np.complex128))
+    solver = scipy.linalg.solve_triangular(product(onto, base), np.eye(picked.size, dtype=np.complex128))
 
     def coordinates(columns: Complex) -> Complex:
-        return np.asarray(_product(solver, _product(onto, columns)))
+        return np.asarray(product(solver, product(onto, columns)))
 
     wavenumber = chebyshev(k_low, k_high, WAVENUMBER_NODES)
     moved = np.stack([coordinates(np.exp(1j * each * rest)) for each in wavenumber])
@@ -307,7 +309,7 @@ def find_nodes(problem: Problem, lattice: Lattice, sector: Sector, height: float
         at_tests = np.einsum("ta,tb,abq->qt", to_r, to_u, value, optimize=True)
         previous, error = error, 0.0
         for m in (0, problem.k.size // 2, problem.k.size - 1):
-            made = _product(test_base, _product(np.ascontiguousarray(transfer[m]), at_tests))
+            made = product(test_base, product(np.ascontiguousarray(transfer[m]), at_tests))
             wanted_factors = np.exp(1j * float(problem.k[m]) * test_rest)
             error = max(error, float(np.sqrt(np.mean(np.abs(made - wanted_factors) ** 2))))
         if error <= 1.5 * tolerance or error > 0.8 * previous:

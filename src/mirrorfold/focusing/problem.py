@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 COINCIDENT_TOLERANCE = 1e-9
 """Two antennas closer than this [m] are one: a phase of 1e-5 rad at 1 THz."""

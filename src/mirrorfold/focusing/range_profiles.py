@@ -12,15 +12,22 @@ from scipy.constants import speed_of_light
 from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.beams import beam_radius
-from mirrorfold.common.threads import Progress, for_each
+from mirrorfold.common.normalization import VOLUME_NORMALIZATIONS
+from mirrorfold.common.settings import takes
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Progress
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import ambiguous_range, check_sweep, frequency_step, range_resolution
-
-Array = NDArray[np.float64]
-
-NORMALISATIONS = ("none", "r2", "beam")
-"""How a volume may undo the spreading: not, by range squared, or by the area of the focused beam."""
+from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import (
+    ambiguous_range,
+    check_sweep,
+    frequency_step,
+    radar_position,
+    range_resolution,
+    wave_speed,
+    wavenumber,
+)
 
 LEAKAGE_BEAMS = 400
 """The leakage is taken from about as many beams, evenly chosen: what noise is left in it is 6 % of a beam's own."""
@@ -29,17 +36,21 @@ PADDING = 2
 """Samples per range cell c/(2B): the amplitude, unlike the complex profile, has twice its bandwidth."""
 
 
+@takes(FocusSettings, without=("x", "y", "z", "tolerance", "apodization"))
 def focus_raster(
     sweep: xr.Dataset,
     *,
     limits: tuple[float, float] | None = None,
     padding: int = PADDING,
-    taper: str | ArrayLike = "hann",
-    normalization: str = "none",
     remove_leakage: bool = True,
     progress: Progress | None = None,
+    **given: Any,
 ) -> xr.DataArray:
-    """Range profiles of all beams: ``I(r) = sum_m a[m] S[m] exp(+2 j k_m r)``.
+    """Range profiles of all beams: ``I(r) = sum_m a[m] S[m] exp(+2 j k_m r)`` with the taper a over frequency.
+
+    The sum is an inverse Fourier transform, ``k_m = k_0 + m dk`` and ``r_n = n pi / (N dk)``::
+
+        I(r_n) = exp(2 j k_0 r_n) sum_m a[m] S[m] exp(2 pi j m n / N).
 
     The profiles are cut to `limits` as soon as each azimuth is transformed, so that the padded whole never exists.
 
@@ -51,35 +62,40 @@ def focus_raster(
         Of the range; by default up to the ambiguous range.
     padding : int
         Range samples per cell c/(2B).
-    taper : str or (frequencies,) array
-        ``"hann"``, ``"triangular"``, ``"uniform"``, ``"taylor"``, or weights.
-    normalization : {"none", "r2", "beam"}
-        "beam" multiplies by ``w(r)^2 / w0^2``, which needs the attrs `spot_radius` and `focus_distance` of the sweep.
     remove_leakage : bool
         Subtract the median over all beams: what leaks inside the instrument is the same in all of them.
     progress : callable (done, total), optional
+    **given
 
     Returns
     -------
     (range, azimuth, elevation) DataArray
-        Complex64; range varies fastest in memory.
+        Complex64; range varies fastest in memory. Among its attrs are the band and the `wave_speed` [m/s].
 
     Raises
     ------
     InputError
-        If the sweep or an argument cannot be used.
+        If the sweep or an argument cannot be used; for the normalization "beam" without the attrs `spot_radius` and
+        `focus_distance` [m] of the sweep.
     """
+    settings = FocusSettings().with_given(**given)
     sweep = check_sweep(sweep)
+    if settings.wave_speed is not None:
+        sweep = sweep.assign_attrs(wave_speed=float(settings.wave_speed))
     if sweep["s"].ndim != 3:
         raise InputError(f"sweep: s has dimensions {sweep['s'].dims}; image one polarization or frame at a time")
     if sweep.sizes["frequency"] < 2:
         raise InputError("sweep: has a single frequency, so ranges cannot be told apart; sweep a band")
     if padding < 1 or int(padding) != padding:
         raise InputError(f"padding is {padding!r}, expected a whole number of at least 1")
-    if normalization not in NORMALISATIONS:
-        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(NORMALISATIONS)}")
+    normalization = settings.normalization
+    if normalization not in VOLUME_NORMALIZATIONS:
+        raise InputError(
+            f"normalization is {normalization!r}, which a raster scan does not have; "
+            f"expected one of {', '.join(VOLUME_NORMALIZATIONS)}"
+        )
     frequency = sweep["frequency"].values.astype(float)
-    weights = window(taper, frequency.size, "taper")
+    weights = window(settings.taper, frequency.size, "taper")
     size = int(next_fast_len(int(padding) * frequency.size))
     step = ambiguous_range(sweep) / size
     nearest, farthest = limits if limits is not None else (0.0, ambiguous_range(sweep))
@@ -94,7 +110,7 @@ def focus_raster(
             f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
         )
     range_: Array = step * np.arange(first, last, dtype=float)
-    turn = np.exp(1j * (4.0 * np.pi * frequency[0] / speed_of_light * range_))
+    turn = np.exp(2j * (wavenumber(sweep)[0] * range_))
     turn *= size * _spreading(sweep, range_, normalization)
     turn = turn.astype(np.complex64)
     s = np.moveaxis(sweep["s"].values, 0, -1)
@@ -118,14 +134,15 @@ def focus_raster(
         for_each(lambda i: np.subtract(volume[i], leakage, out=volume[i]), range(s.shape[0]))
     attrs: dict[str, Any] = {
         "mirrorfold_kind": "image",
-        "radar_position": np.asarray(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float),
+        "radar_position": radar_position(sweep),
         "ambiguous_range": ambiguous_range(sweep),
         "range_resolution": range_resolution(sweep),
         "frequency_start": float(frequency[0]),
         "frequency_stop": float(frequency[-1]),
         "frequency_step": frequency_step(sweep),
         "frequency_points": int(frequency.size),
-        "taper": taper if isinstance(taper, str) else np.abs(weights),
+        "wave_speed": wave_speed(sweep),
+        "taper": settings.taper if isinstance(settings.taper, str) else np.abs(weights),
         "normalization": normalization,
         **{name: sweep.attrs[name] for name in ("title", "instrument", "spot_radius", "focus_distance")
            if name in sweep.attrs},
@@ -162,6 +179,8 @@ def _spreading(sweep: xr.Dataset, range_: Array, normalization: str) -> Array:
 def beam_area(attrs: dict[Any, Any], range_: Array, frequency: float, source: str) -> Array:
     """``w(r)^2 / w0^2`` of the focused beam that the attrs `spot_radius` and `focus_distance` [m] describe.
 
+    Its wavelength is that of the attr `wave_speed` [m/s], by default of light, at a frequency [Hz].
+
     Raises
     ------
     InputError
@@ -173,9 +192,8 @@ def beam_area(attrs: dict[Any, Any], range_: Array, frequency: float, source: st
             "add them, or choose 'r2' or 'none'"
         )
     spot = float(attrs["spot_radius"])
-    width = beam_radius(
-        range_, spot_radius=spot, focus_distance=float(attrs["focus_distance"]), wavelength=speed_of_light / frequency
-    )
+    wavelength = float(attrs.get("wave_speed", speed_of_light)) / frequency
+    width = beam_radius(range_, spot_radius=spot, focus_distance=float(attrs["focus_distance"]), wavelength=wavelength)
     return np.asarray((width / spot) ** 2)
 
 
@@ -207,7 +225,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
 
     def column(i: int) -> None:
-        _strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
+        strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
 
     for_each(column, range(azimuth.size))
     side = np.radians(azimuth[[0, -1]])
@@ -218,14 +236,13 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     x, y = x * pixel, y * pixel
     values = np.zeros((y.size, x.size), dtype=np.float32)
     angle = np.interp(np.degrees(np.arctan2(x[None, :], y[:, None])), azimuth, np.arange(azimuth.size), -1.0, -1.0)
-    _polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
+    polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
     origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
     coords: dict[str, Any] = {
         "y": ("y", y + origin[1], {"units": "m", "long_name": "range"}),
         "x": ("x", x + origin[0], {"units": "m", "long_name": "cross-range"}),
     }
-    kept = ("radar_position", "title", "instrument", "normalization", "ambiguous_range")
-    attrs = {"mirrorfold_kind": "image", **{name: volume.attrs[name] for name in kept if name in volume.attrs}}
+    attrs = {**volume.attrs, "mirrorfold_kind": "image"}
     return xr.DataArray(values, dims=("y", "x"), coords=coords, attrs=attrs, name="image")
 
 
@@ -263,7 +280,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
     grid = angle_table(azimuth), angle_table(elevation)
 
     def row(i: int) -> None:
-        _grid_row(amplitude, axes[0], float(axes[1][i]), axes[2], *grid, float(range_[0]),
+        grid_row(amplitude, axes[0], float(axes[1][i]), axes[2], *grid, float(range_[0]),
                   float(range_[1] - range_[0]), values[i])  # fmt: skip
 
     for_each(row, range(axes[1].size))
@@ -276,7 +293,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
 
 
 def angle_table(angle: Array) -> Array:
-    """Index of an axis of angles [degree] as a polynomial-free lookup: (start, step) [rad], for equal steps.
+    """First angle and step [rad] of an axis of angles [degree]: they turn an angle into its index by one division.
 
     Raises
     ------
@@ -290,7 +307,7 @@ def angle_table(angle: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
+def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
     """``out[k] = max_e profile[e](r_k / cosine[e])``: along one azimuth, what stands above each ground range."""
     for e in range(cosine.size):
         for k in range(out.size):
@@ -303,7 +320,7 @@ def _strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
+def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle` is the azimuth's index, -1 outside."""
     for i in range(y.size):
         for j in range(x.size):
@@ -336,7 +353,7 @@ def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
+def grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
     """Voxels of one y: (x, z). The azimuth of a vertical column is that of its foot."""
     for j in range(x.size):
         ground = x[j] * x[j] + y * y
@@ -352,7 +369,8 @@ def _grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _magnitude(values, out):  # type: ignore[no-untyped-def]
+def magnitude(values, out):  # type: ignore[no-untyped-def]
+    """out[i] = |values[i]|."""
     for i in range(values.size):
         out[i] = np.sqrt(values[i].real * values[i].real + values[i].imag * values[i].imag)
 
@@ -362,5 +380,5 @@ def _amplitude(values: NDArray[Any]) -> NDArray[np.float32]:
     if values.dtype != np.complex64:
         return np.abs(values).astype(np.float32)
     out = np.empty(values.shape, dtype=np.float32)
-    for_each(lambda i: _magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
+    for_each(lambda i: magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
     return out

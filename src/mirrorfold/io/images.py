@@ -10,13 +10,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping import UNITS
 from mirrorfold.io.netcdf import check_image
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
-
-Array = NDArray[np.float64]
 
 AXIS_NAMES = {
     "x": ("x", "xs", "x_axis", "xaxis", "xgrid", "xvec", "x_m", "cross_range", "crossrange", "azimuth_m"),

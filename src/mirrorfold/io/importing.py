@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
 from mirrorfold.io.mapping import Mapping, load_mapping
@@ -16,8 +17,6 @@ from mirrorfold.sweep import check_sweep
 
 POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
 """Where the positions are looked for in the folder of a scan."""
-
-Progress = Callable[[int, int], None]
 
 
 def import_data(

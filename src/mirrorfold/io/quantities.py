@@ -6,14 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping import KINDS, UNITS, Places, Values
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import directory_written_whole
 from mirrorfold.sweep import (
@@ -20,8 +20,6 @@ from mirrorfold.sweep import (
     is_monostatic,
     is_raster,
 )
-
-Progress = Callable[[int, int], None]
 
 POSITIONS, DESCRIPTION = "positions.csv", "scan.toml"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import fill_matrix, grid_beams
 from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
@@ -22,8 +23,6 @@ from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory
 from mirrorfold.io.spectral import STEP_TOLERANCE
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep
-
-Progress = Callable[[int, int], None]
 
 PLACE_DIGITS = 9
 """Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""

@@ -16,9 +16,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, decibels
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     from mirrorfold.scenes.floor_plan import Scene
 
-Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
 
 COLOUR_MAP = "gray_r"

@@ -14,13 +14,14 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 PROFILE_FLOOR_DB = -80.0
 """Lowest level of a range profile that is shown, below its peak."""
@@ -58,7 +59,7 @@ def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     if frequency.size < 2:
         raise InputError("sweep: has a single frequency, so there are no ranges to draw; sweep a band")
     channels = _channels(sweep)
-    window = np.hanning(frequency.size + 2)[1:-1].astype(np.float32)
+    window = hann(frequency.size).astype(np.float32)
     count = channels.shape[1]
     # A band is told as well by a part of many channels.
     chosen = np.unique(np.linspace(0, count - 1, min(count, max(1, LARGEST_BLOCK // frequency.size))).astype(int))

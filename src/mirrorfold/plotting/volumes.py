@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
 
 FLOOR_DB = -20.0
 """Of the pictures of bodies: speckle fades by 10 dB, and foil outshines cloth by as much."""

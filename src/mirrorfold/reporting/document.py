@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from mirrorfold import __version__
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
+from mirrorfold.common.types import Array
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
 
 LOWEST_DB = -60.0
 """Level that the weakest pixels are shown with; the images' own side lobes end there."""

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError, field_validator
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.svg import Stroke, card, picture
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT, LinearArray
@@ -26,7 +26,6 @@ from mirrorfold.scenes.arrays import STRICT, LinearArray
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

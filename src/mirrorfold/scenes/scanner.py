@@ -11,9 +11,9 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.types import Array
 from mirrorfold.scenes.arrays import STRICT
 
-Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Point3 = tuple[Finite, Finite, Finite]

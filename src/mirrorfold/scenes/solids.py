@@ -17,12 +17,12 @@ from pydantic.dataclasses import dataclass
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.svg import Stroke, card, picture
+from mirrorfold.common.types import Array
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT
 from mirrorfold.scenes.floor_plan import Band, NonNegative, Roughness
 from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
 
-Array = NDArray[np.float64]
 Point2 = tuple[Finite, Finite]
 Share = Annotated[float, Field(ge=0, le=1)]
 TALLEST_BODY = 2.5

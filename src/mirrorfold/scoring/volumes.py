@@ -6,10 +6,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
-from mirrorfold.scoring.truth import BOUNCES, SMALLEST_COSINE, Array, Index, Mask, Truth, farthest_range
+from mirrorfold.scoring.truth import BOUNCES, SMALLEST_COSINE, Truth, farthest_range
 from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.speckle import image_frame, sample

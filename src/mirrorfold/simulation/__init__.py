@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +14,13 @@ from mirrorfold.simulation.horns import point_sources
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
+    from mirrorfold.common.types import Progress
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.raster.sweep import ScanEstimate
 
 SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
-
-Progress = Callable[[int, int], None]
-"""Called with the number of frequencies done and their total."""
 
 
 def simulate(

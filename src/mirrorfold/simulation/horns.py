@@ -21,7 +21,6 @@ from mirrorfold.scenes.floor_plan import Scene
 HALF_WAVE_TOLERANCE = 0.01
 """Share of half a wavelength by which sources may stand further apart: a beam's replica stays at the horizon."""
 
-Array = NDArray[np.float64]
 Complex64 = NDArray[np.complex64]
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def in_plane(position: Array) -> Array:

@@ -19,10 +19,10 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import lapack, qr
 
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
 from mirrorfold.simulation.fullwave.kernel import hankel
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
 

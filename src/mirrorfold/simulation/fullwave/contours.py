@@ -11,14 +11,13 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Arc, Circle, Curve, Polyline, Roughness, Scene, Surface
 from mirrorfold.simulation.fullwave.roughness import CELLS, rough_heights
 
-Array = NDArray[np.float64]
 End = Literal["open", "vertex", "closed"]
 Shape = Callable[[Array], tuple[Array, Array]]
 SmoothShape = Callable[[Array], tuple[Array, Array, Array]]

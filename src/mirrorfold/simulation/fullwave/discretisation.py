@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import zeta
 
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.contours import Arm, End
 from mirrorfold.simulation.fullwave.kernel import _fill
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
 

@@ -19,7 +19,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 from scipy.special import j0, y0
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
+
 Complex = NDArray[np.complex64]
 
 NEAR = 2.0

@@ -11,6 +11,7 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.memory import available_memory
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, Surface
 from mirrorfold.simulation.fullwave.compression import compress
@@ -18,8 +19,6 @@ from mirrorfold.simulation.fullwave.contours import contours, outline_length
 from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise
 from mirrorfold.simulation.fullwave.solver import System
 from mirrorfold.simulation.plane import in_plane
-
-Array = NDArray[np.float64]
 
 TOLERANCES = (3e-5, 0.1)
 """Smallest and largest tolerance: single precision allows no smaller one."""

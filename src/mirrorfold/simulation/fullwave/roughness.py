@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Roughness
-
-Array = NDArray[np.float64]
 
 CELLS = 8
 """Least knots per correlation length: the spectrum ``exp(-(q L / 2)^2)`` at their band limit is below 1e-60, and a

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.compression import Group, interpolation
 from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
 from mirrorfold.simulation.fullwave.kernel import hankel
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.memory import available_memory
+from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Band, Scene
 from mirrorfold.simulation.fullwave.checkpoint import Checkpoint, fingerprint
@@ -208,7 +209,7 @@ def longest_strong_echo(scene: Scene) -> float:
     middle = 0.5 * (scene.band.start + scene.band.stop)
     band = Band(start=middle - 0.5 * steps * step, stop=middle + 0.5 * steps * step, points=steps + 1)
     s = scattered_field(replace(scene, surface=straight, array=array, band=band), bounces=3, seed=0)
-    profile = np.abs(np.fft.ifft(s * np.hanning(steps + 1)[:, None, None], axis=0)).max(axis=(1, 2))
+    profile = np.abs(np.fft.ifft(s * hann(steps + 1)[:, None, None], axis=0)).max(axis=(1, 2))
     if not profile.any():
         return 0.0
     strong = np.flatnonzero(profile > 10.0 ** (STRONG_DB / 20.0) * profile.max())

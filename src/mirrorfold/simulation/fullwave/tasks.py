@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System, scattered
 from mirrorfold.simulation.fullwave.threads import one_thread
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
 
 

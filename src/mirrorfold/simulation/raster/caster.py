@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array, Index
 from mirrorfold.errors import InputError
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 BATCH = 1 << 17
 """Rays that are cast at once: their single-precision copies then stay in the cache."""

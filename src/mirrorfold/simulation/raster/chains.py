@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import reflect, unit
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.caster import Caster
 from mirrorfold.simulation.raster.meshes import Quad, Solid
 from mirrorfold.simulation.raster.speckle import specular_amplitude
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 WEAKEST_CHAIN = 1e-4
 """Chains that take more than 80 dB from an echo, there and back, are left out."""

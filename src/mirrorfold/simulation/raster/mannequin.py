@@ -12,7 +12,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 CELL = 0.010
 """Marching cubes step [m]: facets then lie within 0.3 mm of limbs of 4 cm radius."""

@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry, unit
+from mirrorfold.common.types import Array, Index
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Box, Cylinder, Mannequin, Mesh, Panel, Patch, Scene3D, Sphere, Surface3D
 from mirrorfold.simulation.raster.caster import NOT_INSTALLED, Caster
 from mirrorfold.simulation.raster.mannequin import mannequin_mesh
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LARGEST_MESH = 100.0
 """A mesh that extends over more than this [m] was probably made in other units."""

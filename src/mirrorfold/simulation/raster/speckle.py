@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.types import Array, Index
 from mirrorfold.scenes.materials import coherent_factor
 from mirrorfold.scenes.solids import Finish, Scene3D
 from mirrorfold.simulation.raster.meshes import Quad, Solid, vertex_normals
 from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 WALL_SPACING, BODY_SPACING = 0.006, 0.004
 """Mean distance of scatterers [m] on flat and on curved surfaces: a range cell of 5 mm and a beam of 2 cm radius then

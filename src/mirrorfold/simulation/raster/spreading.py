@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, next_fast_len
 
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
+
 Complex64 = NDArray[np.complex64]
 
 TAPS = 6

@@ -11,7 +11,6 @@ both only next to a mirror. Beam width and losses are those of the middle of the
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
@@ -23,6 +22,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.records import Record, fact
+from mirrorfold.common.types import Array, Mask, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
@@ -30,10 +30,6 @@ from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze, image_frame
 from mirrorfold.simulation.raster.spreading import DelayGrid, spread
 from mirrorfold.sweep import add_noise, make_raster_sweep
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Progress = Callable[[int, int], None]
 
 BEAM_EDGE = 2.2
 """Echoes further from a beam's axis than this many beam radii are left out: 84 dB below its middle."""

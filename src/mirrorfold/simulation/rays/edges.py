@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from scipy.special import wofz
 
 from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, trace
-
-Array = NDArray[np.float64]
 
 INSET = 1e-3
 """Distance [m] from its end at which a mirror has to be lit: about the wavelength."""

@@ -16,10 +16,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
-
-Array = NDArray[np.float64]
 
 NODES = 64
 """Points on an arc between which the slope of the path length is searched for changes of sign."""

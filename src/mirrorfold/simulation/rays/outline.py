@@ -11,10 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Scene, Segment
-
-Array = NDArray[np.float64]
 
 TOUCH = 1e-6
 """Distance [m] within which the end of a ray lies on an outline instead of being shadowed by it: a thousandth of a

@@ -15,9 +15,8 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_distance
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
-
-Array = NDArray[np.float64]
 
 EDGE = 1e-9
 """Distance [m] from the end of a window within which a path grazes it; above the rounding of coordinates."""

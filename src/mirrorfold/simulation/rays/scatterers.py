@@ -23,13 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, Surface
 from mirrorfold.scenes.materials import coherent_factor, material
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
-
-Array = NDArray[np.float64]
 
 VOLUME_SHARE = 0.1
 """Share of the power entering a wall that its inside scatters back: a porous board such as drywall then returns

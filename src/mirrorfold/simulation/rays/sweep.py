@@ -22,6 +22,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.floor_plan import Band, Scene
 from mirrorfold.simulation.plane import in_plane
 from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
@@ -29,9 +30,6 @@ from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.rays.outline import Outline, outline
 from mirrorfold.simulation.rays.paths import Chain, Points, chains, trace
 from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers, specular_coefficient
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LONGEST_BLOCK = 16
 """Frequencies whose fields are computed in one go."""

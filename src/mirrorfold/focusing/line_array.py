@@ -1,17 +1,17 @@
-"""The structured path on a whole image: sectors in range, each with its own nodes; what is nearer, exactly."""
+"""The fast path of line arrays on a whole image: sectors of range, and nearer pixels by the exact kernel."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import Progress
+from mirrorfold.common.types import Progress
+from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.lattice import Lattice, across, build_lattice, line_of, natural_pitch
+from mirrorfold.focusing.line_sector import LineArraySector
 from mirrorfold.focusing.nodes import Sector, UnsuitedError
-from mirrorfold.focusing.polar_plan import PolarSector
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.tfm import ROUNDING, focus_exact
-from mirrorfold.focusing.window import windowed
+from mirrorfold.focusing.range_gate import gated
 
 SECTOR_EDGES = (1.5, 3.0, 6.0)
 """Ranges, in lengths of the array, at which a new sector begins; nearer than the first the exact kernel is used."""
@@ -29,8 +29,8 @@ LARGEST_DEVIATION = 0.5
 """Distance of antennas from their line, in wavelengths, up to which the fast path is tried."""
 
 
-class PolarPlan:
-    """The structured path on all sectors of a line array's image.
+class LineArrayPlan:
+    """The fast path of a line array on a whole image, through one polar grid for each sector of range.
 
     Raises
     ------
@@ -41,7 +41,7 @@ class PolarPlan:
     algorithm = "polar"
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
-        if not line_array(problem):
+        if not on_a_line(problem):
             raise UnsuitedError("the antennas do not stand on a line")
         self.problem = problem
         _, axis, _ = line_of(problem)
@@ -56,13 +56,13 @@ class PolarPlan:
         sizes = np.bincount(label.ravel(), minlength=len(edges))[1:]
         small = 1 + np.flatnonzero((sizes * lattice.tx.size < FEWEST_PAIR_PIXELS) & (sizes < sizes.max()))
         label[np.isin(label, small)] = 0
-        self.sectors: list[PolarSector] = []
+        self.sectors: list[LineArraySector] = []
         for n in range(1, len(edges) - 1):
             runs = _runs(label, n)
             if not len(runs):
                 continue
             try:
-                self.sectors.append(PolarSector(problem, lattice, Sector(*span[n]), height, runs, tolerance))
+                self.sectors.append(LineArraySector(problem, lattice, Sector(*span[n]), height, runs, tolerance))
             except UnsuitedError:
                 label[label == n] = 0
         if not self.sectors:
@@ -88,8 +88,8 @@ class PolarPlan:
         if self.near_box is not None and self.near is not None:
             z, y, x = self.near_box
             box, wanted = problem.on(problem.x[x], problem.y[y], problem.z[z]), self.near[self.near_box]
-            box, near = windowed(box, s, FILTER_SHARE * self.tolerance)
-            image[self.near_box] += focus_exact(box, near, max(self.tolerance, ROUNDING), where=wanted)
+            box, near = gated(box, s, FILTER_SHARE * self.tolerance)
+            image[self.near_box] += focus_exact(box, near, self.tolerance, where=wanted)
         if progress is not None:
             progress(parts, parts)
         return image
@@ -141,7 +141,7 @@ def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
     )
 
 
-def line_array(problem: Problem) -> bool:
+def on_a_line(problem: Problem) -> bool:
     """Whether the antennas stand on a line, and the pixels where the fast path can see them."""
     if (problem.monostatic and len(problem.tx) < 3) or max(len(problem.tx), len(problem.rx)) < 3:
         return False

@@ -1,4 +1,14 @@
-"""One sector of the image of a line array: pairs collapse to a lattice, the lattice to a polar grid, that to pixels."""
+"""One sector of the image of a line array: from pairs to a lattice, from the lattice to a polar grid, and to pixels.
+
+With the nodes of the sector (see `nodes`), the image at range r and cosine u is::
+
+    I(r, u) = sum_m a[m] exp(2 j k_m r) sum_q V_q(r, u) sum_q' W_q'q(k_m) sum_s exp(-2 j k_m X_s u) D_q'(s, m),
+    D_q'(s, m) = sum over the pairs at lattice point s of  w v S[m, pair] exp(j k_c E(pair; p_q')).
+
+`LineArraySector.__call__` computes it from right to left: D by a matrix product for each lattice point (`to_cosines`),
+the sum over s by a Fourier transform that is interpolated to the wanted u, the sum over m by another one (`to_ranges`),
+and the pixels by interpolation between the points of the polar grid (`to_pixels`).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +19,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import Buffers, cpu_count, for_each
-from mirrorfold.focusing import kernels
+from mirrorfold.focusing import line_kernels as kernels
 from mirrorfold.focusing.interpolation import taper_kernel, triangular_kernel, weights_at
 from mirrorfold.focusing.lattice import Lattice
 from mirrorfold.focusing.nodes import Sector, chebyshev_matrix, find_nodes, remainder, spreads, warp
@@ -18,6 +28,7 @@ from mirrorfold.focusing.problem import Problem
 FREQUENCIES_A_BLOCK = 26
 LINES_A_BLOCK = 16
 RUNS_A_BLOCK = 48
+"""Frequencies (at most), lines of equal cosine, and runs of pixels that one thread works on at a time."""
 
 SERIAL_PRODUCT = 250_000
 """Multiplications up to which OpenBLAS computes a product on the calling thread; more would fight for the cores."""
@@ -41,8 +52,8 @@ SHARES = {"nodes": 0.5, "stretch": 0.2, "range": 0.4, "cosine": 0.4}
 """How the tolerance is shared out; errors of different sources add as squares."""
 
 
-class PolarSector:
-    """The fast path on one sector, with all its tables; calling it is free of side effects but for its pixels.
+class LineArraySector:
+    """The fast path on one sector, with all its tables. Calling it writes the pixels of the sector and nothing else.
 
     Parameters
     ----------
@@ -118,7 +129,7 @@ class PolarSector:
                 nodes.error**2 + self.stretch_kernel.error**2 + self.cosine_kernel.error**2 + self.range_kernel.error**2
             )
         )
-        # Tables.
+        # The tables, as the steps of a call need them.
         position = scale[:, None] * (self.line_first + np.arange(lines))[None, :]
         first_tap, self.weight = weights_at(self.stretch_kernel, position)
         self.cell = (first_tap % self.cells).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The part of a sweep that a range window holds, at fewer frequencies.
+"""A range gate: the part of a sweep that the ranges of some pixels hold, at fewer frequencies.
 
 Pixels whose paths differ by much less than the ambiguous path length P do not need its fine frequency steps: what else
 is in the sweep may be removed first. A low-pass filter h over frequency, centred on the window's middle path d_c, keeps
@@ -30,8 +30,8 @@ WORTHWHILE = 0.5
 """Share of the frequencies that may remain for the filter to pay."""
 
 
-def windowed(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple[Problem, NDArray[np.complex64]]:
-    """The same task with fewer frequencies, and its data; what was given where that does not pay.
+def gated(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple[Problem, NDArray[np.complex64]]:
+    """The same problem at fewer frequencies, and its data; both as they were given where that does not pay.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from mirrorfold.focusing.interpolation import kernel_weights
-from mirrorfold.focusing.tfm import unit_phasor
+from mirrorfold.focusing.phasor import unit_phasor
 
 RUN = 256
 """Pixels interpolated together: their weights stay in the first-level cache."""

@@ -1,0 +1,132 @@
+"""What is asked of focusing, checked: from a sweep and the settings to the problem that the algorithms solve."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.memory import available_memory
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import window
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.exact import TABLE_BYTES
+from mirrorfold.focusing.grid import default_grid, extent
+from mirrorfold.focusing.problem import Problem, pixel_axis
+from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import (
+    MONOSTATIC_DIMENSIONS,
+    PAIR_DIMENSIONS,
+    antenna_positions,
+    check_sweep,
+    is_raster,
+    wave_speed,
+    wavenumber,
+)
+
+NEAREST_PIXEL = 1e-3
+"""Distance of a pixel from an antenna, in wavelengths, under which it stands on it."""
+
+
+def at_chosen_speed(sweep: xr.Dataset, settings: FocusSettings) -> xr.Dataset:
+    """The sweep with the wave speed of the settings as its own, where they name one."""
+    return sweep if settings.wave_speed is None else sweep.assign_attrs(wave_speed=float(settings.wave_speed))
+
+
+def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
+    """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
+    if not isinstance(sweep, xr.Dataset) or "s" in sweep:
+        sweep = check_sweep(sweep)
+        if is_raster(sweep):
+            raise InputError("sweep: is a raster scan, which is imaged beam by beam and needs no plan; call focus")
+        return sweep
+    if "frequency" in sweep.variables:
+        dims: tuple[str, ...] = PAIR_DIMENSIONS
+        names: tuple[str, ...] = ("frequency", "tx_position", "rx_position")
+        if "antenna_position" in sweep.variables:
+            dims, names = MONOSTATIC_DIMENSIONS, ("frequency", "antenna_position")
+        if set(names) <= set(sweep.variables) and all(sweep[name].ndim for name in names):
+            shape = tuple(len(sweep[name]) for name in names)
+            check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
+            return sweep
+    return check_sweep(sweep)
+
+
+def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> Problem:
+    """The focusing problem of a checked sweep, or of its geometry alone, on checked pixels.
+
+    Raises
+    ------
+    InputError
+        With what is wrong with the request; see `focus`.
+    """
+    sweep = at_chosen_speed(sweep, settings)
+    x, y, z = settings.x, settings.y, settings.z
+    monostatic = "antenna_position" in sweep.variables
+    tx, rx = antenna_positions(sweep)
+    centre = None if sweep.attrs.get("scene_center") is None else np.asarray(sweep.attrs["scene_center"], dtype=float)
+    frequency = np.asarray(sweep["frequency"].values, dtype=np.float64)
+    if len(tx) * (1 if monostatic else len(rx)) < 2 and (x is None or y is None or np.size(x) > 1 or np.size(y) < 2):
+        raise InputError(
+            "the sweep has one element, which sees no direction; measure at two positions at least, or ask for a range "
+            "profile: a single x and many y"
+        )
+    if x is None or y is None:
+        own_x, own_y = default_grid(frequency, tx, rx, wave_speed(sweep), centre=centre)
+        x, y = own_x if x is None else x, own_y if y is None else y
+    apodization = settings.apodization
+    tx_window, rx_window = apodization if isinstance(apodization, tuple) else (apodization, apodization)
+    problem = Problem(
+        k=wavenumber(sweep),
+        tx=tx,
+        rx=rx,
+        taper=window(settings.taper, frequency.size, "taper"),
+        tx_weight=window(tx_window, len(tx), "apodization"),
+        rx_weight=window(None if monostatic else rx_window, len(rx), "apodization"),
+        x=pixel_axis(x, "x"),
+        y=pixel_axis(y, "y"),
+        z=pixel_axis((0.0 if centre is None else centre[2]) if z is None else z, "z"),
+        monostatic=monostatic,
+    )
+    _check_pixels(problem, extent(frequency, tx, rx, wave_speed(sweep)).ambiguous_range, centre)
+    return problem
+
+
+def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None) -> None:
+    """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory.
+
+    Ranges count from the radar; where the scene has a centre, by half of them to either side of it.
+    """
+    axes = (problem.x, problem.y, problem.z)
+    antennas = np.unique(np.concatenate([problem.tx, problem.rx]), axis=0)
+    gaps = [np.abs(antennas[:, n, None] - axis[None, :]) for n, axis in enumerate(axes)]
+    nearest = np.sqrt(sum(gap.min(axis=1) ** 2 for gap in gaps))
+    wavelength = 2.0 * np.pi / float(problem.k[-1])
+    if nearest.min() < NEAREST_PIXEL * wavelength:
+        spot = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
+        raise InputError(f"a pixel stands on the antenna at ({spot}) m; move or shorten the grid")
+    start, place = "the radar", 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
+    if centre is not None:
+        start, place, ambiguous_range = "the centre of the scene", centre, 0.5 * ambiguous_range
+    spans = [np.abs(axis - place[n]) for n, axis in enumerate(axes)]
+    closest = float(np.sqrt(sum(span.min() ** 2 for span in spans)))
+    if closest > ambiguous_range:
+        raise InputError(
+            f"the grid begins {closest:.3g} m from {start}, beyond the ambiguous range of {ambiguous_range:.3g} m; "
+            "move it nearer, or measure with a smaller frequency step"
+        )
+    beyond = [name for name, span in zip("xyz", spans, strict=True) if span.max() > ambiguous_range]
+    if beyond:
+        warnings.warn(
+            f"{' and '.join(beyond)} reach beyond the ambiguous range of {ambiguous_range:.3g} m: what is imaged there "
+            "also stands nearer by that range",
+            stacklevel=5,  # the line of whoever called `focus` or `FocusPlan`
+        )
+    needed = 3 * 8 * problem.pixels + TABLE_BYTES
+    free = available_memory()
+    if needed > free:
+        raise InputError(
+            f"an image of {problem.pixels} pixels needs about {needed / 2**30:.3g} GiB of memory and "
+            f"{free / 2**30:.3g} GiB are free; ask for fewer pixels"
+        )

@@ -1,0 +1,73 @@
+"""What can be chosen about focusing, declared once: `focus`, `FocusPlan` and the verb `focus` follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, VOLUME_NORMALIZATIONS
+from mirrorfold.common.settings import Settings, setting
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    Apodization = str | ArrayLike | tuple[str | ArrayLike | None, str | ArrayLike | None]
+
+FINEST_TOLERANCE = 2e-6
+"""Relative error of the single-precision sums, phases and tables, measured against the float64 sum."""
+
+
+@dataclass(frozen=True, eq=False)
+class FocusSettings(Settings):
+    """Where the pixels are, how exact they must be, and how samples, elements and ranges are weighted."""
+
+    x: ArrayLike | None = setting(
+        None,
+        "Cross-range of the pixels. Default: everything the array can see (`default_grid`). A single element sees "
+        "ranges only: give one x, and y. A raster scan is gridded on x, y and z, or stays (range, azimuth, elevation).",
+        unit="m",
+        kind="1D array",
+        option=False,
+    )
+    y: ArrayLike | None = setting(None, "Range of the pixels, likewise.", unit="m", kind="1D array", option=False)
+    z: ArrayLike | None = setting(
+        None,
+        "Height of the pixels: with a 1D array the image is a volume, with a number (default 0) a plane.",
+        unit="m",
+        kind="1D array or number",
+        option=False,
+    )
+    tolerance: float = setting(
+        1e-4,
+        "Largest relative L2 error of the image. The volume of a raster scan is exact to rounding.",
+        kind="float",
+        lowest=FINEST_TOLERANCE,
+        below=1.0,
+    )
+    taper: str | ArrayLike = setting(
+        "hann",
+        'Window over frequency: "hann", "triangular" (Cui and Trichopoulos 2024), "uniform" or "taylor"; in Python '
+        "also one weight for each frequency.",
+        kind="str or (frequencies,) array",
+    )
+    apodization: Apodization | None = setting(
+        None,
+        "Weights over the elements, complex if need be: one for all, or a pair for transmitters and receivers. "
+        "Default: uniform.",
+        kind="str, (elements,) array, or a pair of them",
+        option=False,
+    )
+    wave_speed: float | None = setting(
+        None,
+        "Speed of the waves. Default: the attr `wave_speed` of the sweep; without it, of light in vacuum.",
+        unit="m/s",
+        kind="float",
+        above=0.0,
+    )
+    normalization: str = setting(
+        "none",
+        'What undoes the spreading of the waves: "r" and "r2" multiply by the range from the radar or its square, '
+        '"beam" by the area of the focused beam. An array has "none", "r" and "r2", a raster scan "none", "r2" and '
+        '"beam".',
+        choices=tuple(dict.fromkeys((*IMAGE_NORMALIZATIONS, *VOLUME_NORMALIZATIONS))),
+    )

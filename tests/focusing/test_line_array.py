@@ -1,0 +1,156 @@
+"""The fast path of line arrays against the float64 direct sum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from focusing_problems import BAND, line, noise, problem, relative_error
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.windows import WINDOWS
+from mirrorfold.focusing import choice, line_array
+from mirrorfold.focusing.choice import PlanCache, choose
+from mirrorfold.focusing.direct_sum import direct_sum
+from mirrorfold.focusing.interpolation import triangular_kernel
+from mirrorfold.focusing.line_array import LineArrayPlan, on_a_line
+from mirrorfold.focusing.range_gate import gated
+
+
+@pytest.fixture(autouse=True)
+def every_sector_counts(monkeypatch):
+    """Small test images would leave their sectors, or all of themselves, to the exact kernel."""
+    monkeypatch.setattr(line_array, "FEWEST_PAIR_PIXELS", 0)
+    monkeypatch.setattr(choice, "FEWEST_PAIR_PIXELS", 0)
+
+
+LINES = {
+    "coincident": (line(41, 0.5e-3), line(41, 0.5e-3)),
+    "displaced along the line": (line(31, 0.5e-3, x=-0.02), line(31, 0.5e-3, x=0.02)),
+    "unequal count": (line(31, 0.5e-3), line(20, 0.5e-3)),
+    "unequal pitch, commensurate": (line(21, 1.0e-3), line(31, 0.5e-3)),
+    "unequal pitch": (line(31, 0.5e-3), line(25, 0.63e-3)),
+    "displaced and unequal": (line(31, 0.5e-3, x=-0.02), line(25, 0.63e-3, x=0.02)),
+    "along another axis": (line(41, 0.5e-3)[:, [1, 0, 2]], line(41, 0.5e-3)[:, [1, 0, 2]]),
+    "tilted": (line(41, 0.5e-3) @ np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]),) * 2,
+    "far from the origin": (line(41, 0.5e-3, x=5.0, y=-0.3, z=1.0), line(41, 0.5e-3, x=5.0, y=-0.3, z=1.0)),
+}
+
+
+CASES = [(name, tolerance) for name in LINES for tolerance in (1e-3, 1e-5)]
+CASES.remove(("displaced and unequal", 1e-5))
+"""Hardly any midpoint is that of two pairs there: with so many nodes the exact kernel takes over."""
+
+
+@pytest.mark.parametrize(("name", "tolerance"), CASES)
+def test_fast_path_holds_its_tolerance_on(name, tolerance):
+    tx, rx = LINES[name]
+    c = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
+    p = problem(tx, rx, BAND, c[0] + np.linspace(-1.2, 1.2, 90), c[1] + np.linspace(0.1, 1.4, 70))
+    s = noise(p.data_shape)
+    proven = choose(p, tolerance, s, PlanCache())
+    assert proven.plan.algorithm == "polar"
+    assert proven.error <= tolerance
+    assert relative_error(proven.image, p, s, pixels=150) <= tolerance
+
+
+def test_fast_path_for_one_moving_antenna():
+    place = line(81, 0.25e-3)
+    p = problem(place, place, BAND, np.linspace(-1.2, 1.2, 90), np.linspace(0.2, 1.4, 70), monostatic=True)
+    s = noise(p.data_shape)
+    assert relative_error(LineArrayPlan(p, 1e-4)(s), p, s) <= 1e-4
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.integers(150, 500), st.floats(0.1, 1.2), st.booleans())
+def test_a_range_window_needs_fewer_frequencies(seed, count, nearest, monostatic):
+    """What lies outside of it, a hundred times as strong, does not matter."""
+    rng = np.random.default_rng(seed)
+    frequency = np.linspace(290e9, 300e9, count)
+    tx, rx = line(7, 2e-3), line(7, 2e-3, x=0.01 * rng.random() * (not monostatic))
+    x, y = np.linspace(-0.1, 0.1, 9), nearest + np.linspace(0.0, 0.25, 9)
+    whole = problem(tx, tx if monostatic else rx, frequency, x, y, monostatic=monostatic)
+    tolerance = 10.0 ** rng.uniform(-5.0, -3.0)
+    inside = np.array([rng.uniform(-0.1, 0.1, 5), rng.uniform(y[0], y[-1], 5), np.zeros(5)]).T
+    period = 0.5 * speed_of_light * (count - 1) / 10e9
+    outside = np.array([[0.1, min(nearest + 1.2, 0.8 * period), 0.0]])
+    s = np.zeros(whole.data_shape, dtype=complex)
+    for place, strength in (*((p, 1.0) for p in inside), *((p, 100.0) for p in outside)):
+        way_tx, way_rx = (np.linalg.norm(e - place, axis=1) for e in (whole.tx, whole.rx))
+        path = 2.0 * way_tx if monostatic else way_tx[:, None] + way_rx
+        s += strength * np.exp(-1j * np.multiply.outer(whole.k, path))
+    s = s.astype(np.complex64)
+    fewer, data = gated(whole, s, tolerance)
+    assert fewer.k.size <= 0.5 * count
+    assert data.shape == fewer.data_shape
+    points = whole.points(np.arange(whole.pixels))
+    wanted, found = direct_sum(whole, s, points), direct_sum(fewer, data, points)
+    assert np.linalg.norm(found - wanted) < max(tolerance, 1e-5) * np.linalg.norm(wanted)
+
+
+def test_a_range_window_that_does_not_pay_leaves_everything_as_it_is():
+    whole = problem(line(5, 2e-3), line(5, 2e-3), BAND, np.linspace(-1, 1, 5), np.linspace(0.3, 5.0, 5))
+    s = noise(whole.data_shape)
+    assert gated(whole, s, 1e-4) == (whole, s)
+
+
+def test_fast_path_with_position_jitter():
+    rng = np.random.default_rng(3)
+    tx = line(41, 0.5e-3) + np.array([20e-6, 20e-6, 0.0]) * rng.standard_normal((41, 3))
+    p = problem(tx, tx, BAND, np.linspace(-0.6, 0.6, 80), np.linspace(0.4, 1.4, 60))
+    s = noise(p.data_shape)
+    assert on_a_line(p)
+    assert relative_error(LineArrayPlan(p, 1e-4)(s), p, s) <= 1e-4
+
+
+def test_wide_angle_close_in():
+    tx = line(161, 0.5e-3)
+    r, u = np.meshgrid(np.linspace(0.5, 3.0, 40), np.linspace(-0.9, 0.9, 41))
+    p = problem(tx, tx, BAND, np.linspace(-2.7, 2.7, 200), np.linspace(0.22, 3.0, 120))
+    s = noise(p.data_shape)
+    image = LineArrayPlan(p, 1e-4)(s)
+    inside = (r * u, r * np.sqrt(1 - u**2))
+    ix = np.abs(p.x[None] - inside[0].reshape(-1, 1)).argmin(axis=1)
+    iy = np.abs(p.y[None] - inside[1].reshape(-1, 1)).argmin(axis=1)
+    flat = np.ravel_multi_index((np.zeros_like(iy), iy, ix), p.shape)[::20]
+    reference = direct_sum(p, s, p.points(flat))
+    assert np.linalg.norm(image.ravel()[flat] - reference) <= 1e-4 * np.linalg.norm(reference)
+
+
+@settings(
+    max_examples=12,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+@given(seed=st.integers(0, 10_000))
+def test_fast_path_on_random_lines_bands_and_grids(seed):
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(50e9, 300e9)
+    wavelength = speed_of_light / start
+    tx = line(int(rng.integers(8, 50)), rng.uniform(0.2, 1.2) * wavelength)
+    rx = tx if rng.random() < 0.5 else line(int(rng.integers(8, 50)), rng.uniform(0.2, 1.2) * wavelength)
+    rx = rx + np.array([rng.uniform(-0.01, 0.01) if rng.random() < 0.5 else 0.0, 0.0, 0.0])
+    band = start * np.linspace(1.0, rng.uniform(1.001, 1.12), int(rng.integers(2, 90)))
+    taper = rng.choice(sorted(WINDOWS))
+    length = max(np.ptp(tx[:, 0]), np.ptp(rx[:, 0]))
+    x = np.linspace(-1, 1, int(rng.integers(1, 90))) * rng.uniform(1, 20) * length
+    y = np.linspace(rng.uniform(2.0, 6.0), rng.uniform(7, 40), int(rng.integers(1, 60))) * length
+    p = problem(tx, rx, band, x, y, taper=taper)
+    s = noise(p.data_shape, seed)
+    tolerance = 10.0 ** rng.uniform(-4.5, -2.5)
+    proven = choose(p, tolerance, s, PlanCache())
+    # The exact kernel takes the rest over; hypothesis complains where that is most of them.
+    assume(proven is not None and proven.plan.algorithm == "polar")
+    assert proven.error <= tolerance
+    assert relative_error(proven.image, p, s, pixels=100) <= tolerance
+
+
+def test_kernels_hold_the_error_they_state():
+    kernel = triangular_kernel(6, 2.0, True)
+    omega, t = 0.9, 0.37
+    taps = np.arange(6) + kernel.first
+    powers = (2 * t - 1) ** np.arange(kernel.coefficients.shape[1])
+    weights = kernel.coefficients.astype(float) @ powers
+    value = np.interp(omega, kernel.omega, kernel.factor) * np.sum(weights * np.exp(1j * omega * taps))
+    assert abs(value - np.exp(1j * omega * t)) < 1e-4
