@@ -11,7 +11,16 @@ from mirrorfold.detection.image_echoes import Echoes
 from mirrorfold.detection.image_view import PolarImage
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
-from mirrorfold.tree.directions import SMALLEST_RATIO, _Aperture, _listen, _send, direction_ratio, is_mixed
+from mirrorfold.tree import directions
+from mirrorfold.tree.directions import (
+    PHASE_SPREAD,
+    SMALLEST_RATIO,
+    _Aperture,
+    _listen,
+    _send,
+    direction_ratio,
+    is_mixed,
+)
 
 FREQUENCY = np.linspace(290e9, 300e9, 61)
 WAVELENGTH = speed_of_light / 295e9
@@ -231,8 +240,17 @@ def test_listening_kernel_equals_the_formula():
         assert_allclose(level, expected, rtol=1e-6)
 
 
-def test_ratio_equals_the_sum_over_all_pairs():
-    """The kernels, the groups of frequencies and the sorting of weights, against a plain float64 double sum."""
+@pytest.mark.parametrize(
+    ("spread", "error"),
+    [
+        pytest.param(1e-6, 1e-4, id="every frequency by itself"),
+        # Phases up to 0.25 rad off their group's weigh up to 3% less at either end, in noise, the worst of data.
+        pytest.param(PHASE_SPREAD, 0.05, id="frequencies in groups"),
+    ],
+)
+def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
+    """The kernels, the groups of frequencies and the weights, against a plain float64 double sum."""
+    monkeypatch.setattr(directions, "PHASE_SPREAD", spread)
     tx, rx = line(21), line(31, middle=(0.0, 0.0, 0.01))
     random = np.random.default_rng(2)
     s = random.standard_normal((FREQUENCY.size, 21, 31)) + 1j * random.standard_normal((FREQUENCY.size, 21, 31))
@@ -252,4 +270,4 @@ def test_ratio_equals_the_sum_over_all_pairs():
             weight = taper[:, None, None] * hann(21)[:, None] * hann(31)
             levels.append(abs(np.sum(weight * sweep["s"].values.astype(complex) * phase)))
         expected.append(levels[-1] / max(levels))
-    assert_allclose(direction_ratio(sweep, view, np.full(3, RANGE), u), expected, rtol=0.02)
+    assert_allclose(direction_ratio(sweep, view, np.full(3, RANGE), u), expected, rtol=error)
