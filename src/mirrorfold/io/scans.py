@@ -15,7 +15,7 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.assembly import fill_matrix, grid_beams
+from mirrorfold.io.arrangements import fill_matrix, grid_beams
 from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
