@@ -13,7 +13,9 @@ Index = NDArray[np.int64]
 BATCH = 1 << 17
 """Rays that are cast at once: their single-precision copies then stay in the cache."""
 
-NOT_INSTALLED = "three-dimensional scenes need the packages trimesh and embreex; install 'mirrorfold[mesh]'"
+NOT_INSTALLED = (
+    "three-dimensional scenes need the packages trimesh, embreex and scikit-image; install 'mirrorfold[mesh]'"
+)
 
 
 class Caster:
