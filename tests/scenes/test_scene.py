@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Segment, load_scene, parse_scene
+from mirrorfold.scenes.floor_plan import load_scene, parse_scene
+from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 
 BASE = {
     "name": "a room",

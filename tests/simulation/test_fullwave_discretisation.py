@@ -21,7 +21,7 @@ from fullwave_scenes import (
 from scipy.stats import kurtosis, skew
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Roughness
+from mirrorfold.scenes.surfaces import Roughness
 from mirrorfold.simulation.fullwave.discretisation import matrix
 from mirrorfold.simulation.fullwave.roughness import rough_heights
 

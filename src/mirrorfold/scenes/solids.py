@@ -19,8 +19,9 @@ from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT
-from mirrorfold.scenes.floor_plan import Band, NonNegative, Roughness
+from mirrorfold.scenes.floor_plan import Band
 from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
+from mirrorfold.scenes.surfaces import NonNegative, Roughness
 
 Array = NDArray[np.float64]
 Point2 = tuple[Finite, Finite]

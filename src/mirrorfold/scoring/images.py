@@ -18,7 +18,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, Surface, load_scene
+from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.surfaces import Surface
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D

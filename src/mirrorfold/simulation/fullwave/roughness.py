@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Roughness
+from mirrorfold.scenes.surfaces import Roughness
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Scene, Segment
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 
 Array = NDArray[np.float64]
 

@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import coherent_factor, material
+from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
 
