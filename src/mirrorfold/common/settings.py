@@ -10,9 +10,9 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from textwrap import fill, indent
-from typing import Any, Self, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -112,16 +112,6 @@ class Settings:
     def rules(cls) -> dict[str, Rule]:
         """What is known of every setting, by name."""
         return {item.name: item.metadata["rule"] for item in fields(cls) if "rule" in item.metadata}
-
-    def with_given(self, **given: Any) -> Self:
-        """The same settings, but for those that are given (not None).
-
-        Raises
-        ------
-        InputError
-            If one of them cannot be used.
-        """
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
 def takes(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mirrorfold.focusing.api import focus
-from mirrorfold.focusing.grid import default_grid, polar_grid, sweep_grid
+from mirrorfold.focusing.grid import default_grid, sweep_grid
 from mirrorfold.focusing.plan import FocusPlan, prepare
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 
@@ -13,7 +13,6 @@ __all__ = [
     "focus",
     "focus_raster",
     "plan_view",
-    "polar_grid",
     "prepare",
     "sweep_grid",
     "to_voxels",

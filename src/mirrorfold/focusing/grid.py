@@ -133,18 +133,6 @@ def _square(see: Extent, centre: Array, distance: float, maximum_pixels: int) ->
     return np.asarray(centre[0] + steps), np.asarray(centre[1] + steps)
 
 
-def polar_grid(
-    frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light, field_of_view: float = FIELD_OF_VIEW
-) -> tuple[Array, Array]:
-    """Sines of the angle off broadside, and ranges [m], at half a resolution cell: ``x = r u, y = r sqrt(1 - u^2)``."""
-    see = extent(frequency, tx, rx, wave_speed)
-    far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
-    half = max(1, int(np.ceil(CELLS_PER_RESOLUTION * field_of_view / see.angle_resolution)))
-    u = field_of_view * np.arange(-half, half + 1) / half
-    step = see.range_resolution / CELLS_PER_RESOLUTION
-    return u, np.arange(see.near, far, step)
-
-
 def sweep_grid(sweep: xr.Dataset, wave_speed: float = speed_of_light) -> tuple[Array, Array]:
     """The default grid x, y [m] of a sweep: see `default_grid`."""
     centre = sweep.attrs.get("scene_center")

@@ -18,9 +18,6 @@ from mirrorfold.focusing.problem import Problem
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LATTICE_SLACK = 0.02
-"""Deviation of midpoints from the lattice, as a share of its pitch, under which the lattice counts as exact."""
-
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
