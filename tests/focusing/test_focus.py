@@ -11,6 +11,7 @@ import scipy.io
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import WINDOWS, window
@@ -100,6 +101,7 @@ def test_the_oracle_is_the_formula_for_one_moving_antenna():
     np.testing.assert_allclose(direct_sum(p, s, points), literal_sum(p, s, points), rtol=1e-9)
 
 
+@pytest.mark.nojit
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5])
 def test_exact_kernel_holds_its_tolerance(tolerance):
     p = problem(line(12, 0.5e-3), line(12, 0.5e-3), BAND, np.linspace(-0.4, 0.4, 23), np.linspace(0.2, 1.4, 31))
@@ -114,7 +116,7 @@ def test_interpolation_error_is_what_is_predicted():
     assert 0.7 * predicted < relative_error(focus_exact(p, s, 1e-2), p, s, pixels=200) < 1.4 * predicted
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(25), suppress_health_check=[HealthCheck.too_slow])
 @given(
     seed=st.integers(0, 10_000),
     elements=st.tuples(st.integers(1, 7), st.integers(2, 7)),
@@ -217,7 +219,7 @@ def test_fast_path_for_one_moving_antenna():
     assert relative_error(PolarPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15))
 @given(st.integers(0, 10**6), st.integers(150, 500), st.floats(0.1, 1.2), st.booleans())
 def test_a_range_window_needs_fewer_frequencies(seed, count, nearest, monostatic):
     """What lies outside of it, a hundred times as strong, does not matter."""
@@ -283,7 +285,7 @@ def test_wide_angle_close_in():
     assert np.linalg.norm(image.ravel()[flat] - reference) <= 1e-4 * np.linalg.norm(reference)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(12), suppress_health_check=[HealthCheck.too_slow])
 @given(seed=st.integers(0, 10_000))
 def test_fast_path_on_random_lines_bands_and_grids(seed):
     rng = np.random.default_rng(seed)
@@ -356,7 +358,7 @@ def test_factorized_path_for_planes_of_transmitters_and_receivers(divide_always)
     assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(15), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_factorized_path_on_arrays_anywhere(seed, divide_always):
     rng = np.random.default_rng(seed)
@@ -515,6 +517,7 @@ def test_the_published_taper_is_triangular():
     np.testing.assert_allclose(window("triangular", m, "taper").real, 1 - 2 / (m - 1) * np.abs(n - (m + 1) / 2))
 
 
+@pytest.mark.nojit
 def test_kernels_hold_the_error_they_state():
     kernel = triangular_kernel(6, 2.0, True)
     omega, t = 0.9, 0.37

@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scipy.constants import speed_of_light
 from scipy.io import savemat
 
@@ -22,7 +23,7 @@ from mirrorfold.io.guess import guess_mapping
 from mirrorfold.io.mapping import load_mapping, shipped
 from mirrorfold.io.proposal import Guess
 
-ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30, deadline=None)
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 
 TARGET = np.array([0.05, 0.4, 0.02])
 
