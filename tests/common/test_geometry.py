@@ -158,6 +158,7 @@ def test_parallel_rays_never_meet_the_line():
 @given(vectors(2), vectors(2), segments(), st.floats(-np.pi, np.pi), vectors(2))
 def test_shadows_turn_and_move_with_the_scene(origin, target, segment, angle, shift):
     start, end = segment
+    assume(np.linalg.norm(target - origin) > 1e-2)  # shorter rays lose their direction in the sums of the move
     along_ray, along_segment = crossing(origin, target, start, end)
     clearance = [along_ray, 1 - along_ray, along_segment, 1 - along_segment]
     assume(np.isfinite(clearance).all() and np.abs(clearance).min() > 1e-6)
