@@ -34,7 +34,7 @@ def pattern(horn, pitch, angle, frequency=FREQUENCY):
 def test_the_beam_is_that_of_a_cosine_aperture(horn, pitch, error):
     """``cos(X) / (1 - (2 X / pi)^2)`` with ``X = pi w sin(t) / lambda`` (Balanis, table 12.1).
 
-    Three sources are a coarse aperture, seven or eight a fine one.
+    Two or three sources make a coarse aperture, seven or eight a fine one.
     """
     angle = np.radians(np.linspace(0.0, 60.0, 61))
     x = np.pi * horn * np.sin(angle) * FREQUENCY / speed_of_light
