@@ -16,7 +16,7 @@ endif
 QUICK := focus fullwave raster looking touchstone
 LONG := families calibration synthetic_aperture diagnosis fuzz_readers
 
-.PHONY: help demo test lint bench bench-long docs clean
+.PHONY: help demo test test-quick test-nightly test-nojit lint bench bench-long docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -27,6 +27,15 @@ demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in
 
 test: $(READY) ## run all tests
 	$(PYTHON) -m pytest
+
+test-quick: $(READY) ## run the tests that take no more than a few seconds each
+	$(PYTHON) -m pytest -m "not slow"
+
+test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
+	$(PYTHON) -m pytest --hypothesis-profile=nightly
+
+test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
+	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
 
 lint: $(READY) ## style, types and the direction of imports
 	$(VENV)/bin/ruff check .

@@ -24,7 +24,8 @@ from rich.table import Table
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.scenes.floor_plan import Circle, Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.surfaces import Circle
 
 LARGEST_DELAY = 2e-3
 SNR_DB = 20.0

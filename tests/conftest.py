@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import profiles  # noqa: F401
 import pytest
 import xarray as xr
 from browser import chromium  # noqa: F401

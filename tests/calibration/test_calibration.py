@@ -183,7 +183,7 @@ def test_subtracting_the_empty_scene_leaves_the_target():
     drifted.attrs = sweep_of(walls).attrs
     weak = sweep_of(walls + target, [1.0, 1.0, 0.01])
     left = mf.calibrate.subtract_background(weak, drifted.astype(np.complex64), match=True)
-    assert np.linalg.norm(left["s"]) < 1.5 * np.linalg.norm(sweep_of(target, [0.01])["s"])
+    assert np.linalg.norm(left["s"]) < 1.01 * np.linalg.norm(sweep_of(target, [0.01])["s"])
 
 
 def test_a_background_of_another_band_or_array_is_refused():
@@ -200,7 +200,7 @@ def test_the_mean_of_a_scan_is_its_leakage():
     leakage = 30.0 * np.exp(-2j * np.pi / speed_of_light * clean["frequency"].values * 0.2)
     leaking = clean.assign(s=clean["s"] + leakage.astype(np.complex64)[:, None, None])
     left = mf.calibrate.subtract_mean(leaking)
-    assert np.linalg.norm(left["s"] - clean["s"]) < 0.25 * np.linalg.norm(clean["s"])
+    assert np.linalg.norm(left["s"] - clean["s"]) < 0.01 * np.linalg.norm(clean["s"])
 
 
 @pytest.mark.parametrize("kind", ["corner", "plate"])
@@ -279,7 +279,8 @@ def test_bad_channels_and_frequencies_are_found_and_filled():
     masked = mf.calibrate.mask_bad(sweep)
     good = ~bad.channels
     wrong = masked["s"].values[[40, 120]][:, good] - clean["s"].values[[40, 120]][:, good]
-    assert np.linalg.norm(wrong) < 0.1 * np.linalg.norm(clean["s"].values[[40, 120]][:, good])
+    # The page on calibration promises 4 %.
+    assert np.linalg.norm(wrong) < 0.04 * np.linalg.norm(clean["s"].values[[40, 120]][:, good])
     assert not masked["s"].values[:, ~good].any()
     assert "2 bad frequencies" in masked.attrs["processing"][-1]
 
@@ -309,8 +310,8 @@ def test_the_displacement_of_the_apertures_is_found_from_two_places():
             mf.add_noise(mf.make_sweep(s, frequency=frequency, tx_position=tx, rx_position=rx), snr_db=20.0, seed=n)
         )
     found, length = mf.calibrate.estimate_displacement(sweeps, at=places)
-    assert np.abs(found - truth).max() < 50 * MICROMETRE
-    assert length == pytest.approx(cable, abs=50 * MICROMETRE)
+    assert np.abs(found - truth).max() < 20 * MICROMETRE
+    assert length == pytest.approx(cable, abs=20 * MICROMETRE)
     moved = mf.calibrate.displace_receivers(sweeps[0], found)
     np.testing.assert_allclose(moved["rx_position"], rx + found)
 
@@ -331,7 +332,7 @@ def test_autofocus_removes_small_errors_of_the_positions():
     assert "entropy" in sharp.attrs["processing"][-1]
     left = sharp.attrs["autofocus_tx_delay"] - tx_delay
     left -= np.polyval(np.polyfit(np.arange(31), left, 1), np.arange(31))
-    assert left.std() < 30 * MICROMETRE
+    assert left.std() < 1 * MICROMETRE
 
 
 def test_autofocus_leaves_a_sharp_image_sharp():

@@ -1,9 +1,8 @@
-"""Reflection and visibility: what must hold for every mirror and every point."""
+"""Reflections, isometries and crossings: what must hold for every mirror and every point."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -11,11 +10,9 @@ from numpy.testing import assert_allclose
 
 from mirrorfold.common.geometry import (
     Isometry,
-    behind_segment,
     cross2,
     crossing,
     reflect,
-    segment_distance,
     segment_normal,
     signed_distance,
     unit,
@@ -145,21 +142,28 @@ def test_two_lines_cross_at_one_point_whichever_is_called_the_ray(origin, target
     assert_allclose(swapped, (along_segment, along_ray), rtol=1e-9, atol=1e-9)
 
 
+def in_shadow(origin, target, start, end):
+    """Whether the segment start-end stands between the origin and each target."""
+    along_ray, along_segment = crossing(origin, target, start, end)
+    return (along_ray > 0.0) & (along_ray < 1.0) & (along_segment >= 0.0) & (along_segment <= 1.0)
+
+
 def test_parallel_rays_never_meet_the_line():
     along_ray, along_segment = crossing([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0])
     assert np.isinf(along_ray)
     assert np.isinf(along_segment)
-    assert not behind_segment([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0])
+    assert not in_shadow([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0])
 
 
 @given(vectors(2), vectors(2), segments(), st.floats(-np.pi, np.pi), vectors(2))
 def test_shadows_turn_and_move_with_the_scene(origin, target, segment, angle, shift):
     start, end = segment
+    assume(np.linalg.norm(target - origin) > 1e-2)  # shorter rays lose their direction in the sums of the move
     along_ray, along_segment = crossing(origin, target, start, end)
     clearance = [along_ray, 1 - along_ray, along_segment, 1 - along_segment]
     assume(np.isfinite(clearance).all() and np.abs(clearance).min() > 1e-6)
     moved = (turn(point, angle, shift) for point in (origin, target, start, end))
-    assert behind_segment(*moved) == behind_segment(origin, target, start, end)
+    assert in_shadow(*moved) == in_shadow(origin, target, start, end)
 
 
 @given(segments(), st.floats(0.05, 0.95), st.floats(0.1, 5.0), st.floats(0.1, 5.0))
@@ -168,25 +172,11 @@ def test_a_point_beyond_the_segment_is_in_its_shadow_and_one_before_it_is_not(se
     normal = segment_normal(start, end)
     middle = start + along * (end - start)
     origin = middle - before * normal
-    assert behind_segment(origin, middle + beyond * normal, start, end)
-    assert not behind_segment(origin, middle - 0.5 * before * normal, start, end)
-    assert behind_segment(middle + beyond * normal, origin, start, end)
+    assert in_shadow(origin, middle + beyond * normal, start, end)
+    assert not in_shadow(origin, middle - 0.5 * before * normal, start, end)
+    assert in_shadow(middle + beyond * normal, origin, start, end)
 
 
 def test_a_point_beside_the_segment_is_not_in_its_shadow():
-    seen = behind_segment([0.0, 0.0], [[0.0, 2.0], [0.9, 2.0], [2.1, 2.0], [0.0, 0.9]], [-1.0, 1.0], [1.0, 1.0])
+    seen = in_shadow([0.0, 0.0], [[0.0, 2.0], [0.9, 2.0], [2.1, 2.0], [0.0, 0.9]], [-1.0, 1.0], [1.0, 1.0])
     assert seen.tolist() == [True, True, False, False]
-
-
-@given(vectors(2), segments(), st.floats(-np.pi, np.pi), vectors(2))
-def test_distance_from_a_segment_moves_with_the_scene(point, segment, angle, shift):
-    start, end = segment
-    moved = [turn(p, angle, shift) for p in (point, start, end)]
-    assert_allclose(segment_distance(*moved), segment_distance(point, start, end), rtol=0, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("point", "distance"), [((0.5, 2.0), 2.0), ((-3.0, 4.0), 5.0), ((4.0, -4.0), 5.0), ((0.2, 0.0), 0.0)]
-)
-def test_distance_from_a_segment_ends_at_its_ends(point, distance):
-    assert segment_distance(point, [0.0, 0.0], [1.0, 0.0]) == pytest.approx(distance)

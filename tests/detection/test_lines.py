@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from profiles import examples
 from synthetic import diffuse, empty_view, radar_view, together
 
 from mirrorfold.common.geometry import cross2
@@ -76,7 +77,7 @@ def test_the_ends_of_a_short_wall_hardly_turn_it(incidence):
     assert np.std(turns) < 0.11
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15))
 @given(
     st.integers(0, 10**6),
     st.floats(0.9, 1.9),
@@ -194,7 +195,7 @@ def room():
     )
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=examples(12))
 @given(st.floats(-180.0, 180.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 def test_mirrors_turn_and_move_with_the_radar_and_its_echoes(room, angle, x, y):
     view, echoes, mirrors = room

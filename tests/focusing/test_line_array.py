@@ -7,6 +7,7 @@ import pytest
 from focusing_problems import BAND, line, noise, problem, relative_error
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import WINDOWS
@@ -62,7 +63,7 @@ def test_fast_path_for_one_moving_antenna():
     assert relative_error(LineArrayPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15))
 @given(st.integers(0, 10**6), st.integers(150, 500), st.floats(0.1, 1.2), st.booleans())
 def test_a_range_window_needs_fewer_frequencies(seed, count, nearest, monostatic):
     """What lies outside of it, a hundred times as strong, does not matter."""
@@ -119,8 +120,7 @@ def test_wide_angle_close_in():
 
 
 @settings(
-    max_examples=12,
-    deadline=None,
+    max_examples=examples(12),
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 @given(seed=st.integers(0, 10_000))

@@ -15,23 +15,29 @@ def measured(shared_data):
     return mf.load(path), shared_data / "two_walls.toml"
 
 
+def walls_are_where_the_readme_says(score):
+    """The README promises 0.01 degrees and 0.2 mm; twice that is left to a change that moves a threshold."""
+    assert sorted(mirror["surface"] for mirror in score["mirrors"]) == ["wall 1", "wall 2"]
+    for mirror in score["mirrors"]:
+        assert mirror["generation"] == 1
+        assert mirror["angle_error_deg"] <= 0.02
+        assert mirror["offset_error_mm"] <= 0.4
+
+
 def test_the_full_wave_sweep_of_two_walls_comes_out_as_the_true_floor_plan(measured):
     sweep, truth = measured
     image = mf.focus(sweep, tolerance=1e-3)
     score = mf.score(mf.fold(image), truth)
 
-    assert sorted(mirror["surface"] for mirror in score["mirrors"]) == ["wall 1", "wall 2"]
-    for mirror in score["mirrors"]:
-        assert mirror["generation"] == 1
-        assert mirror["angle_error_deg"] <= 0.1
-        assert mirror["offset_error_mm"] <= 2.0
+    walls_are_where_the_readme_says(score)
     assert score["invented_fraction"] <= 0.01
     hidden = score["hidden"]
     assert hidden["surfaces"] == ["corner", "arc"]
-    assert hidden["accuracy_m"] <= 0.012
-    assert hidden["precision_2cm"] >= 0.93
-    assert hidden["completeness_2cm"] >= 0.85
-    assert hidden["invented_fraction"] <= 0.01
+    # Without the sweep mixed paths cannot be told: one of a hundred echoes is such a ghost.
+    assert hidden["accuracy_m"] <= 0.010
+    assert hidden["precision_2cm"] >= 0.97
+    assert hidden["completeness_2cm"] >= 0.95
+    assert hidden["invented_fraction"] <= 0.02
 
     # As published, without opaque objects and a robust reference, the same image folds into clutter.
     published = mf.score(mf.fold(image, preset="published"), truth)
@@ -40,8 +46,8 @@ def test_the_full_wave_sweep_of_two_walls_comes_out_as_the_true_floor_plan(measu
 
 
 def test_reconstructing_is_focusing_and_folding_with_nothing_given_by_hand(measured):
-    """The default grid reaches the ambiguous range, and the result knows where it came from."""
-    sweep, _ = measured
+    """The default grid reaches the ambiguous range, the result knows where it came from, and the README is right."""
+    sweep, truth = measured
     result = mf.reconstruct(sweep)
     reach = result.attrs["image_ambiguous_range"]
     assert reach == pytest.approx(6.0, abs=0.01)
@@ -51,3 +57,12 @@ def test_reconstructing_is_focusing_and_folding_with_nothing_given_by_hand(measu
     assert result["mirrors"].dataset.sizes["mirror"] == 2
     bounces = result["objects"].dataset["bounces"].values
     assert set(bounces) == {0, 1}
+
+    score = mf.score(result, truth)
+    walls_are_where_the_readme_says(score)
+    assert score["invented_fraction"] == 0.0
+    hidden = score["hidden"]
+    assert hidden["accuracy_m"] <= 0.0075
+    assert hidden["precision_2cm"] >= 0.99
+    assert hidden["completeness_2cm"] >= 0.96
+    assert hidden["invented_fraction"] == 0.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scipy.constants import speed_of_light
 from scipy.io import savemat
 
@@ -18,8 +21,9 @@ from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.io.guess import guess_mapping
 from mirrorfold.io.mapping import load_mapping, shipped
+from mirrorfold.io.proposal import Guess
 
-ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30, deadline=None)
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 
 TARGET = np.array([0.05, 0.4, 0.02])
 
@@ -483,6 +487,22 @@ def test_a_proposal_says_what_it_does_not_know(tmp_path, measured):
     assert any("band" in sentence for sentence in guess.missing)
     assert "TO DO" in guess.to_toml()
     assert all(finding.sure in ("sure", "likely", "a guess") for finding in guess.findings)
+
+
+def test_what_a_proposal_lacks_can_be_added_at_its_end(tmp_path, measured):
+    f, tx, rx, s = measured
+    np.savez(tmp_path / "d.npz", s=s, tx_pos=tx, rx_pos=rx)
+    guess = guess_mapping(tmp_path / "d.npz")
+    assert any("[frequency]" in sentence for sentence in guess.missing)
+    band = '[frequency]\nstart = 290.0\nstop = 300.0\npoints = 21\nunit = "GHz"\n'
+    (tmp_path / "m.toml").write_text(guess.to_toml() + band)
+    same(mf.import_data(tmp_path / "d.npz", mapping=tmp_path / "m.toml"), f, tx, rx, s)
+
+
+def test_a_proposal_writes_any_name_so_that_it_is_read_again():
+    name = 'a "quoted"\\path\n\x7f\u00fc'
+    guess = Guess(Path("d.npz"), entries={"s": {"variable": name, "dims": ["frequency"]}, "reciprocal": True})
+    assert tomllib.loads(guess.to_toml()) == guess.entries
 
 
 def test_proposals_for_real_files_make_sweeps(shared_data, tmp_path):

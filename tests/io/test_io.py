@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import mirrorfold as mf
 from mirrorfold.cli import main
@@ -18,7 +19,7 @@ from mirrorfold.io import load_geometry
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
 from mirrorfold.io.readers import hdf5
 
-ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(60))
 
 
 def test_a_sweep_comes_back_as_it_was(sweep, tmp_path):

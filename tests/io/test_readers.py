@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scipy.io import loadmat, netcdf_file, savemat
 
 import mirrorfold as mf
@@ -28,7 +29,7 @@ from mirrorfold.io.readers import Reader, hdf5, read_contents, touchstone
 from mirrorfold.io.readers.contents import Contents, Variable
 from mirrorfold.io.readers.table import parse_number
 
-ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(40))
 
 LARGE = 32 << 20
 """No refused file may make a reader allocate so many bytes."""

@@ -9,13 +9,14 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_monostatic_sweep, make_raster_sweep, make_sweep
 
-ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=15, deadline=None)
+ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(15))
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:the files hold S11", "ignore:.*were not measured", "ignore:.*neighbouring places"

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS, decibels
-from mirrorfold.plotting.figures import content_extent
+from mirrorfold.plotting.comparison import content_extent
 
 
 @pytest.fixture

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from browser import number, opened, pixels, readout, settle, to_screen
+from levels import unpacked_levels
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.reporting.document import packed_levels, to_document, unpacked_levels
+from mirrorfold.reporting.document import packed_levels, to_document
 from mirrorfold.reporting.page import _asset, to_html
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"

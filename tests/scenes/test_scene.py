@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Segment, load_scene, parse_scene
+from mirrorfold.scenes.floor_plan import load_scene, parse_scene
+from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 
 BASE = {
     "name": "a room",
@@ -128,7 +129,7 @@ def test_a_missing_file_and_bad_toml_are_one_sentence(tmp_path):
 def test_the_scene_of_the_demonstration_hides_its_objects():
     from importlib.resources import files
 
-    from mirrorfold.common.geometry import behind_segment
+    from mirrorfold.common.geometry import crossing
 
     text = files("mirrorfold").joinpath("scenes/shipped/hidden_corner.toml").read_text(encoding="utf-8")
     scene = parse_scene(tomllib.loads(text))
@@ -136,7 +137,9 @@ def test_the_scene_of_the_demonstration_hides_its_objects():
     partition = surfaces["partition"]
     for name in ("corner", "screen"):
         points, _, _ = surfaces[name].sample(0.01)
-        assert behind_segment([0.0, 0.0], points, partition.start, partition.end).all()
+        along_ray, along_partition = crossing([0.0, 0.0], points, partition.start, partition.end)
+        assert ((along_ray > 0.0) & (along_ray < 1.0)).all()
+        assert ((along_partition > 0.0) & (along_partition < 1.0)).all()
 
 
 def test_load_reads_scenes_too(scene_file):

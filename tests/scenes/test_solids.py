@@ -161,6 +161,9 @@ def test_without_the_extra_packages_it_says_what_to_install(monkeypatch):
         mf.simulate(parse_scene(content(panel(), half=2.0, beams=9)))
     with pytest.raises(mf.InputError, match=r"install 'mirrorfold\[mesh\]'"):
         solids(parse_scene(content(ball())))
+    monkeypatch.setitem(sys.modules, "skimage.measure", None)
+    with pytest.raises(mf.InputError, match=r"scikit-image; install 'mirrorfold\[mesh\]'"):
+        mannequin_mesh(1.71, (12.0, 12.0), (10.0, 10.0), 0.0)
 
 
 def test_directions_from_a_file(tmp_path):

@@ -21,7 +21,7 @@ from fullwave_scenes import (
 from scipy.stats import kurtosis, skew
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Roughness
+from mirrorfold.scenes.surfaces import Roughness
 from mirrorfold.simulation.fullwave.discretisation import matrix
 from mirrorfold.simulation.fullwave.roughness import rough_heights
 
@@ -66,6 +66,7 @@ def test_curve_through_points_of_a_circle_is_that_circle():
     assert distance(exact_field(nodes_of(spline, 14), ANTENNAS, ANTENNAS, K), reference) < 2e-4
 
 
+@pytest.mark.nojit
 @pytest.mark.parametrize(
     "surface",
     [SHAPES["strip"], {**SHAPES["strip"], "roughness": WALL, "end": [0.008, 0.022]}, SHAPES["right angle"]],

@@ -8,6 +8,8 @@ from scipy.special import j0, y0
 
 from mirrorfold.simulation.fullwave.kernel import NEAR, hankel
 
+pytestmark = pytest.mark.nojit
+
 
 def exact(x: np.ndarray) -> np.ndarray:
     return j0(x) - 1j * y0(x)

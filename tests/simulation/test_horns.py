@@ -30,14 +30,17 @@ def pattern(horn, pitch, angle, frequency=FREQUENCY):
     return np.array([abs(gather(np.outer(one, one).astype(np.complex64)[None])[0, 0, 0]) ** 0.5 for one in wave])
 
 
-@pytest.mark.parametrize(("horn", "pitch"), [(1.5e-3, 0.5e-3), (3e-3, 0.4e-3), (2e-3, 1e-3)])
-def test_the_beam_is_that_of_a_cosine_aperture(horn, pitch):
-    """``cos(X) / (1 - (2 X / pi)^2)`` with ``X = pi w sin(t) / lambda`` (Balanis, table 12.1)."""
+@pytest.mark.parametrize(("horn", "pitch", "error"), [(1.5e-3, 0.5e-3, 0.09), (3e-3, 0.4e-3, 0.01), (2e-3, 1e-3, 0.09)])
+def test_the_beam_is_that_of_a_cosine_aperture(horn, pitch, error):
+    """``cos(X) / (1 - (2 X / pi)^2)`` with ``X = pi w sin(t) / lambda`` (Balanis, table 12.1).
+
+    Two or three sources make a coarse aperture, seven or eight a fine one.
+    """
     angle = np.radians(np.linspace(0.0, 60.0, 61))
     x = np.pi * horn * np.sin(angle) * FREQUENCY / speed_of_light
     with np.errstate(divide="ignore", invalid="ignore"):
         exact = np.abs(np.where(np.isclose(x, np.pi / 2), np.pi / 4, np.cos(x) / (1.0 - (2.0 * x / np.pi) ** 2)))
-    np.testing.assert_allclose(pattern(horn, pitch, angle), exact, atol=0.1)
+    np.testing.assert_allclose(pattern(horn, pitch, angle), exact, atol=error)
 
 
 def test_neighbouring_horns_share_their_sources():
@@ -54,10 +57,10 @@ def test_what_stands_aside_is_dimmed_and_what_stands_ahead_is_not():
         dish, point = (mf.simulate(scene(horn, surface=[disc])) for horn in (1.5e-3, None))
         assert dish["s"].shape == point["s"].shape == (2, 5, 5)
         levels.append(np.linalg.norm(dish["s"]) / np.linalg.norm(point["s"]))
-    assert levels[0] == pytest.approx(1.0, abs=0.1)
+    assert levels[0] == pytest.approx(1.0, abs=0.01)
     angle = np.array([np.arctan2(0.8, 0.6)])
     aside = [float(pattern(1.5e-3, 0.5e-3, angle, scale * FREQUENCY)[0]) ** 2 for scale in (0.9, 1.0)]
-    assert levels[1] == pytest.approx(np.sqrt(np.mean(np.square(aside))), rel=0.3)
+    assert levels[1] == pytest.approx(np.sqrt(np.mean(np.square(aside))), rel=0.2)
 
 
 def test_a_mirror_shows_the_beam_too():

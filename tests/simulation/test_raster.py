@@ -30,6 +30,7 @@ def plain_sum(world, echoes):
     return result
 
 
+@pytest.mark.nojit
 def test_fast_sum_equals_the_plain_one():
     world = scene(panel(), ball(), half=1.5, beams=6, points=128)
     echoes, _ = find_echoes(world, bounces=1, seed=3, density=0.05)

@@ -49,6 +49,7 @@ def optics(scene: Scene, bounces: int = 3) -> np.ndarray:
 # Specular paths
 
 
+@pytest.mark.nojit
 @pytest.mark.parametrize("name", ["pec", "concrete"])
 def test_smooth_wall_is_an_image_source(name: str) -> None:
     scene = make_scene(segment((-1.0, 1.2), (1.0, 0.9), material=name), elements=5, pitch=0.02)
@@ -77,6 +78,7 @@ def test_roughness_weakens_the_mirror_by_the_coherent_factor() -> None:
     np.testing.assert_allclose(specular / smooth, factor[:, None, None], rtol=1e-5)
 
 
+@pytest.mark.nojit
 def test_path_over_three_mirrors_has_the_length_of_the_folded_path() -> None:
     loop = [
         segment((1.9, -0.1), (2.1, 0.1)),
@@ -89,6 +91,7 @@ def test_path_over_three_mirrors_has_the_length_of_the_folded_path() -> None:
     assert not optics(scene, bounces=1).any()
 
 
+@pytest.mark.nojit
 def test_dihedral_corner_sends_everything_back_to_where_it_came_from() -> None:
     corner = {"kind": "polyline", "points": [(-0.3, 0.7), (0.0, 1.0), (0.3, 0.7)]}
     scene = make_scene(corner, elements=7, pitch=0.01)
@@ -101,6 +104,7 @@ def test_dihedral_corner_sends_everything_back_to_where_it_came_from() -> None:
     np.testing.assert_allclose(s, expected, atol=2e-6)
 
 
+@pytest.mark.nojit
 def test_blocker_removes_the_mirror_and_its_edge_falls_between_elements() -> None:
     wall = segment((-1.0, 2.0), (1.0, 2.0))
     scene = make_scene(wall, elements=21, pitch=0.01)
@@ -114,6 +118,7 @@ def test_blocker_removes_the_mirror_and_its_edge_falls_between_elements() -> Non
     np.testing.assert_array_equal(half == 0.0, np.maximum(leg_out, leg_back) > 0.0005)
 
 
+@pytest.mark.nojit
 def test_collinear_walls_do_not_mirror_each_other() -> None:
     scene = make_scene(segment((-1.0, 1.0), (-0.1, 1.0)), segment((0.1, 1.0), (1.0, 1.0)), elements=3)
     assert not optics(scene).any()
@@ -122,6 +127,7 @@ def test_collinear_walls_do_not_mirror_each_other() -> None:
 # Glints
 
 
+@pytest.mark.nojit
 def test_circle_glint_follows_geometrical_optics() -> None:
     radius, distance = 0.1, 8.0
     scene = make_scene({"kind": "circle", "center": (0.0, distance + radius), "radius": radius}, elements=1)
@@ -165,6 +171,7 @@ def test_focus_of_a_concave_arc_is_limited_by_its_aperture() -> None:
     np.testing.assert_allclose(np.abs(simulate(scene)["s"].values[:, 0, 0]), expected, rtol=1e-3)
 
 
+@pytest.mark.nojit
 def test_glint_seen_in_a_mirror_is_the_glint_of_the_mirrored_circle() -> None:
     wall = segment((1.0, -1.0), (1.0, 3.0))
     hidden = {"kind": "circle", "center": (-0.5, 2.0), "radius": 0.2}
@@ -178,6 +185,7 @@ def test_glint_seen_in_a_mirror_is_the_glint_of_the_mirrored_circle() -> None:
 # Diffuse scattering
 
 
+@pytest.mark.nojit
 def test_single_scatterer_has_the_two_way_amplitude_and_phase() -> None:
     scene = make_scene(segment((-0.0001, 1.0), (0.0001, 1.0), roughness=ROUGH), elements=4, pitch=0.01)
     bare = make_scene(segment((-0.0001, 1.0), (0.0001, 1.0)), elements=4, pitch=0.01)

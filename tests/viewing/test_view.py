@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import number, opened, pixels, settle, to_screen
+from levels import unpacked_levels
 from numpy.testing import assert_allclose
 from synthetic import diffuse, radar_image, together
 
@@ -22,7 +23,6 @@ from mirrorfold.cli import main
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.reporting.document import unpacked_levels
 from mirrorfold.viewing.server import TOKEN_HEADER, Server
 from mirrorfold.viewing.session import Session, line_of
 

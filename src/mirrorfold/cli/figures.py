@@ -1,4 +1,4 @@
-"""The figure of a file: the right function of `mirrorfold.plotting.figures` for what it holds."""
+"""The figure of a file: the right function of `mirrorfold.plotting` for what it holds."""
 
 from __future__ import annotations
 

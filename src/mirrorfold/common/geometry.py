@@ -1,4 +1,4 @@
-"""Lines and planes as mirrors: reflection, isometries, visibility.
+"""Lines and planes as mirrors: reflection, isometries, crossings.
 
 Everything that is linear algebra works in any number of dimensions: a mirror is a point on it and its unit
 normal, and the last axis of every array of points holds the coordinates. What needs a left and a right
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array
 
@@ -115,17 +115,3 @@ def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: Array
         along_ray = np.where(denominator == 0.0, np.inf, cross2(to_start, span) / denominator)
         along_segment = np.where(denominator == 0.0, np.inf, cross2(to_start, ray) / denominator)
     return along_ray, along_segment
-
-
-def behind_segment(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: ArrayLike) -> NDArray[np.bool_]:
-    """Whether the segment start-end stands between the origin and each target (2D): its shadow, shape (...)."""
-    along_ray, along_segment = crossing(origin, targets, start, end)
-    return (along_ray > 0.0) & (along_ray < 1.0) & (along_segment >= 0.0) & (along_segment <= 1.0)
-
-
-def segment_distance(points: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
-    """Distance [m] of points (..., d) from the segment start-end (not from its endless line)."""
-    points, start = np.asarray(points, dtype=float), np.asarray(start, dtype=float)
-    span = np.asarray(end, dtype=float) - start
-    along = np.clip((points - start) @ span / max(float(span @ span), np.finfo(float).tiny), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points - start - along[..., None] * span, axis=-1))

@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from mirrorfold.common.types import Array, Index
 from mirrorfold.focusing.problem import Problem
 
-LATTICE_SLACK = 0.02
-"""Deviation of midpoints from the lattice, as a share of its pitch, under which the lattice counts as exact."""
-
 
 @dataclass(frozen=True, eq=False)
 class Lattice:

@@ -55,7 +55,7 @@ def is_foreign(path: Path) -> bool:
             if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
                 return False
             return any(isinstance(item, h5py.Dataset) and len(item.shape or ()) >= 2 for item in content.values())
-    except Exception:  # whoever reads it says what is wrong
+    except Exception:  # damaged, which `read` reports in words
         return False
 
 

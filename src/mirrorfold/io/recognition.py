@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from math import prod
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +13,7 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.io.mapping import UNITS
+from mirrorfold.io.proposal import BESIDE, LISTED, Finding, Guess, plain, source
 from mirrorfold.io.readers import Contents, Variable
 from mirrorfold.io.spectral import STEP_TOLERANCE
 
@@ -24,7 +22,6 @@ LARGEST_LOOKED_AT = 1 << 20
 
 FREQUENCY = re.compile(r"^f$|^fr|freq|^f_?axis|^(k|m|g|t)?hz$")
 TIME = re.compile(r"^t$|^time|^t_?axis|_time$")
-RANGE = re.compile(r"^r$|^rng|^range|^distance|^dist")
 REFERENCE = re.compile(r"^r_?0$|ref(erence)?_?range|range_?ref|^rref|scene_?range|^r_?ref")
 SPEED = re.compile(r"velocity|speed|^c$|^c_?0$|^v$")
 REAL = re.compile(r"(^|[_.])(re|real)($|[_.])|_re$|real$", re.IGNORECASE)
@@ -45,9 +42,6 @@ TX_COORDINATE = re.compile(
 )
 RX_COORDINATE = re.compile(r"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:rx|r)(?:_?m{1,2})?$")
 
-LISTED = ("sure", "likely", "a guess")
-"""How sure a finding is: by name, size and values; by two of them; by one."""
-
 LARGEST_PITCH_MM = 100.0
 """Antennas farther apart than so many units are not given in mm: an aeroplane's are in metres."""
 
@@ -56,74 +50,6 @@ DOUBTFUL_PITCH = 100.0
 
 GIGAHERTZ_BELOW = 3e3
 """Frequencies that all lie below this are given in GHz, if they are those of a radar."""
-
-
-@dataclass
-class Finding:
-    """One thing that was inferred: what, how sure, and why."""
-
-    what: str
-    sure: str
-    why: str
-
-
-@dataclass
-class Guess:
-    """A proposed mapping.
-
-    Attributes
-    ----------
-    path : Path
-    findings : list of Finding
-    entries : dict
-        The mapping, as its TOML file would hold it.
-    missing : list of str
-        What has to be added by hand.
-    works : str
-        The sweep that the mapping makes, in words; empty where it makes none yet.
-    """
-
-    path: Path
-    findings: list[Finding] = field(default_factory=list)
-    entries: dict[str, Any] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
-    works: str = ""
-
-    def to_toml(self) -> str:
-        """The text of the mapping file, ready to be saved."""
-        lines = [f"# Proposed for {self.path.name}; check it before you trust the image."]
-        lines += [f"# {finding.sure}: {finding.what} ({finding.why})" for finding in self.findings]
-        lines += [f"# TO DO: {sentence}" for sentence in self.missing]
-        lines += [f"{name} = {_toml(value)}" for name, value in self.entries.items()]
-        return "\n".join([*lines, ""])
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML in one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name} = {_toml(item)}" for name, item in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-
-
-BESIDE = "|"
-"""Marks the names of what lies in other files."""
-
-
-def _plain(text: str) -> str:
-    """The same with names of what lies in other files as people write them."""
-    return re.sub(r"'\|([^'|]+)(?:\|(\d+))?'", lambda m: f"{m[1]} column {m[2]}" if m[2] else m[1], text)
-
-
-def _source(name: str) -> Any:
-    """What a mapping says for a row of numbers."""
-    if not name.startswith(BESIDE):
-        return name
-    file, _, column = name[1:].partition(BESIDE)
-    return {"file": file, "column": int(column)} if column else {"file": file}
 
 
 class Search:
@@ -141,7 +67,9 @@ class Search:
         """Fill in the guess."""
         samples = self._samples()
         if samples is None:
-            self.guess.missing.append("no array of samples was recognised; write s = {variable = ..., dims = [...]}")
+            self.guess.missing.append(
+                "no array of samples was recognised; write a table [s] with variable = ... and dims = [...]"
+            )
             return
         shape = [length for length in samples.shape if length > 1] or [1]
         dims = list(samples.dims) if len(samples.dims) == len(samples.shape) else [""] * len(shape)
@@ -162,7 +90,7 @@ class Search:
         self._found("the time convention exp(+jwt)", 2, "the file does not say; `mirrorfold info` tests it on the data")
 
     def _found(self, what: str, level: int, why: str) -> None:
-        self.guess.findings.append(Finding(_plain(what), LISTED[level], why))
+        self.guess.findings.append(Finding(plain(what), LISTED[level], why))
 
     def _samples(self) -> Variable | None:
         """Complex samples, or two parts of them, or the largest real array."""
@@ -230,8 +158,8 @@ class Search:
                 unit = self._unit(kind, name, values)
                 level = 0 if shape.count(values.size) == 1 else 1
                 self._found(f"axis {at} is {kind}, {name!r} in {unit}", level, "name, length and equal steps")
-                source = _source(name)
-                self.guess.entries[kind] = {"variable": name} if source == name else source
+                said = source(name)
+                self.guess.entries[kind] = {"variable": name} if said == name else said
                 self.guess.entries[kind] |= {"unit": unit}
                 self.free.pop(name)
                 return
@@ -248,10 +176,12 @@ class Search:
             self.guess.entries[kind] = {"start": limits[0], "stop": limits[1], "points": shape[at], "unit": unit}
             self._found(f"the band is {limits[0]:g} to {limits[1]:g} {unit}, {names[0]!r} and {names[1]!r}", 1, "names")
         elif kind == "time":
-            self.guess.missing.append('give the times: time = {start = 0.0, step = ..., points = ..., unit = "s"}')
+            self.guess.missing.append(
+                'give the times in a table [time]: start = 0.0, step = ..., points = ..., unit = "s"'
+            )
         else:
             self.guess.missing.append(
-                'give the band: frequency = {start = ..., stop = ..., points = ..., unit = "GHz"}'
+                'give the band in a table [frequency]: start = ..., stop = ..., points = ..., unit = "GHz"'
             )
 
     def _is_real(self) -> bool:
@@ -328,7 +258,7 @@ class Search:
         elements = int(max(row.max() for row in numbers)) + 1 - base
         if not (self._places("elements", PLACES, elements) or self._places("elements", None, elements)):
             return False
-        self.guess.entries["pairs"] = {**{side: _source(name) for side, name in found.items()}, "base": base}
+        self.guess.entries["pairs"] = {**{side: source(name) for side, name in found.items()}, "base": base}
         self._found(f"channels are pairs of {elements} elements, {found['tx']!r} and {found['rx']!r}", 0,
                     f"whole numbers from {base}")  # fmt: skip
         half = bool(np.all(numbers[0] <= numbers[1]) or np.all(numbers[0] >= numbers[1]))
@@ -344,8 +274,8 @@ class Search:
             fits = sorted(lengths) in (sorted((count, 3)), sorted((count, 2))) and variable.dtype.kind in "fiu"
             if fits and pattern is not None and pattern.search(name.lower()):
                 unit = self._length_unit(name)
-                source = _source(name)
-                self.guess.entries[entry] = {"position": name} if source == name else {"file": source["file"]}
+                said = source(name)
+                self.guess.entries[entry] = {"position": name} if said == name else {"file": said["file"]}
                 self.guess.entries[entry] |= {"unit": unit}
                 self._found(f"{name!r} {variable.shape} are the places of {entry}, in {unit}", 1, "name and shape")
                 return True

@@ -16,11 +16,11 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
-from mirrorfold.io.assembly import fill_matrix, grid_beams
+from mirrorfold.io.arrangements import fill_matrix, grid_beams
 from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
-from mirrorfold.io.readers.contents import check_memory
+from mirrorfold.io.readers.contents import check_memory, damaged
 from mirrorfold.io.spectral import STEP_TOLERANCE
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep
 
@@ -155,8 +155,8 @@ def read_spectra(path: Path) -> Spectra:
             return touchstone.read_spectra(path)
         except InputError:
             raise
-        except Exception:  # the general way explains what is wrong
-            pass
+        except Exception as error:  # scikit-rf, which reads version 2, reports damage by exceptions of many types
+            raise damaged(path, error) from None
     contents = read_contents(path)
     if contents.spectra is None:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Pictures of sweeps, of the tree of mirrors, and of scores. `mirrorfold.plotting.figures` has them all.
+"""Pictures of sweeps, of the tree of mirrors, and of scores. `mirrorfold.plotting` has them all.
 
 As everywhere: each function draws into the axes it is given, or into new ones, and returns them.
 """
@@ -17,6 +17,7 @@ from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.axes import axes_or_new
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     mean = power.mean(axis=1)
     peak = float(mean.max()) or 1.0
     range_ = np.arange(frequency.size) * ambiguous_range(sweep) / frequency.size
-    ax = _axes(ax, (7.0, 3.6))
+    ax = axes_or_new(ax, (7.0, 3.6))
     low, high = (_level(values, peak) for values in np.percentile(power, SPREAD, axis=1))
     ax.fill_between(range_, low, high, color=COLOURS[5], alpha=0.18, linewidth=0,
                     label=f"{SPREAD[0]:g} % to {SPREAD[1]:g} % of the channels")  # fmt: skip
@@ -98,7 +99,7 @@ def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = T
     rows, columns = ("elevation", "azimuth") if is_raster(sweep) else ("rx", "tx")
     samples = s.transpose(..., rows, columns).values
     power = np.mean(np.abs(samples) ** 2, axis=tuple(range(samples.ndim - 2)), dtype=float)
-    ax = _axes(ax, (5.2, 4.4))
+    ax = axes_or_new(ax, (5.2, 4.4))
     if is_raster(sweep):
         axes = [sweep[name].values.astype(float) for name in ("azimuth", "elevation")]
         steps = [float(np.diff(axis).mean()) if axis.size > 1 else 1.0 for axis in axes]
@@ -176,7 +177,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
 
     put(-1, 0)
     depth = max(x for x, _ in place.values())
-    ax = _axes(ax, (1.6 + 1.15 * depth, 0.6 + 0.62 * rows))
+    ax = axes_or_new(ax, (1.6 + 1.15 * depth, 0.6 + 0.62 * rows))
     for number, (x, y) in place.items():
         if number >= 0:
             px, py = place[parent[number]]
@@ -225,7 +226,7 @@ def score(score: dict[str, Any], ax: Axes | None = None) -> Axes:
         "F-score": "f_score_2cm",
         "F-score at 5 cm": "f_score_5cm",
     }
-    ax = _axes(ax, (5.6, 3.4))
+    ax = axes_or_new(ax, (5.6, 3.4))
     for k, (label, part, colour) in enumerate(
         (("all surfaces", score, COLOURS[5]), ("out of sight", score.get("hidden") or {}, COLOURS[1]))
     ):
@@ -265,7 +266,3 @@ def _level(power: Array, reference: float) -> Array:
     """``10 log10`` of powers over a reference; minus infinity where there is none."""
     with np.errstate(divide="ignore"):
         return np.asarray(10.0 * np.log10(power / reference))
-
-
-def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    return Figure(figsize=size, layout="constrained", dpi=150).subplots() if ax is None else ax

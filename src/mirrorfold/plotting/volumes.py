@@ -1,6 +1,6 @@
 """Pictures of folded volumes: the body in a vertical cross-section, and the whole scene in perspective.
 
-The plan view before and after folding is drawn by `mirrorfold.plotting.figures.before_after`, as for a floor plan.
+The plan view before and after folding is drawn by `mirrorfold.plotting.comparison.before_after`, as for a floor plan.
 """
 
 from __future__ import annotations

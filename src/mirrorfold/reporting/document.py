@@ -251,13 +251,6 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
     return {"data": _base64(zlib.compress(difference.tobytes(), effort)), "lowest": LOWEST_DB, "step": step}
 
 
-def unpacked_levels(packed: dict[str, Any], rows: int, columns: int) -> Array:
-    """The levels [dB] that `packed_levels` has packed, NaN for nothing, (rows, columns)."""
-    difference = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), dtype=np.uint8)
-    count = np.cumsum(difference.reshape(rows, columns), axis=1, dtype=np.uint8)
-    return np.where(count > 0, packed["lowest"] + (count - 1.0) * packed["step"], np.nan)
-
-
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     """The columns of the points, each in base64: float32 places, levels and confidence, and the chain's number."""
     total = objects.sizes.get("point", 0)

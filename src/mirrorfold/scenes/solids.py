@@ -20,8 +20,9 @@ from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.common.types import Array
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT
-from mirrorfold.scenes.floor_plan import Band, NonNegative, Roughness
+from mirrorfold.scenes.floor_plan import Band
 from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
+from mirrorfold.scenes.surfaces import NonNegative, Roughness
 
 Point2 = tuple[Finite, Finite]
 Share = Annotated[float, Field(ge=0, le=1)]

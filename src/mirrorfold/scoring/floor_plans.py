@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
-from mirrorfold.scenes.floor_plan import Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.truth import BOUNCES, SMALLEST_COSINE, Array, Mask, Truth, farthest_range
 

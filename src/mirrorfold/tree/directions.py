@@ -1,8 +1,9 @@
-"""Echoes that left and arrived by different ways.
+"""Mixed-path echoes, told by the directions in which they leave and arrive.
 
-With the transmitter in line of sight of a thing and the receiver behind a mirror, or the other way round, path lengths
-average and the echo focuses where nothing is. In a MIMO sweep such a ghost gives itself away: with the transmitters
-focused on it, the receivers hear it from another direction.
+An echo that leaves by one chain of mirrors and is received by another (out in line of sight, back by way of a wall, or
+the reverse) has the mean of two path lengths, and focuses where nothing stands. A sweep of several transmitters and
+receivers gives such an echo away: with the transmitters focused on the point, the receivers hear the echo arrive from
+another direction than that of the point.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ import numba
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
+from mirrorfold.errors import InputError
+from mirrorfold.sweep import antenna_positions, wavenumber
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex64]
-Mask = NDArray[np.bool_]
 
 SMALLEST_RATIO = 0.5
 """True echoes have ratios near one, mixed ones far below a half."""
@@ -28,13 +29,19 @@ SMALLEST_RATIO = 0.5
 PHASE_SPREAD = 0.5
 """Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]."""
 
+SAME_PLACE = 1e-3
+"""Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
+
 CHUNK = 64
 """Points treated at once; bounds the memory."""
 
 
 @numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
 def _send(k0: float, dk: float, weight: Array, taper: Array, path: Array, phasor: Complex) -> None:
-    """``phasor[m, i, p] = weight[i] taper[m] exp(j (k0 + m dk) path[p, i])``, from one frequency to the next."""
+    """``phasor[m, i, p] = weight[i] taper[m] exp(j (k0 + m dk) path[p, i])``: transmitters i, focused on points p.
+
+    The phase goes from one frequency m to the next by a multiplication; `path` is in metres.
+    """
     points, antennas = path.shape
     for i in numba.prange(antennas):
         for p in range(points):
@@ -46,16 +53,20 @@ def _send(k0: float, dk: float, weight: Array, taper: Array, path: Array, phasor
 
 
 @numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
-def _listen(
-    field: Complex, k0: float, dk: float, x: Array, y: Array, px: Array, py: Array, reach: Array, level: Array
-) -> None:
-    """``level[p, j] = |sum_b,k field[p, b, k] exp(j (k0 + b dk) (|q_pj - rx_k| - r_p))|``, points p, directions j."""
+def _listen(field: Complex, k0: float, dk: float, rx: Array, point: Array, reach: Array, level: Array) -> None:
+    """``level[p, j] = |sum_b,k field[p, b, k] exp(j (k0 + b dk) (|point[p, j] - rx[k]| - reach[p]))|``.
+
+    Points p, directions j, groups of frequencies b, receivers k; places in x, y and z [m].
+    """
     points, groups, antennas = field.shape
     for p in numba.prange(points):
-        for j in range(px.shape[1]):
+        for j in range(point.shape[1]):
             total = 0.0 + 0.0j
             for k in range(antennas):
-                path = np.sqrt((px[p, j] - x[k]) ** 2 + (py[p, j] - y[k]) ** 2) - reach[p]
+                x = point[p, j, 0] - rx[k, 0]
+                y = point[p, j, 1] - rx[k, 1]
+                z = point[p, j, 2] - rx[k, 2]
+                path = np.sqrt(x * x + y * y + z * z) - reach[p]
                 turn = complex(np.cos(dk * path), np.sin(dk * path))
                 value = complex(np.cos(k0 * path), np.sin(k0 * path))
                 for b in range(groups):
@@ -65,94 +76,160 @@ def _listen(
 
 
 @dataclass(frozen=True, eq=False)
-class _Array:
-    """One side of the radar in the floor plan, with a Hann window against the side lobes of glints."""
+class _Aperture:
+    """The transmitters, or the receivers, weighted against the side lobes of bright glints.
+
+    Attributes
+    ----------
+    position : (n, 3) array [m]
+        Of the elements, in the order of the sweep.
+    weight : (n,) array
+        A Hann window along the aperture's principal axis; elements at the same place share the weight of that place.
+    centre : (3,) array [m]
+        Mean of the places.
+    places : int
+        Number of places that differ.
+    """
 
     position: Array
     weight: Array
+    centre: Array
+    places: int
 
     @classmethod
-    def of(cls, position: Array) -> _Array:
-        """The antennas at positions (n, 3) [m]."""
-        along = np.linalg.norm(position - position[0], axis=1)
-        share = (along + np.ptp(along) / along.size / 2) / (np.ptp(along) * (1.0 + 1.0 / along.size))
-        return cls(position[:, :2], np.sin(np.pi * share) ** 2)
+    def of(cls, position: Array, wavelength: float) -> _Aperture:
+        """The aperture of elements at positions (n, 3) [m]; `wavelength` [m] says which of them coincide."""
+        distance = SAME_PLACE * wavelength
+        rounded, place, count = np.unique(np.rint(position / distance), axis=0, return_inverse=True, return_counts=True)
+        place, places = place.ravel(), rounded * distance
+        centre = places.mean(axis=0)
+        # Sorted places have one principal axis, whatever the order of the elements.
+        along = (places - centre) @ np.linalg.svd(places - centre)[2][0]
+        share = _between_ends(along, steps=np.unique(np.rint(along / distance)).size)
+        return cls(position, (np.sin(np.pi * share) ** 2 / count)[place], centre, count.size)
 
 
-def direction_ratio(sweep: xr.Dataset, polar: ImageView, range_: Array, u: Array) -> Array:
-    """How much of an echo arrives from the direction that it left in.
+def _between_ends(along: Array, steps: int) -> Array:
+    """Where each place stands between the ends of its aperture, in (0, 1); one half where all stand together.
 
-    With ``B(u, u')`` the wideband focus of the transmitters at a point and of the receivers at the same range in
-    direction u', the ratio is ``|B(u, u)| / max |B(u, u')|``: near one for echoes that came back the way they went.
+    The aperture reaches half a mean pitch, ``length / (2 steps)``, beyond its outermost places, so that the window
+    gives none of them the weight zero.
+    """
+    length = float(np.ptp(along))
+    if steps < 2:
+        return np.full(along.size, 0.5)
+    margin = 0.5 * length / steps
+    return np.asarray((along - along.min() + margin) / (length + 2.0 * margin))
+
+
+def _apertures(sweep: xr.Dataset) -> tuple[_Aperture, _Aperture]:
+    """The transmitters and the receivers of a sweep."""
+    shortest = 2.0 * np.pi / float(wavenumber(sweep)[-1])
+    tx, rx = antenna_positions(sweep)
+    return _Aperture.of(tx, shortest), _Aperture.of(rx, shortest)
+
+
+def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """How much of an echo arrives from the direction in which it left.
+
+    Let ``B(u, u')`` be the sum over transmitters, focused on a point at range r in direction u, and over receivers,
+    focused at the same range in direction u'. The ratio is ``|B(u, u)| / max over u' of |B(u, u')|``: near one for an
+    echo that came back the way it went out, small for one that arrives from elsewhere.
+
+    The points are taken at the height of the radar, the mean of the heights of its two apertures.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        MIMO or synthetic-aperture Sweep with at least two transmitters and receivers.
-    polar : ImageView
-        Tells where range and u count from.
-    range_, u : (n,) arrays
-        The points to test.
+        ``s(frequency, tx, rx)`` with transmitters at two places or more, and receivers as well.
+    view : ImageView
+        Says from where range and u count.
+    range_ : (n,) array [m]
+    u : (n,) array
+        The points to test; u is the sine of the angle off broadside.
 
     Returns
     -------
     (n,) array
+        Between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions, such as frames.
     """
-    speed = float(sweep.attrs.get("wave_speed", speed_of_light))
-    k = 2.0 * np.pi * sweep["frequency"].values / speed
-    data = sweep["s"].values
-    tx, rx = _Array.of(sweep["tx_position"].values), _Array.of(sweep["rx_position"].values)
+    data = sweep["s"]
+    if data.dims != ("frequency", "tx", "rx"):
+        raise InputError(
+            f"sweep: s has the dimensions {data.dims}, expected (frequency, tx, rx); choose one frame or polarization"
+        )
+    k = wavenumber(sweep)
+    tx, rx = _apertures(sweep)
+    height = 0.5 * float(tx.centre[2] + rx.centre[2])
+    radar = np.append(view.radar, height)
     taper = np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2
-    # A path from the antenna at the end of the array differs from that of the middle by up to half its length.
-    spread = 0.5 * float(np.linalg.norm(np.ptp(rx.position, axis=0)))
+    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
+    spread = float(np.linalg.norm(rx.position - radar, axis=1).max())
     groups = int(np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
     size = k.size // groups
-    groups = -(-k.size // size)
-    edges = np.arange(groups) * size
+    first_of_group = np.arange(0, k.size, size)
     dk = float(k[-1] - k[0]) / max(k.size - 1, 1)
-    # Half of the receivers' own beam width.
-    beams = int(np.ceil(LARGEST_SINE * 2.0 * max(polar.aperture_rx, 1.0)))
+    # Steps of half the beam width of the receivers.
+    beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
     ring = np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1)
+
+    def places(range_: Array, u: Array) -> Array:
+        """Positions (..., 3) [m] at the radar's height."""
+        plan = view.to_points(range_, u)
+        return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
+
     ratio = np.empty(range_.size)
     for first in range(0, range_.size, CHUNK):
         part = slice(first, first + CHUNK)
-        r, points = range_[part], polar.to_points(range_[part], u[part])
-        path = np.linalg.norm(points[:, None] - tx.position, axis=-1) + r[:, None]
-        send = np.empty((k.size, tx.weight.size, r.size), dtype=np.complex64)
+        r = range_[part]
+        # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
+        path = np.linalg.norm(places(r, u[part])[:, None] - tx.position, axis=-1) + r[:, None]
+        send = np.empty((k.size, len(tx.position), r.size), dtype=np.complex64)
         _send(float(k[0]), dk, tx.weight, taper, path, send)
-        heard = np.matmul(data.swapaxes(1, 2), send)  # (frequency, rx, point)
-        field = np.add.reduceat(heard, edges, axis=0).transpose(2, 0, 1) * rx.weight.astype(np.float32)
+        heard = np.matmul(data.values.swapaxes(1, 2), send)  # (frequency, rx, point)
+        field = np.add.reduceat(heard, first_of_group, axis=0).transpose(2, 0, 1) * rx.weight.astype(np.float32)
         directions = np.concatenate([np.broadcast_to(ring, (r.size, ring.size)), u[part, None]], axis=1)
-        where = polar.to_points(np.broadcast_to(r[:, None], directions.shape), directions)
+        where = places(np.broadcast_to(r[:, None], directions.shape), directions)
         level = np.empty(directions.shape)
-        _listen(
-            np.ascontiguousarray(field),
-            float(k[0]) + 0.5 * (size - 1) * dk,
-            size * dk,
-            np.ascontiguousarray(rx.position[:, 0]),
-            np.ascontiguousarray(rx.position[:, 1]),
-            np.ascontiguousarray(where[..., 0]),
-            np.ascontiguousarray(where[..., 1]),
-            r,
-            level,
-        )
+        # Each group counts with its middle frequency.
+        k_middle = float(k[0]) + 0.5 * (size - 1) * dk
+        _listen(np.ascontiguousarray(field), k_middle, size * dk, rx.position, where, r, level)
         ratio[part] = level[:, -1] / np.maximum(level.max(axis=1), np.finfo(float).tiny)
     return ratio
 
 
 def is_mixed(
-    echoes: Echoes, sweep: xr.Dataset, polar: ImageView, known: dict[tuple[float, float], float] | None = None
+    echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: dict[tuple[float, float], float] | None = None
 ) -> Mask:
-    """Which echoes arrive from another direction than they left in, (n,).
+    """Which echoes arrive from another direction than they left in.
 
-    Tested once in each resolution cell, at its brightest echo; a sweep with a single transmitter or receiver cannot
-    tell, and accuses none. `known` holds the ratios of echoes by range and u, and takes up those that are measured.
+    Each resolution cell is tested once, at its brightest echo. Where all transmitters, or all receivers, stand at one
+    place, directions cannot be told and no echo is called mixed.
+
+    Parameters
+    ----------
+    echoes : Echoes
+    sweep : xarray.Dataset
+        ``s(frequency, tx, rx)``.
+    view : ImageView
+        The view that the echoes were found in.
+    known : dict, optional
+        Ratios of echoes by range [m] and u, from earlier calls; those measured now are added.
+
+    Returns
+    -------
+    (n,) bool array
     """
     known = {} if known is None else known
-    if min(sweep.sizes["tx"], sweep.sizes["rx"]) < 2 or not echoes.range.size:
+    if not echoes.range.size or min(side.places for side in _apertures(sweep)) < 2:
         return np.zeros(echoes.range.size, dtype=bool)
-    _, u = polar.to_polar(echoes.position)
-    cells = np.stack([echoes.range / polar.range_cell, u / polar.u_cell]).astype(np.intp)
+    _, u = view.to_polar(echoes.position)
+    cells = view.in_cells(echoes.position).T.astype(np.intp)
     _, cell = np.unique(cells, axis=1, return_inverse=True)
     cell = cell.ravel()
     order = np.lexsort([-echoes.amplitude, cell])
@@ -160,7 +237,7 @@ def is_mixed(
     where = list(zip(echoes.range[brightest].tolist(), u[brightest].tolist(), strict=True))
     new = brightest[[place not in known for place in where]]
     if new.size:
-        measured = direction_ratio(sweep, polar, echoes.range[new], u[new])
+        measured = direction_ratio(sweep, view, echoes.range[new], u[new])
         known.update(zip(zip(echoes.range[new].tolist(), u[new].tolist(), strict=True), measured, strict=True))
     ratio = np.array([known[place] for place in where])
     return np.asarray(ratio[cell] < SMALLEST_RATIO)

@@ -96,7 +96,7 @@ def recognise(path: Path) -> Reader:
                 return reader
         except InputError:
             raise
-        except Exception as error:  # a reader that trips over a file does not know it
+        except Exception as error:  # those of other packages may raise whatever they like
             raise damaged(path, error) from None
     names = ", ".join(readers())
     raise InputError(f"{path}: is of no format that is known ({names}); export it as one of these")

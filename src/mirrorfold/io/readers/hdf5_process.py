@@ -117,7 +117,13 @@ def _attr(attrs: Any, name: str) -> str | float | None:
     """An attribute that is a short text or a number."""
     try:
         value = attrs[name]
-    except Exception:  # an attribute of a type that h5py does not know says nothing
+    except (
+        LookupError,
+        OSError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ):  # of a type that h5py does not know: it says nothing
         return None
     value = value.item() if isinstance(value, np.ndarray | np.generic) and np.size(value) == 1 else value
     if isinstance(value, bytes | str):

@@ -15,7 +15,8 @@ from scipy.interpolate import CubicSpline
 
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Arc, Circle, Curve, Polyline, Roughness, Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Arc, Circle, Curve, Polyline, Roughness, Surface
 from mirrorfold.simulation.fullwave.roughness import CELLS, rough_heights
 
 End = Literal["open", "vertex", "closed"]

@@ -96,7 +96,7 @@ def _near(x: float) -> complex:
         harmonic += 1.0 / m
         bessel += term
         rest -= harmonic * term
-    neumann = (math.log(0.5 * x) + np.euler_gamma) * bessel + rest
+    neumann = (np.log(0.5 * x) + np.euler_gamma) * bessel + rest
     return complex(bessel, -2.0 / math.pi * neumann)
 
 

@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.memory import available_memory
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.simulation.fullwave.compression import compress
 from mirrorfold.simulation.fullwave.contours import contours, outline_length
 from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise

@@ -6,7 +6,7 @@ import numpy as np
 
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Roughness
+from mirrorfold.scenes.surfaces import Roughness
 
 CELLS = 8
 """Least knots per correlation length: the spectrum ``exp(-(q L / 2)^2)`` at their band limit is below 1e-60, and a

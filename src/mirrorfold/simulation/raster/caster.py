@@ -11,7 +11,9 @@ from mirrorfold.errors import InputError
 BATCH = 1 << 17
 """Rays that are cast at once: their single-precision copies then stay in the cache."""
 
-NOT_INSTALLED = "three-dimensional scenes need the packages trimesh and embreex; install 'mirrorfold[mesh]'"
+NOT_INSTALLED = (
+    "three-dimensional scenes need the packages trimesh, embreex and scikit-image; install 'mirrorfold[mesh]'"
+)
 
 
 class Caster:

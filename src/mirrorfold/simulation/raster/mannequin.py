@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
+from mirrorfold.simulation.raster.caster import NOT_INSTALLED
 
 CELL = 0.010
 """Marching cubes step [m]: facets then lie within 0.3 mm of limbs of 4 cm radius."""
@@ -112,9 +114,16 @@ def mannequin_mesh(
     vertices : (v, 3) array [m]
     faces : (f, 3) array of int
         Counter-clockwise seen from outside.
-    """
-    from skimage.measure import marching_cubes
 
+    Raises
+    ------
+    InputError
+        If scikit-image is not installed.
+    """
+    try:
+        from skimage.measure import marching_cubes
+    except ImportError:
+        raise InputError(NOT_INSTALLED) from None
     cones, ellipsoids = _parts(height, arms, elbows, stride)
     spheres: list[tuple[Array, Array]] = [
         (end, np.full(3, radius)) for a, b, first, last in cones for end, radius in ((a, first), (b, last))

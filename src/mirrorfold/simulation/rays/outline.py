@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Arc, Circle, Polyline, Scene, Segment
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 
 TOUCH = 1e-6
 """Distance [m] within which the end of a ray lies on an outline instead of being shadowed by it: a thousandth of a

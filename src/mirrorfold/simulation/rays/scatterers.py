@@ -25,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, Surface
+from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import coherent_factor, material
+from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
 

@@ -1,0 +1,70 @@
+"""A proposed mapping: what was found in a file, how sure that is, and the text of the mapping file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+LISTED = ("sure", "likely", "a guess")
+"""How sure a finding is: by name, size and values; by two of them; by one."""
+
+
+@dataclass
+class Finding:
+    """What was inferred, how sure it is (one of `LISTED`), and why."""
+
+    what: str
+    sure: str
+    why: str
+
+
+@dataclass
+class Guess:
+    """A proposed mapping.
+
+    Attributes
+    ----------
+    path : Path
+    findings : list of Finding
+    entries : dict
+        The mapping, as its TOML file would hold it.
+    missing : list of str
+        What has to be added by hand.
+    works : str
+        The sweep that the mapping makes, in words; empty where it makes none yet.
+    """
+
+    path: Path
+    findings: list[Finding] = field(default_factory=list)
+    entries: dict[str, Any] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    works: str = ""
+
+    def to_toml(self) -> str:
+        """The text of the mapping file, ready to be saved."""
+        lines = [f"# Proposed for {self.path.name}; check it before you trust the image."]
+        lines += ["# An entry without a table goes above the first [table], a new table anywhere below."]
+        lines += [f"# {finding.sure}: {finding.what} ({finding.why})" for finding in self.findings]
+        lines += [f"# TO DO: {sentence}" for sentence in self.missing]
+        return "\n".join([*lines, tomli_w.dumps(self.entries)])
+
+
+BESIDE = "|"
+"""Marks the names of what lies in other files."""
+
+
+def plain(text: str) -> str:
+    """A sentence, with the names of what lies in other files as people write them."""
+    return re.sub(r"'\|([^'|]+)(?:\|(\d+))?'", lambda m: f"{m[1]} column {m[2]}" if m[2] else m[1], text)
+
+
+def source(name: str) -> Any:
+    """What a mapping says for a row of numbers."""
+    if not name.startswith(BESIDE):
+        return name
+    file, _, column = name[1:].partition(BESIDE)
+    return {"file": file, "column": int(column)} if column else {"file": file}

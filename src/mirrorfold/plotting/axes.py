@@ -1,0 +1,68 @@
+"""What the pictures share: axes in metres, colours by the number of bounces, and what is read from a reconstruction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.patheffects as patheffects
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mirrorfold.common.decibels import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+Extent = tuple[float, float, float, float]
+
+CURVE_STEP = 0.005
+"""Length of the chords that curved surfaces are drawn with [m]."""
+
+
+def axes_or_new(ax: Axes | None, size: tuple[float, float] = (7.0, 6.0)) -> Axes:
+    """The axes given, or those of a new figure of this width and height [inch]."""
+    return Figure(figsize=size, layout="constrained", dpi=150).subplots() if ax is None else ax
+
+
+def in_metres(ax: Axes) -> Axes:
+    """Metres on both axes, and as long on the one as on the other."""
+    ax.set_aspect("equal")
+    ax.set(xlabel="cross-range x [m]", ylabel="range y [m]")
+    return ax
+
+
+def outer_edges(centres: Array) -> tuple[float, float]:
+    """Outer edges of the first and the last pixel."""
+    half = 0.5 * (centres[-1] - centres[0]) / max(centres.size - 1, 1)
+    return float(centres[0] - half), float(centres[-1] + half)
+
+
+def colour_of(bounces: int) -> str:
+    """The colour of what was seen by way of so many mirrors."""
+    return COLOURS[bounces % len(COLOURS)]
+
+
+def halo(width: float) -> list[Any]:
+    """A white rim that keeps lines and letters legible on dark pixels."""
+    return [patheffects.withStroke(linewidth=2 * width, foreground="white", alpha=0.8)]
+
+
+def draw_radar(ax: Axes, radar: Array) -> None:
+    """A triangle where the radar stands (2,) [m]."""
+    ax.plot(*radar, marker="^", markersize=9, color="black", markeredgecolor="white", linestyle="none", zorder=5)
+
+
+def radar_of(reconstruction: xr.DataTree) -> Array:
+    """Where the radar stands (2,) [m]."""
+    return np.array([reconstruction.attrs.get("radar_x", 0.0), reconstruction.attrs.get("radar_y", 0.0)], dtype=float)
+
+
+def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Array, int]]:
+    """The two ends (2, 2) [m] of each mirror, and its generation."""
+    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    prefix = "folded_" if folded else ""
+    ends = np.stack([held[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1)
+    return list(zip(ends.reshape(-1, 2, 2), held["generation"].values.astype(int).tolist(), strict=True))

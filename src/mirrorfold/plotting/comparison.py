@@ -1,0 +1,142 @@
+"""The initial image beside the corrected one, at one scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
+from mirrorfold.plotting.axes import CURVE_STEP, Extent, colour_of, draw_radar, mirror_lines, radar_of
+from mirrorfold.plotting.figures import corrected, image, mirrors, shadows
+from mirrorfold.plotting.figures import scene as draw_scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from mirrorfold.scenes.floor_plan import Scene
+
+MARGIN = 0.06
+"""Space around the content of a picture, as a share of its larger side."""
+
+PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
+"""Largest height of the panels of `before_after`, and width of both together [inch]."""
+
+
+def before_after(
+    reconstruction: xr.DataTree,
+    scene: Scene | None = None,
+    *,
+    floor_db: float = -40.0,
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
+    """One figure: the initial image with mirrors and shadows, and beside it the corrected scene.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+    scene : Scene, optional
+        The truth, drawn thin in both.
+    floor_db : float [dB], default -40
+    axes : two of matplotlib.axes.Axes, optional
+        To draw into, of one figure; without colour bar and legend then. New ones by default.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not registered with pyplot; ``figure.savefig(path)`` writes it.
+    """
+    radar = radar_of(reconstruction)
+    before = content_extent(reconstruction, scene, folded=False)
+    after = content_extent(reconstruction, scene, folded=True)
+    bottom, top = min(before[2], after[2]), max(before[3], after[3])
+    before, after = (*before[:2], bottom, top), (*after[:2], bottom, top)
+    if axes is None:
+        figure, (left, right, bar) = _panels(before[1] - before[0], after[1] - after[0], top - bottom)
+    else:
+        (left, right), bar = axes, None
+        figure = left.figure.figure
+
+    initial = reconstruction.children["initial"].dataset["initial"]
+    image(initial, left, floor_db=floor_db, normalization="none", extent=before, colorbar=False)
+    shadows(reconstruction, left)
+    mirrors(reconstruction, left)
+    draw_radar(left, radar)
+    left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
+
+    corrected(reconstruction, right, floor_db=floor_db, extent=after, colorbar=False)
+    right.set(xlim=after[:2], ylim=after[2:], title="corrected:\nevery echo folded back")
+
+    if scene is not None:
+        draw_scene(scene, left, alpha=0.45)
+        draw_scene(scene, right, alpha=1.0)
+    for panel in (left, right):
+        panel.locator_params(axis="x", nbins=6)
+    if bar is None:
+        return figure
+    right.set(ylabel="", yticklabels=[])
+    figure.colorbar(right.images[0], cax=bar, label=f"amplitude [dB], floor {floor_db:g} dB")
+    figure.legend(handles=_legend(reconstruction, scene), loc="lower center", ncols=6, frameon=False)
+    return figure
+
+
+def content_extent(reconstruction: xr.DataTree, scene: Scene | None = None, *, folded: bool) -> Extent:
+    """The part of the floor plan that holds something, with a margin.
+
+    Parameters
+    ----------
+    reconstruction : xarray.DataTree
+    scene : Scene, optional
+        Its surfaces count too.
+    folded : bool
+        Of the corrected image; else of the initial one.
+
+    Returns
+    -------
+    (x0, x1, y0, y1) [m]
+        The whole grid where nothing was found.
+    """
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    suffix = "" if folded else "_initial"
+    points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]
+    points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
+    if scene is not None:
+        points += [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
+    found = np.concatenate(points)
+    if len(found) == 1:
+        grid = reconstruction.children["initial"].dataset
+        found = np.column_stack([grid["x"].values[[0, -1]], grid["y"].values[[0, -1]]])
+    low, high = found.min(axis=0), found.max(axis=0)
+    margin = MARGIN * float((high - low).max())
+    return (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin)
+
+
+def _panels(left_width: float, right_width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure with two panels of these sizes [m] at one scale, and narrow axes for a colour bar."""
+    scale = min(PANEL_HEIGHT / height, PANEL_WIDTH / (left_width + right_width))
+    widths = [left_width * scale, right_width * scale, 0.18]
+    size = np.array([0.8 + sum(widths) + 2 * 0.25 + 0.8, 1.0 + height * scale + 0.65])
+    figure = Figure(figsize=(max(size[0], 7.0), size[1]), dpi=150)
+    axes, corner = [], 0.8
+    for width in widths:
+        axes.append(figure.add_axes((corner / figure.get_figwidth(), 1.0 / size[1], width / figure.get_figwidth(),
+                                     height * scale / size[1])))  # fmt: skip
+        corner += width + 0.25
+    return figure, axes
+
+
+def _legend(reconstruction: xr.DataTree, scene: Scene | None) -> list[Line2D]:
+    """One entry for each colour in the picture, and one for the truth."""
+    bounces = {int(count) for count in np.unique(reconstruction.children["objects"].dataset["bounces"].values)}
+    bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}
+    handles = [
+        Line2D([], [], color=colour_of(count), linewidth=2.5, marker="o", markersize=4, label=bounce_label(count))
+        for count in sorted(bounces)
+    ]
+    if scene is not None:
+        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.9, label="truth"))
+    return handles

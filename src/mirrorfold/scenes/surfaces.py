@@ -1,0 +1,205 @@
+"""Surfaces of the floor plan: segments, polylines, arcs, circles and curves, with their material and roughness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+from pydantic.dataclasses import dataclass
+
+from mirrorfold.scenes import materials
+from mirrorfold.scenes.arrays import STRICT
+
+Array = NDArray[np.float64]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Point2 = tuple[Finite, Finite]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Roughness:
+    """Gaussian heights with a Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``.
+
+    Attributes
+    ----------
+    rms_height : float [m]
+    correlation_length : float [m]
+    """
+
+    rms_height: NonNegative
+    correlation_length: Positive
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Surface:
+    """What surfaces of all shapes share.
+
+    Attributes
+    ----------
+    name : str
+    material : str
+        A name that `mirrorfold.scenes.materials` knows.
+    roughness : Roughness, optional
+        Smooth where it is not given: such a surface is a mirror and nothing else.
+    volume_depth : float [m], default 0
+        Depth over which the inside of the wall scatters too: 1-3 cm for drywall at 0.3 THz.
+    """
+
+    name: str
+    material: str = "pec"
+    roughness: Roughness | None = None
+    volume_depth: NonNegative = 0.0
+
+    @field_validator("material")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        materials.material(value)
+        return value
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The outline as connected polylines, shape (n, 2) [m]; curves in chords of at most `spacing` [m].
+
+        Raises
+        ------
+        NotImplementedError
+            Never for the shapes of this module.
+        """
+        raise NotImplementedError
+
+    def sample(self, spacing: float) -> tuple[Array, Array, Array]:
+        """Points on the surface at most `spacing` [m] apart.
+
+        Returns
+        -------
+        points : (n, 2) array [m]
+        normals : (n, 2) array
+            Unit normals, to the left of the direction of travel.
+        lengths : (n,) array [m]
+            Of the piece of outline that each point stands for.
+        """
+        points, normals, lengths = [], [], []
+        for piece in self.pieces(spacing):
+            for start, end in pairwise(piece):
+                length = float(np.linalg.norm(end - start))
+                count = max(1, int(np.ceil(length / spacing)))
+                along = (np.arange(count) + 0.5) / count
+                points.append(start + along[:, None] * (end - start))
+                normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
+                normals.append(np.tile(normal, (count, 1)))
+                lengths.append(np.full(count, length / count))
+        return np.concatenate(points), np.concatenate(normals), np.concatenate(lengths)
+
+
+def _arc_points(center: Point2, radius: float, start: float, stop: float, spacing: float) -> Array:
+    """Vertices of chords along a circle; angles in degrees, counter-clockwise from +x."""
+    count = max(8, int(np.ceil(abs(np.radians(stop - start)) * radius / spacing)))
+    angle = np.radians(np.linspace(start, stop, count + 1))
+    return np.asarray(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Segment(_Surface):
+    """A straight wall from `start` to `end` [m]."""
+
+    kind: Literal["segment"] = "segment"
+    start: Point2
+    end: Point2
+
+    def __post_init__(self) -> None:
+        if self.start == self.end:
+            raise ValueError("start and end are the same point; a segment needs a length")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The segment itself."""
+        return [np.array([self.start, self.end])]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Polyline(_Surface):
+    """Straight pieces through `points` [m], at least two."""
+
+    kind: Literal["polyline"] = "polyline"
+    points: Annotated[tuple[Point2, ...], Field(min_length=2)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; each piece needs a length")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """The polyline itself."""
+        return [np.array(self.points)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Arc(_Surface):
+    """Part of a circle, from `start_angle` to `stop_angle` [degree], counter-clockwise from +x."""
+
+    kind: Literal["arc"] = "arc"
+    center: Point2
+    radius: Positive
+    start_angle: Finite
+    stop_angle: Finite
+
+    def __post_init__(self) -> None:
+        if not 0 < abs(self.stop_angle - self.start_angle) <= 360:
+            raise ValueError("start_angle and stop_angle must differ, by at most 360 degrees")
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the arc."""
+        return [_arc_points(self.center, self.radius, self.start_angle, self.stop_angle, spacing)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Circle(_Surface):
+    """A closed circle around `center` [m] of `radius` [m]."""
+
+    kind: Literal["circle"] = "circle"
+    center: Point2
+    radius: Positive
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the circle; clockwise, so that the normals of `sample` point outward."""
+        return [_arc_points(self.center, self.radius, 360.0, 0.0, spacing)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Curve(_Surface):
+    """A smooth curve through `points` [m], by cubic splines with continuous second derivative.
+
+    In a scene file the points may come from a file beside it, ``file = "profile.csv"`` (or .npy), with one x and y per
+    row. Where the last point is the first one, the curve is closed.
+    """
+
+    kind: Literal["curve"] = "curve"
+    points: Annotated[tuple[Point2, ...], Field(min_length=4)]
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in pairwise(self.points)):
+            raise ValueError("two consecutive points are the same; a spline needs distinct ones")
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the curve ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    def spline(self) -> tuple[Callable[..., Array], float]:
+        """The curve as a function of the length of the chords so far [m], and the total of that length."""
+        from scipy.interpolate import CubicSpline
+
+        points = np.array(self.points)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        return CubicSpline(along, points, bc_type="periodic" if self.is_closed else "not-a-knot"), float(along[-1])
+
+    def pieces(self, spacing: float) -> list[Array]:
+        """Chords of the curve."""
+        spline, length = self.spline()
+        count = max(len(self.points), int(np.ceil(length / spacing)))
+        return [np.asarray(spline(np.linspace(0.0, length, count + 1)))]
+
+
+Surface = Segment | Polyline | Arc | Circle | Curve

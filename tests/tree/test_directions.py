@@ -1,0 +1,275 @@
+"""Mixed-path echoes, synthesised from images of points: out in line of sight, back by way of a wall, or the reverse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.constants import speed_of_light
+
+from mirrorfold.detection.image_echoes import Echoes
+from mirrorfold.detection.image_view import PolarImage
+from mirrorfold.errors import InputError
+from mirrorfold.sweep import make_sweep
+from mirrorfold.tree import directions
+from mirrorfold.tree.directions import (
+    PHASE_SPREAD,
+    SMALLEST_RATIO,
+    _Aperture,
+    _listen,
+    _send,
+    direction_ratio,
+    is_mixed,
+)
+
+pytestmark = pytest.mark.nojit
+
+FREQUENCY = np.linspace(290e9, 300e9, 61)
+WAVELENGTH = speed_of_light / 295e9
+RANGE = 1.0
+
+
+def line(elements, pitch=1e-3, middle=(0.0, 0.0, 0.0)):
+    """Elements along x, (n, 3) [m]."""
+    return np.array(middle) + pitch * (np.arange(elements) - (elements - 1) / 2)[:, None] * [1.0, 0.0, 0.0]
+
+
+def at(sine, range_=RANGE, height=0.0):
+    """The place at a range [m] and a sine of the angle off broadside."""
+    return np.array([range_ * sine, range_ * np.sqrt(1.0 - sine**2), height])
+
+
+def sweep_of(tx, rx, *paths):
+    """The sweep of echoes that leave towards one place and arrive from another one."""
+    k = 2.0 * np.pi * FREQUENCY[:, None, None] / speed_of_light
+    s = 0.0
+    for leaves, arrives in paths:
+        s = s + np.exp(-1j * k * (np.linalg.norm(tx - leaves, axis=1)[:, None] + np.linalg.norm(rx - arrives, axis=1)))
+    return make_sweep(s, frequency=FREQUENCY, tx_position=tx, rx_position=rx)
+
+
+def view_of(tx, rx):
+    """The radar's view with the arrays along x, without any amplitudes."""
+    lengths = [max(float(np.ptp(side[:, 0])), 0.01) / WAVELENGTH for side in (tx, rx)]
+    radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))[:2]
+    range_, u = np.linspace(0.5, 2.0, 10), np.linspace(-0.9, 0.9, 10)
+    cell = speed_of_light / (FREQUENCY[-1] - FREQUENCY[0])
+    return PolarImage(
+        radar, np.array([1.0, 0.0]), np.array([0.0, 1.0]), range_, u, np.zeros((10, 10)), 1.0, cell,
+        1.207 / np.hypot(*lengths), *lengths,
+    )  # fmt: skip
+
+
+def echoes_at(view, u):
+    """Echoes of equal amplitude in the directions u."""
+    one = np.ones(u.size)
+    return Echoes(view.to_points(RANGE * one, u), RANGE * one, u, one, one, one > 0.0, 0.1, 1.0)
+
+
+def ratio_of(tx, rx, leaves, arrives, u=None):
+    """The ratio of one echo, tested in the middle between the sines of its two directions by default."""
+    sweep = sweep_of(tx, rx, (leaves, arrives))
+    middle = 0.5 * (leaves[0] + arrives[0]) / RANGE
+    return float(direction_ratio(sweep, view_of(tx, rx), np.array([RANGE]), np.array([middle if u is None else u]))[0])
+
+
+def mixed_pair(degrees, middle=10.0, height=0.0):
+    """Two places at the same range, seen so many degrees apart."""
+    return [at(np.sin(np.radians(middle + side * degrees / 2)), height=height) for side in (-1, 1)]
+
+
+@pytest.mark.parametrize("sine", [-0.7, 0.0, 0.3])
+def test_a_true_echo_has_a_ratio_near_one(sine):
+    tx, rx = line(81), line(61)
+    # Nothing louder stands in any other direction: only the steps between directions could exceed the echo itself.
+    assert ratio_of(tx, rx, at(sine), at(sine)) > 0.99
+
+
+@pytest.mark.parametrize("degrees", [2.0, 4.0, 15.0])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_mixed_echo_is_far_below_a_half_whichever_way_it_went(degrees, reverse):
+    tx, rx = line(101), line(101)
+    leaves, arrives = mixed_pair(degrees)[:: -1 if reverse else 1]
+    assert ratio_of(tx, rx, leaves, arrives) < 0.2
+
+
+def test_the_ratio_falls_as_the_directions_part():
+    tx, rx = line(81), line(81)
+    ratio = [ratio_of(tx, rx, *mixed_pair(degrees)) for degrees in (0.0, 0.5, 1.0, 1.5, 2.0)]
+    assert ratio[0] > 0.99
+    assert np.all(np.diff(ratio) < 0.0)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 0.8])
+class TestInvariance:
+    """Of a true echo, and of a mixed one with a ratio that is neither one nor nought."""
+
+    tx, rx = line(61), line(81)
+
+    def test_under_the_order_of_the_elements(self, degrees):
+        leaves, arrives = mixed_pair(degrees)
+        random = np.random.default_rng(3)
+        shuffled = random.permutation(self.tx), random.permutation(self.rx)
+        assert_allclose(ratio_of(*shuffled, leaves, arrives), ratio_of(self.tx, self.rx, leaves, arrives), rtol=1e-4)
+
+    @pytest.mark.parametrize("side", ["tx", "rx", "both"])
+    def test_under_more_elements_at_the_same_place(self, degrees, side):
+        leaves, arrives = mixed_pair(degrees)
+        tx = self.tx if side == "rx" else self.tx[[0, 0, *range(61), 7, 7, 7]]
+        rx = self.rx if side == "tx" else self.rx[[*range(81), 80, 3, 3]]
+        # The view stays that of the radar: its middle is where the image was made around.
+        sweeps = [sweep_of(*sides, (leaves, arrives)) for sides in ((tx, rx), (self.tx, self.rx))]
+        place = np.array([RANGE]), np.array([0.5 * (leaves + arrives)[0]])
+        found, expected = (direction_ratio(sweep, view_of(self.tx, self.rx), *place) for sweep in sweeps)
+        assert_allclose(found, expected, rtol=1e-4)
+
+    def test_under_a_lift_of_array_and_echo(self, degrees):
+        lift = np.array([0.0, 0.0, 1.7])
+        found = ratio_of(self.tx + lift, self.rx + lift, *mixed_pair(degrees, height=1.7))
+        assert_allclose(found, ratio_of(self.tx, self.rx, *mixed_pair(degrees)), rtol=1e-4)
+
+    def test_under_an_exchange_of_the_sides(self, degrees):
+        leaves, arrives = mixed_pair(degrees)
+        equal = line(81)
+        # The directions listened to are spread around broadside, not around the echo: equal but for their steps.
+        assert_allclose(ratio_of(equal, equal, leaves, arrives), ratio_of(equal, equal, arrives, leaves), rtol=0.1)
+        # Backwards along the same two ways, with sides of different lengths: the same verdict.
+        forth = ratio_of(self.tx, self.rx, *mixed_pair(4.0 * degrees))
+        back = ratio_of(self.rx, self.tx, *mixed_pair(4.0 * degrees)[::-1])
+        assert (forth < SMALLEST_RATIO) == (back < SMALLEST_RATIO) == (degrees > 0.0)
+
+
+def test_heights_of_the_elements_count():
+    """Receivers on a slope in y and z: with their heights dropped, an echo off broadside would be called mixed."""
+    tx = line(81)
+    slope = np.array([[0.8, 0.0, 0.6]]) * line(81)[:, :1]
+    place = at(0.0, range_=0.15)
+    sweep = sweep_of(tx, slope, (place, place))
+    assert direction_ratio(sweep, view_of(tx, slope), np.array([0.15]), np.array([0.0]))[0] > 0.98
+
+
+def test_two_echoes_at_one_range_are_told_apart():
+    tx, rx = line(81), line(81)
+    true, (leaves, arrives) = at(-0.4), mixed_pair(4.0, middle=20.0)
+    sweep = sweep_of(tx, rx, (true, true), (leaves, arrives))
+    u = np.array([-0.4, 0.5 * (leaves + arrives)[0]])
+    view = view_of(tx, rx)
+    echoes = echoes_at(view, u)
+    known: dict[tuple[float, float], float] = {}
+    assert_array_equal(is_mixed(echoes, sweep, view, known), [False, True])
+    assert set(known) == {(RANGE, -0.4), (RANGE, float(u[1]))}
+    known[RANGE, -0.4] = 0.1  # a ratio that is known is not measured again
+    assert_array_equal(is_mixed(echoes, sweep, view, known), [True, True])
+
+
+@pytest.mark.parametrize("lonely", ["tx", "rx"])
+def test_nobody_is_accused_where_a_side_stands_at_one_place(lonely):
+    tx = line(5, pitch=0.0) if lonely == "tx" else line(81)
+    rx = line(5, pitch=0.0) if lonely == "rx" else line(81)
+    leaves, arrives = mixed_pair(6.0)
+    sweep = sweep_of(tx, rx, (leaves, arrives))
+    u = 0.5 * (leaves + arrives)[:1]
+    view = view_of(tx, rx)
+    assert not is_mixed(echoes_at(view, u), sweep, view).any()
+    assert np.isfinite(direction_ratio(sweep, view, np.array([RANGE]), u)).all()
+
+
+def test_frames_are_refused():
+    tx, rx = line(5), line(5)
+    sweep = sweep_of(tx, rx, (at(0.0), at(0.0))).expand_dims(frame=2)
+    with pytest.raises(InputError, match=r"'frame', 'frequency', 'tx', 'rx'.*choose one frame"):
+        direction_ratio(sweep, view_of(tx, rx), np.array([RANGE]), np.array([0.0]))
+
+
+def hann(n):
+    """The window on a line of n equal steps that reaches half a mean pitch beyond either end."""
+    margin = 0.5 * (n - 1) / n
+    return np.sin(np.pi * (np.arange(n) + margin) / (n - 1 + 2.0 * margin)) ** 2
+
+
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0], [0.48, 0.6, 0.64]])
+def test_weights_are_hann_along_any_line(direction):
+    position = 0.3 + line(41)[:, :1] * np.array([direction])
+    assert_allclose(_Aperture.of(position, WAVELENGTH).weight, hann(41), atol=2e-4)
+
+
+def test_weights_of_a_planar_array_follow_its_longer_side():
+    x, z = np.meshgrid(np.arange(20) * 1e-3, np.arange(5) * 1e-3)
+    position = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
+    weight = _Aperture.of(position, WAVELENGTH).weight.reshape(5, 20)
+    assert_allclose(weight, np.broadcast_to(weight[0], (5, 20)), atol=1e-9)
+    assert_allclose(weight[0], weight[0, ::-1], atol=1e-9)
+    assert weight[0, 0] < 0.01 < 0.99 < weight[0, 9]
+
+
+def test_elements_at_one_place_share_its_weight():
+    position = line(21)
+    doubled = position[[*range(21), 4, 4, 20]]
+    weight, twice = _Aperture.of(position, WAVELENGTH).weight, _Aperture.of(doubled, WAVELENGTH).weight
+    assert_allclose(np.bincount([*range(21), 4, 4, 20], weights=twice), weight, rtol=1e-12)
+    assert_allclose(_Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
+
+
+def plain_and_compiled(kernel):
+    """The kernel as it runs, and the Python that it was compiled from (the same where the JIT is off)."""
+    return {id(f): f for f in (kernel, getattr(kernel, "py_func", kernel))}.values()
+
+
+def test_sending_kernel_equals_the_formula():
+    random = np.random.default_rng(0)
+    path, weight, taper = random.uniform(0.4, 0.9, (3, 4)), random.random(4), random.random(9)
+    k0, dk = 6100.0, 3.5
+    k = k0 + dk * np.arange(9)
+    expected = taper[:, None, None] * weight[:, None] * np.exp(1j * k[:, None, None] * path.T)
+    for kernel in plain_and_compiled(_send):
+        phasor = np.full((9, 4, 3), np.nan, dtype=np.complex64)
+        kernel(k0, dk, weight, taper, path, phasor)
+        assert_allclose(phasor, expected, atol=2e-7)
+
+
+def test_listening_kernel_equals_the_formula():
+    random = np.random.default_rng(1)
+    field = (random.standard_normal((2, 5, 6)) + 1j * random.standard_normal((2, 5, 6))).astype(np.complex64)
+    rx, point = random.uniform(-0.1, 0.1, (6, 3)), random.uniform(0.5, 1.5, (2, 4, 3))
+    reach, k0, dk = np.array([0.9, 1.3]), 6100.0, 3.5
+    k = k0 + dk * np.arange(5)
+    path = np.linalg.norm(point[:, :, None] - rx, axis=-1) - reach[:, None, None]
+    expected = np.abs(np.einsum("pbk,pjkb->pj", field.astype(complex), np.exp(1j * path[..., None] * k)))
+    for kernel in plain_and_compiled(_listen):
+        level = np.full((2, 4), np.nan)
+        kernel(field, k0, dk, rx, point, reach, level)
+        # Plain Python adds the single-precision samples in single precision.
+        assert_allclose(level, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("spread", "error"),
+    [
+        pytest.param(1e-6, 1e-3, id="every frequency by itself"),
+        # Phases up to 0.25 rad off their group's weigh up to 3% less at either end, in noise, the worst of data.
+        pytest.param(PHASE_SPREAD, 0.05, id="frequencies in groups"),
+    ],
+)
+def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
+    """The kernels, the groups of frequencies and the weights, against a plain float64 double sum."""
+    monkeypatch.setattr(directions, "PHASE_SPREAD", spread)
+    tx, rx = line(21), line(31, middle=(0.0, 0.0, 0.01))
+    random = np.random.default_rng(2)
+    s = random.standard_normal((FREQUENCY.size, 21, 31)) + 1j * random.standard_normal((FREQUENCY.size, 21, 31))
+    sweep = make_sweep(s, frequency=FREQUENCY, tx_position=tx, rx_position=rx)
+    view = view_of(tx, rx)
+    u = np.array([-0.5, 0.1, 0.63])
+    k = 2.0 * np.pi * FREQUENCY / speed_of_light
+    taper = np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2
+    ring = np.linspace(-0.985, 0.985, 2 * int(np.ceil(0.985 * 2.0 * view.aperture_rx)) + 1)
+    expected = []
+    for own in u:
+        levels = []
+        for sine in [*ring, own]:
+            out = np.linalg.norm(at(own, height=0.005) - tx, axis=1)
+            back = np.linalg.norm(at(sine, height=0.005) - rx, axis=1)
+            phase = np.exp(1j * k[:, None, None] * (out[:, None] + back))
+            weight = taper[:, None, None] * hann(21)[:, None] * hann(31)
+            levels.append(abs(np.sum(weight * sweep["s"].values.astype(complex) * phase)))
+        expected.append(levels[-1] / max(levels))
+    assert_allclose(direction_ratio(sweep, view, np.full(3, RANGE), u), expected, rtol=error)
