@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
-from mirrorfold.detection import find_echoes, find_mirrors, see
+from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.volume_picture import draw_volume
@@ -261,7 +261,7 @@ def speed() -> Table:
     view = see(volume)
     echoes = find_echoes(view)
     add("mirrors", 0.2, timed(lambda: find_mirrors(view, echoes)))
-    settings = FoldSettings().for_view(view, echoes)
+    settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings)
     x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
     folds, margin = found.tree.folds(), settings.wall_margin or 0.0

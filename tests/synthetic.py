@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
+from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.folding import FoldSettings
 from mirrorfold.reconstruction import find_tree
@@ -107,5 +108,5 @@ def together(*parts):
 
 def build_tree(echoes, view, *, known=None, **settings):
     """Tree and lines of sight of the echoes of a view: steps 2 to 4."""
-    found = find_tree(view, echoes, FoldSettings(**settings).for_view(view, echoes), known=known)
+    found = find_tree(view, echoes, FoldSettings(**settings).completed(**usual_settings(view, echoes)), known=known)
     return found.tree, found.sight

@@ -4,7 +4,7 @@
 2. `mirrorfold.detection.find_mirrors`: the echoes in it, and the mirrors among them.
 3. `mirrorfold.tree.order_mirrors`: which mirror is seen through which.
 4. `mirrorfold.tree.assign_echoes`: which echo is seen through which chain of mirrors.
-5. `mirrorfold.folding.fold_back`: every echo back to where it stands.
+5. `mirrorfold.folding.points`: every echo back to where it stands.
 6. `mirrorfold.folding.collect`: the corrected scene.
 
 Mirrors, their order, and what can be seen at all depend on each other; steps 2 and 3 are taken in turn until nothing
@@ -13,7 +13,9 @@ changes, in `find_tree`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,11 +25,11 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Mask, Progress
-from mirrorfold.detection import Echoes, View, find_echoes, find_mirrors, see
+from mirrorfold.detection import Echoes, View, find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.known_mirrors import check_mirrors
 from mirrorfold.errors import InputError
-from mirrorfold.focusing import focus
+from mirrorfold.focusing import FocusSettings, focus
 from mirrorfold.folding import PRESETS, FoldSettings, collect, fold_back
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
@@ -44,9 +46,15 @@ GHOST_CELLS = 0.5
 """An echo this close, in resolution cells, to a known ghost of mixed paths is that ghost."""
 
 
-@takes(FoldSettings)
+@takes(FocusSettings, FoldSettings)
 def reconstruct(
-    sweep: xr.Dataset, *, tolerance: float = 1e-3, progress: Progress | None = None, **given: Any
+    sweep: xr.Dataset,
+    *,
+    tolerance: float = 1e-3,
+    mirrors: ArrayLike | None = None,
+    preset: str = "default",
+    progress: Progress | None = None,
+    **given: Any,
 ) -> xr.DataTree:
     """See around the corner: focus a sweep (step 1) and fold the image (steps 2 to 6).
 
@@ -56,6 +64,8 @@ def reconstruct(
         MIMO or synthetic-aperture Sweep, or that of a raster scan.
     tolerance : float
         Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
+    mirrors, preset
+        As for `fold`.
     progress : callable (done, total), optional
     **given
 
@@ -69,8 +79,10 @@ def reconstruct(
     InputError
         If the sweep or a setting cannot be used.
     """
-    image = focus(sweep, tolerance=tolerance, progress=progress)
-    return fold(image, sweep=None if is_raster(sweep) else sweep, **given)
+    folding = FoldSettings.rules()
+    imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
+    image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
+    return fold(image, sweep=None if is_raster(sweep) else sweep, mirrors=mirrors, preset=preset, **given)
 
 
 @takes(FoldSettings)
@@ -175,7 +187,7 @@ class FoldPlan:
         known = None if mirrors is None else check_mirrors(mirrors)
         report = progress or (lambda done, total: None)
         view, echoes = self._seen(chosen)
-        settings = chosen.for_view(view, echoes)
+        settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
         found = find_tree(view, echoes, settings, known=known, mixed=self._mixed(view, settings))
         report(2, 3)
@@ -203,24 +215,12 @@ class FoldPlan:
             self._echoes = {key: echoes}
         return view, self._echoes[key]
 
-    def _mixed(self, view: View, settings: FoldSettings) -> MixedTest | None:
+    def _mixed(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
         """The test for mixed paths, where the sweep is there to tell."""
         if self._sweep is None or settings.published or not isinstance(view, ImageView):
             return None
-        return MixedTest(self._sweep, view, self._ratios.setdefault(view.normalization, {}))
-
-
-@dataclass(frozen=True, eq=False)
-class MixedTest:
-    """Tells echoes of mixed paths by their directions; what was measured once is remembered in `known`."""
-
-    sweep: xr.Dataset
-    view: ImageView
-    known: dict[tuple[float, float], float]
-
-    def __call__(self, echoes: Echoes) -> Mask:
-        """Which echoes left by one chain of mirrors and came back by another, (n,)."""
-        return is_mixed(echoes, self.sweep, self.view, self.known)
+        known = self._ratios.setdefault(view.normalization, {})
+        return partial(is_mixed, sweep=self._sweep, view=view, known=known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +249,7 @@ def find_tree(
     settings: FoldSettings,
     *,
     known: Array | None = None,
-    mixed: MixedTest | None = None,
+    mixed: Callable[[Echoes], Mask] | None = None,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 

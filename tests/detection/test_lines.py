@@ -13,11 +13,11 @@ from profiles import examples
 from synthetic import diffuse, empty_view, radar_view, together
 
 from mirrorfold.common.geometry import cross2
+from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.line_fit import across_profiles, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
-from mirrorfold.detection.lines import find_lines
 
 NOISE = 0.01
 
@@ -25,7 +25,7 @@ NOISE = 0.01
 def look(points, amplitude, seed=0, **where):
     view = radar_view(points, amplitude, noise=NOISE, seed=seed, **where)
     echoes = find_ridges(view)
-    return view, echoes, find_lines(echoes, view)
+    return view, echoes, find_mirrors(view, echoes)
 
 
 def errors(mirror, start, end):
@@ -61,7 +61,7 @@ def bare_mirrors(echoes, view, monkeypatch):
     """Mirrors without the search for the leading edge."""
     with monkeypatch.context() as patch:
         patch.setattr("mirrorfold.detection.lines.leading_edge", lambda mirror, view: mirror)
-        return find_lines(echoes, view)
+        return find_mirrors(view, echoes)
 
 
 @pytest.mark.parametrize("incidence", [-30.0, 40.0])
@@ -137,8 +137,8 @@ def test_a_short_row_says_too_little_to_be_a_mirror(seed, length, number):
     start, end = wall_at(np.array([0.2, 1.3]), 15.0 * seed, length)
     view, echoes, mirrors = look(*diffuse(start, end, seed), seed=seed)
     assert len(mirrors) == number
-    assert len(find_lines(echoes, view, minimum_length=0.1)) == 1
-    assert not find_lines(echoes, view, minimum_length=0.5)
+    assert len(find_mirrors(view, echoes, minimum_length=0.1)) == 1
+    assert not find_mirrors(view, echoes, minimum_length=0.5)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -204,7 +204,7 @@ def test_mirrors_turn_and_move_with_the_radar_and_its_echoes(room, angle, x, y):
     moved_view = replace(
         view, radar=turn @ view.radar + shift, along=turn @ view.along, broadside=turn @ view.broadside
     )
-    moved = find_lines(replace(echoes, position=echoes.position @ turn.T + shift), moved_view)
+    moved = find_mirrors(moved_view, replace(echoes, position=echoes.position @ turn.T + shift))
     assert len(moved) == len(mirrors) == 2
     for mirror, other in zip(mirrors, moved, strict=True):
         start, end = turn @ mirror.start + shift, turn @ mirror.end + shift
@@ -218,8 +218,8 @@ def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
     view, echoes, mirrors = room
     assert_allclose([m.length for m in mirrors], [0.95, 0.76], atol=0.03)
     assert mirrors[0].strength > 1.4 * mirrors[1].strength
-    scaled = find_lines(
-        replace(echoes, amplitude=1e-6 * echoes.amplitude), replace(view, amplitude=1e-6 * view.amplitude)
+    scaled = find_mirrors(
+        replace(view, amplitude=1e-6 * view.amplitude), replace(echoes, amplitude=1e-6 * echoes.amplitude)
     )
     for mirror, other in zip(mirrors, scaled, strict=True):
         assert_allclose([other.start, other.end], [mirror.start, mirror.end], atol=1e-6)
@@ -229,10 +229,10 @@ def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
 def test_echoes_that_are_not_usable_support_no_mirror(room):
     view, echoes, _ = room
     usable = echoes.position[:, 0] < 0.3
-    found = find_lines(replace(echoes, visible=usable), view)
+    found = find_mirrors(view, replace(echoes, visible=usable))
     assert len(found) == 1
     assert errors(found[0], np.array([-0.6, 1.1]), np.array([0.1, 1.4]))[1] < 1.0
-    assert find_lines(replace(echoes, visible=np.zeros_like(usable)), view) == []
+    assert find_mirrors(view, replace(echoes, visible=np.zeros_like(usable))) == []
 
 
 def test_a_glint_does_not_turn_a_mirror():
@@ -324,8 +324,8 @@ def test_as_published_every_long_row_of_pixels_is_a_mirror():
     amplitude = random.standard_normal(angle.size) + 1j * random.standard_normal(angle.size)
     start, end = np.array([-0.9, 1.2]), np.array([-0.3, 1.3])
     view, echoes, _ = look(*together((points, amplitude), diffuse(start, end, 2)))
-    published = find_lines(find_pixels(view, threshold_db=-25.0), view, tested=False)
-    assert len(published) > len(find_lines(echoes, view)) == 1
+    published = find_mirrors(view, find_pixels(view, threshold_db=-25.0), tested=False)
+    assert len(published) > len(find_mirrors(view, echoes)) == 1
     assert all(mirror.length >= 0.2 for mirror in published)
     assert min(errors(m, start, end)[1] for m in published if errors(m, start, end)[0] < 3.0) < 10.0
 
@@ -342,7 +342,7 @@ def test_untested_rows_are_fitted_by_least_squares_alone():
     along = np.linspace(0.0, 0.6, 121)
     start, direction = np.array([-0.2, 1.0]), np.array([0.8, 0.6])
     view, echoes = exact_echoes(start + along[:, None] * direction)
-    (mirror,) = find_lines(echoes, view, tested=False)
+    (mirror,) = find_mirrors(view, echoes, tested=False)
     ends = sorted([mirror.start.tolist(), mirror.end.tolist()])
     assert_allclose(ends, [start, start + 0.6 * direction], atol=1e-12)
 
@@ -354,6 +354,6 @@ def test_faint_echoes_are_no_evidence_but_continue_a_mirror():
     echoes = find_ridges(view)
     outer = echoes.position[:, 0] > 0.1
     faded = replace(echoes, strong=echoes.strong & ~outer)
-    assert find_lines(replace(echoes, strong=np.zeros_like(outer)), view) == []
-    (mirror,) = find_lines(faded, view)
+    assert find_mirrors(view, replace(echoes, strong=np.zeros_like(outer))) == []
+    (mirror,) = find_mirrors(view, faded)
     assert mirror.length == pytest.approx(np.hypot(1.0, 0.2), abs=0.05)

@@ -13,7 +13,7 @@ from scipy.ndimage import map_coordinates
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.windows import window
-from mirrorfold.detection import find_echoes, see
+from mirrorfold.detection import find_echoes, see, usual_settings
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
@@ -262,7 +262,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     _, volume = world_volume
     view = see(volume)
     echoes = find_echoes(view)
-    found = find_tree(view, echoes, FoldSettings().for_view(view, echoes))
+    found = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes)))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
     drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)

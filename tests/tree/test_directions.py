@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
 
 from mirrorfold.detection.image_echoes import Echoes
-from mirrorfold.detection.image_view import PolarImage
+from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions
@@ -54,7 +54,7 @@ def view_of(tx, rx):
     radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))[:2]
     range_, u = np.linspace(0.5, 2.0, 10), np.linspace(-0.9, 0.9, 10)
     cell = speed_of_light / (FREQUENCY[-1] - FREQUENCY[0])
-    return PolarImage(
+    return ImageView(
         radar, np.array([1.0, 0.0]), np.array([0.0, 1.0]), range_, u, np.zeros((10, 10)), 1.0, cell,
         1.207 / np.hypot(*lengths), *lengths,
     )  # fmt: skip

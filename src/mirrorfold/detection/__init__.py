@@ -1,8 +1,8 @@
 """Step 2 of the algorithm: the radar's own view, its echoes, and the mirrors among them."""
 
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_echoes, find_mirrors, see
+from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
 
-__all__ = ["Echoes", "Mirror", "View", "find_echoes", "find_mirrors", "see"]
+__all__ = ["Echoes", "Mirror", "View", "find_echoes", "find_mirrors", "see", "usual_settings"]

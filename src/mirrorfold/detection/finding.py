@@ -16,7 +16,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
 from mirrorfold.detection.known_mirrors import known_lines, known_planes
 from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.mirror import MINIMUM_CELLS, WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
 from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView, to_volume_view
@@ -62,7 +62,7 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
     Echoes
         Maybe none.
     """
-    level = threshold_of(view) if threshold_db is None else threshold_db
+    level = usual_threshold(view) if threshold_db is None else threshold_db
     if isinstance(view, VolumeView):
         return (volume_echoes.find_voxels if published else volume_echoes.find_runs)(view, threshold_db=level)
     view = _image(view)
@@ -102,25 +102,30 @@ def find_mirrors(
     if known is not None and len(known) and known.shape[2] != view.dimensions:
         wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
         raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
+    length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
     if isinstance(view, VolumeView):
         if known is not None:
             return known_planes(known, echoes, view)
-        return planes.find_planes(echoes, view, minimum_length=minimum_length, tested=tested)
+        return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
     view = _image(view)
     if known is not None:
         return known_lines(known, echoes, view)
-    return lines.find_lines(echoes, view, minimum_length=minimum_length, tested=tested)
+    return lines.find_lines(echoes, view, minimum_length=length, tested=tested)
 
 
-def threshold_of(view: View) -> float:
+def usual_threshold(view: View) -> float:
     """Level [dB] of strong echoes relative to the robust reference, where none is given."""
     return volume_echoes.THRESHOLD_DB if isinstance(view, VolumeView) else image_echoes.THRESHOLD_DB
 
 
-def minimum_length_of(view: View, echoes: Echoes) -> float:
-    """Shortest mirror [m], where none is given: so many resolution cells at the typical range of the echoes."""
-    cells = planes.MINIMUM_CELLS if isinstance(view, VolumeView) else lines.MINIMUM_CELLS
-    return cells * float(view.cell(echoes.typical_range))
+def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
+    """What the settings of folding are where they are not given, by name: lengths [m] at the echoes' typical range."""
+    cell = float(view.cell(echoes.typical_range))
+    return {
+        "threshold_db": usual_threshold(view),
+        "minimum_length": MINIMUM_CELLS * cell,
+        "wall_margin": min(WALL_CELLS * cell, WALL_WAVELENGTHS * view.wavelength),
+    }
 
 
 def example_mirror(dimensions: int) -> Mirror:

@@ -65,6 +65,8 @@ class ImageView(View):
         Lengths of the arrays in mean wavelengths; what makes the side lobes in u.
     normalization : str
         The name of that power.
+    wavelength : float [m]
+        In the middle of the band; infinite where it is not known.
     """
 
     radar: Array
@@ -79,6 +81,7 @@ class ImageView(View):
     aperture_tx: float
     aperture_rx: float
     normalization: str = "r"
+    wavelength: float = np.inf
 
     @cached_property
     def sight(self) -> Array:
@@ -245,7 +248,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     pixel = max(x[1] - x[0], y[1] - y[0])
     farthest = float(np.linalg.norm(corners, axis=1).max())
     points = int(attrs.get("frequency_points", 0))
-    demodulate = 0.0
+    demodulate, wavelength = 0.0, np.inf
     if points > 1 and attrs.get("tx_aperture", 0.0) > 0.0 and attrs.get("rx_aperture", 0.0) > 0.0:
         band = (attrs["frequency_stop"] - attrs["frequency_start"]) * points / (points - 1)
         speed = float(attrs.get("wave_speed", speed_of_light))
@@ -272,7 +275,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
     empty = ImageView(
         radar, along, broadside, range_, u, np.empty((0, 0)), NORMALIZATIONS[normalization],
-        range_cell, u_cell, aperture_tx, aperture_rx, normalization,
+        range_cell, u_cell, aperture_tx, aperture_rx, normalization, wavelength,
     )  # fmt: skip
     where = empty.to_points(range_[:, None], u[None, :])
     rows = (where[..., 1] - y[0]) / (y[1] - y[0])

@@ -18,12 +18,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_fit import CLIP, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
-
-MINIMUM_CELLS = 7.2
-"""Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
-
-SAGITTA_CELLS = 0.29
-"""A row of echoes that bulges by more than this many resolution cells is curved: an object, not a plane mirror."""
+from mirrorfold.detection.mirror import SAGITTA_CELLS
 
 GAP_CELLS = 3.0
 """A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
@@ -120,7 +115,7 @@ def find_lines(
     echoes: Echoes,
     view: ImageView,
     *,
-    minimum_length: float | None = None,
+    minimum_length: float,
     tested: bool = True,
 ) -> list[LineMirror]:
     """Straight mirrors among the echoes, strongest first.
@@ -131,8 +126,7 @@ def find_lines(
         Those that are visible may support a mirror; strong ones are evidence, faint ones continue it.
     view : ImageView
         What the echoes were found in; tells the resolution.
-    minimum_length : float [m], optional
-        By default `MINIMUM_CELLS` resolution cells at the typical range of the echoes.
+    minimum_length : float [m]
     tested : bool
         Whether a row must be straight, filled and stand out of its surroundings, not only long enough.
 
@@ -140,8 +134,6 @@ def find_lines(
     -------
     list of LineMirror
     """
-    if minimum_length is None:
-        minimum_length = MINIMUM_CELLS * float(view.cell(echoes.typical_range))
     every = echoes.position[echoes.visible]
     usable = echoes.visible & echoes.strong
     points = echoes.position[usable]

@@ -15,18 +15,18 @@ LARGEST_DEVIATION = 1.2
 """Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_CELLS` together: walls show
 up to 0.8, for they average over the footprint, the flattest parts of a body 1.3 and more."""
 
-INSIDE_CELLS = 0.115
+INSIDE_CELLS = 0.065
 """What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
 
 PROFILE_STEP = 0.1
 """Step of the mean profile across a wall, in range cells."""
 
-PROFILE_CELLS = 1.7
+PROFILE_CELLS = 1.0
 """Half-length of that profile, in resolution cells: it holds all that scatters inside."""
 
-DEPTH_CELLS = 1.15
+DEPTH_CELLS = 0.65
 """Deepest volume scattering that the leading edge of a wall is corrected for, in resolution cells: 4 cm where a cell
-measures 3.5, for building materials scatter from 1 to 3 cm deep at 0.1 to 1 THz."""
+measures 6, for building materials scatter from 1 to 3 cm deep at 0.1 to 1 THz."""
 
 
 def weighted_plane(points: Array, weight: Array) -> tuple[Array, Array]:

@@ -15,19 +15,13 @@ from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, lab
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirror import SAGITTA_CELLS
 from mirrorfold.detection.plane_fit import refitted, weighted_plane
 from mirrorfold.detection.plane_mirror import PlaneMirror, hull, plane_points, plane_ranges
 from mirrorfold.detection.volume_view import VolumeView
 
-MINIMUM_CELLS = 11.4
-"""Smallest width and height of a mirror in resolution cells: a torso, of eight cells where a cell is 3.5 cm, is a sheet
-that bulges less than it speckles."""
-
 SMALLEST_FILL = 0.5
 """Share of its beams in which a mirror's own echo must stand."""
-
-SAGITTA_CELLS = 0.29
-"""A sheet that bulges by more than this many resolution cells is curved: an object, not a plane mirror."""
 
 PROPOSALS = 300
 """Triples drawn for each plane: one in ten falls on a wall that holds a third of the echoes, hence never none."""
@@ -56,7 +50,7 @@ def find_planes(
     echoes: Echoes,
     view: VolumeView,
     *,
-    minimum_length: float | None = None,
+    minimum_length: float,
     tested: bool = True,
     seed: int = 0,
 ) -> list[PlaneMirror]:
@@ -66,8 +60,8 @@ def find_planes(
     ----------
     echoes : Echoes
     view : VolumeView
-    minimum_length : float [m], optional
-        Smallest width and height; by default `MINIMUM_CELLS` resolution cells at the typical range of the echoes.
+    minimum_length : float [m]
+        Smallest width and height.
     tested : bool
         Whether a sheet must be filled and flat, not only large enough.
     seed : int
@@ -77,8 +71,6 @@ def find_planes(
     -------
     list of PlaneMirror
     """
-    if minimum_length is None:
-        minimum_length = MINIMUM_CELLS * float(view.cell(echoes.typical_range))
     generator = np.random.default_rng(seed)
     free = echoes.visible.copy()
     found: list[PlaneMirror] = []

@@ -28,6 +28,8 @@ class View(ABC):
         Where the radar stands.
     range : (nr,) array [m]
         Uniform, rising.
+    wavelength : float [m]
+        In the middle of the band; infinite where it is not known.
     range_cell : float [m]
         Width of an echo in range, between half-amplitude points.
     normalization : str
@@ -37,6 +39,7 @@ class View(ABC):
     radar: Array
     range: Array
     range_cell: float
+    wavelength: float
     normalization: str
 
     @property

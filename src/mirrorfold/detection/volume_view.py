@@ -79,6 +79,11 @@ class VolumeView(View):
     taper: str = "hann"
 
     @property
+    def wavelength(self) -> float:  # type: ignore[override]
+        """In the middle of the band [m]; infinite where it is not known."""
+        return np.inf if self.beam is None else self.beam[2]
+
+    @property
     def step(self) -> float:
         """Range step [m]."""
         return float(self.range[1] - self.range[0])

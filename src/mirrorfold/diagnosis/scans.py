@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
+from mirrorfold.detection import usual_settings
 from mirrorfold.detection.planes import find_planes
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
@@ -80,8 +81,9 @@ def _by_walls(sweep: xr.Dataset) -> int:
         return 0
     walls = []
     for samples in (first["s"], first["s"].conj()):
-        volume = to_volume_view(focus(first.assign(s=samples)))
-        planes = find_planes(find_runs(volume), volume)
+        view = to_volume_view(focus(first.assign(s=samples)))
+        echoes = find_runs(view)
+        planes = find_planes(echoes, view, minimum_length=usual_settings(view, echoes)["minimum_length"])
         walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
     if max(walls) <= WALLS_RATIO * min(walls):
         return 0

@@ -13,8 +13,8 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import example_mirror
 from mirrorfold.detection.mirror import Mirror
-from mirrorfold.folding.fold_back import Points
 from mirrorfold.folding.pictures import Grid, pictures
+from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree

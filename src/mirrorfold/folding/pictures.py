@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.volume_view import VolumeView
-from mirrorfold.folding.fold_back import Points
 from mirrorfold.folding.image_picture import draw_image
+from mirrorfold.folding.points import Points
 from mirrorfold.folding.volume_picture import draw_volume, voxel_axes
 from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree

@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from mirrorfold.common.settings import Settings, setting
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import minimum_length_of, threshold_of
-from mirrorfold.detection.view import View
-
-WALL_CELLS = 1.15
-"""Echoes up to this many resolution cells behind a mirror leak from inside the wall: 4 cm where a cell measures 3.5.
-Building materials scatter from 1 to 3 cm deep at 0.1 to 1 THz."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +27,16 @@ class FoldSettings(Settings):
     )
     minimum_length: float | None = setting(
         None,
-        "Of a mirror; in a volume of its width and height. By default 7.2 resolution cells in images, 11.4 in "
-        "volumes, at the typical range of the echoes.",
+        "Of a mirror; in a volume of its width and height. By default 7.5 resolution cells at the typical "
+        "range of the echoes.",
         kind="float",
         unit="m",
         above=0.0,
     )
     wall_margin: float | None = setting(
         None,
-        "How far behind a mirror echoes still belong to the wall. By default 1.15 resolution cells.",
+        "How far behind a mirror echoes still belong to the wall. By default as deep as waves go into a wall, 40 "
+        "wavelengths, or 1.2 resolution cells if that is less.",
         kind="float",
         unit="m",
         lowest=0.0,
@@ -62,16 +57,9 @@ class FoldSettings(Settings):
         option=False,
     )
 
-    def for_view(self, view: View, echoes: Echoes) -> FoldSettings:
-        """The settings with what the image decides: its kind, and its resolution at the typical range of its echoes."""
-        cell = float(view.cell(echoes.typical_range))
-        return replace(
-            self,
-            normalization=view.normalization,
-            threshold_db=threshold_of(view) if self.threshold_db is None else self.threshold_db,
-            minimum_length=minimum_length_of(view, echoes) if self.minimum_length is None else self.minimum_length,
-            wall_margin=WALL_CELLS * cell if self.wall_margin is None else self.wall_margin,
-        )
+    def completed(self, **usual: Any) -> FoldSettings:
+        """The same settings, with the usual ones where they are None."""
+        return replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
 
 
 PRESETS = {

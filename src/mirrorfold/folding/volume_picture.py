@@ -11,7 +11,7 @@ from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.focusing.range_profiles import at_point
-from mirrorfold.folding.fold_back import Points
+from mirrorfold.folding.points import Points
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight, hidden_at, through_at
 
 PIXEL_RADII = 0.6

@@ -23,7 +23,7 @@ CLEAR_DB = 20.0
 and multiple scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by
 40 dB."""
 
-OPEN_CELLS = 2.9
+OPEN_CELLS = 3.0
 """The radar's own view is taken to be open up to this many resolution cells before and beside each echo in it: an
 object that shows its edge may show its face by way of a mirror only."""
 
