@@ -44,18 +44,18 @@ def background(reconstruction: object, axes: plt.Axes, *, alpha: float = 1.0) ->
 
 
 def ways(axes: plt.Axes, scene: object) -> None:
-    """The scene, with one way that a wave takes to a thing out of sight, and where the radar takes the thing to be."""
+    """The scene, with the way of a wave to an object out of sight, and the place where the radar takes it to stand."""
     mf.plot.scene(scene, axes)
     for line in axes.lines[:-1]:
         line.set(linewidth=2.6)
     wall = next(surface for surface in scene.surface if surface.name == "wall").pieces(1.0)[0]
-    thing = np.array([0.14, 2.16])
+    hidden = np.array([0.14, 2.16])
     along = (wall[1] - wall[0]) / np.linalg.norm(wall[1] - wall[0])
     normal = np.array([-along[1], along[0]])
-    ghost = thing - 2.0 * normal * ((thing - wall[0]) @ normal)
+    ghost = hidden - 2.0 * normal * ((hidden - wall[0]) @ normal)
     depth = (wall[0] @ normal) / (ghost @ normal)
     hit = ghost * depth
-    way = np.stack([np.zeros(2), hit, thing])
+    way = np.stack([np.zeros(2), hit, hidden])
     axes.plot(*way.T, color=COLOURS[1], linewidth=1.8, label="the way of the wave")
     axes.plot(
         *np.stack([hit, ghost]).T,
