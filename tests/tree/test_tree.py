@@ -352,8 +352,7 @@ def test_mirror_worlds_open_only_through_their_parents():
     inf = np.inf
     crossing = np.array([[1.0, 1.0, inf, inf], [2.0, inf, 2.0, inf]])
     view = replace(empty_view(), u=np.linspace(-0.3, 0.3, 4))
-    straddles = np.zeros(crossing.shape, dtype=bool)
-    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), straddles, Cover.nothing(4))
+    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), Cover.nothing(4))
     column = np.arange(4)
     assert_array_equal(sight.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
     assert_array_equal(sight.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])

@@ -76,10 +76,6 @@ class LineMirror(Mirror):
             along = self.along(view.radar + range_[:, None] * view.sight)
         return np.where((range_ > 0.0) & (along >= 0.0) & (along <= self.length), range_, np.inf)
 
-    def straddled(self, view: ImageView) -> tuple[Array, Mask]:  # type: ignore[override]
-        """`crossing`; none straddles: a direction of an image is as fine as its samples, not as its beam."""
-        return self.crossing(view), np.zeros(view.u.size, dtype=bool)
-
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
         across, along_cell = line_cell(view, echoes.position, self.direction)

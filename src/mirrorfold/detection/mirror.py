@@ -63,10 +63,6 @@ class Mirror(ABC):
         """Range [m] at which each line of sight meets the mirror, (n,); infinite where it passes it by."""
 
     @abstractmethod
-    def straddled(self, view: View) -> tuple[Array, Mask]:
-        """`crossing` with the lines of sight whose beam reaches over the mirror's edge, and which these are."""
-
-    @abstractmethod
     def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Which echoes may belong to its wall, which to its face, by direction; and its cell's width across [m]."""
 

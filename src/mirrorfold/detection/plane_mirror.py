@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_erosion, label
+from scipy.ndimage import binary_dilation, label
 from scipy.spatial import ConvexHull
 
 from mirrorfold.common.geometry import Isometry, unit
@@ -17,7 +17,7 @@ from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.volume_view import VolumeView
 
 EDGE_RADII = 1.0
-"""Within this many beam radii of its edge a beam straddles a mirror."""
+"""Within this many beam radii of a mirror's edge a beam still shows echoes of its wall."""
 
 STRAY_DEVIATIONS = 4.0
 """Echoes of a face lie within this many standard deviations of it: the wings of a beam 40 dB above the noise."""
@@ -93,19 +93,11 @@ class PlaneMirror(Mirror):
         """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""
         return np.where(self.beams, plane_ranges(view, self.normal, self.center), np.inf)
 
-    def straddled(self, view: VolumeView) -> tuple[Array, Mask]:  # type: ignore[override]
-        """`crossing` with the beams within `EDGE_RADII` of the mirror's edge, and which these are."""
+    def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+        """Echoes in beams that reach over to the mirror, in those that meet it; and how far they stray [m]."""
         distance = float(np.linalg.norm(self.center - view.radar))
         steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
-        seen = self.beams.reshape(view.shape)
-        # The scan ends there, not the wall.
-        core = binary_erosion(seen, iterations=steps, border_value=1)
-        wide = binary_dilation(seen, iterations=steps)
-        return replace(self, beams=wide.ravel()).crossing(view), (wide & ~core).ravel()
-
-    def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes in beams that meet or straddle the mirror, in those that meet it; and how far they stray [m]."""
-        wide = np.isfinite(self.straddled(view)[0])
+        wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
         cosine = np.abs(view.sight[echoes.direction] @ self.normal)
         stray = view.range_cell + STRAY_DEVIATIONS * view.spread_across(echoes.range, cosine)
         return wide[echoes.direction], self.beams[echoes.direction], stray

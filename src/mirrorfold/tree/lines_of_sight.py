@@ -100,8 +100,6 @@ class LinesOfSight:
         Range at which the line of sight meets each mirror; infinite where it passes it by.
     parent : (mirrors,) array of int
         The mirror through which each is seen, `ROOT`, or `NOBODY`.
-    straddles : (mirrors, n) bool array
-        Lines of sight whose beam reaches over the edge of a mirror: what they show behind it belongs to nobody.
     cover : Cover
         What objects hide.
     chain : tuple of tuple of int
@@ -113,7 +111,6 @@ class LinesOfSight:
     view: View
     crossing: Array
     parent: Index
-    straddles: Mask
     cover: Cover
     chain: tuple[Chain, ...] = ()
     open: Array = field(default_factory=lambda: np.zeros(0))
@@ -122,8 +119,7 @@ class LinesOfSight:
     def unfolded(cls, view: View) -> LinesOfSight:
         """Those of a scene without mirrors, in which nothing is hidden."""
         nothing = np.empty((0, len(view.sight)))
-        parent = np.empty(0, dtype=np.intp)
-        return cls(view, nothing, parent, np.empty(nothing.shape, dtype=bool), Cover.nothing(len(view.sight)))
+        return cls(view, nothing, np.empty(0, dtype=np.intp), Cover.nothing(len(view.sight)))
 
     @cached_property
     def passages(self) -> tuple[Array, Index]:
@@ -138,8 +134,6 @@ class LinesOfSight:
         through = np.full((depth + 1, self.crossing.shape[1]), ROOT, dtype=np.intp)
         for i, mirror in enumerate(order):
             through[i + 1] = np.where(through[i] == self.parent[mirror], mirror, NOBODY)
-        edge = np.take_along_axis(self.straddles, order, axis=0) & np.isfinite(crossing)
-        through[1:][np.logical_or.accumulate(edge, axis=0)] = NOBODY
         return crossing, through
 
     def seen_through(self, range_: Array, direction: Index) -> Index:

@@ -110,14 +110,12 @@ def _ordered(
     if opaque:
         cover = Cover.of(echoes.take(echoes.visible & echoes.strong & (face == ROOT)), view)
     crossing = np.full((len(mirrors), len(view.sight)), np.inf)
-    straddles = np.zeros(crossing.shape, dtype=bool)
     for index, mirror in enumerate(mirrors):
-        crossing[index], straddles[index] = mirror.straddled(view)
+        crossing[index] = mirror.crossing(view)
         met = np.flatnonzero(np.isfinite(crossing[index]))
         behind = crossing[index, met] + view.object_depth(crossing[index, met])
         crossing[index, met[~cover.clear(behind, met, mirror.strength)]] = np.inf
-    whole_beams = np.where(straddles, np.inf, crossing)
-    parent = np.array([_parent(index, whole_beams) for index in range(len(mirrors))], dtype=np.intp)
+    parent = np.array([_parent(index, crossing) for index in range(len(mirrors))], dtype=np.intp)
     seen = np.flatnonzero(np.isfinite(crossing).any(axis=1))
     # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.
     number = np.full(len(mirrors) + 2, NOBODY, dtype=np.intp)
@@ -125,7 +123,7 @@ def _ordered(
     on_hidden = (face >= 0) & (number[face] == NOBODY)
     return Order(
         [mirrors[index] for index in seen],
-        LinesOfSight(view, crossing[seen], number[parent[seen]], straddles[seen], cover),
+        LinesOfSight(view, crossing[seen], number[parent[seen]], cover),
         np.where(on_hidden, ROOT, number[face]),
     )
 

@@ -1,0 +1,97 @@
+"""Any radar is served alike: results scale with scene, array and wavelength, and a car's radar folds as well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scans import ball, panel, scene
+from synthetic import diffuse, radar_image, together
+
+import mirrorfold as mf
+from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.scenes.floor_plan import parse_scene
+
+WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
+OBJECT = np.array([[-0.2, 1.9], [-0.06, 1.95]])
+
+LENGTHS = (
+    "radar_position", "tx_aperture", "rx_aperture", "ambiguous_range", "range_resolution", "spot_radius",
+    "focus_distance", "origin",
+)  # fmt: skip
+
+
+def scaled(image, factor, axes):
+    """The image of the same scene, array and wavelength, all `factor` times as large."""
+    attrs = dict(image.attrs)
+    for name in LENGTHS:
+        if name in attrs:
+            attrs[name] = factor * np.asarray(attrs[name])
+    for name in ("frequency_start", "frequency_stop", "frequency_step"):
+        if name in attrs:
+            attrs[name] = attrs[name] / factor
+    return image.assign_coords({axis: factor * image[axis].values for axis in axes}).assign_attrs(attrs)
+
+
+def points(reconstruction):
+    return reconstruction.children["objects"].to_dataset(inherit=False)
+
+
+@pytest.fixture(scope="module")
+def image():
+    ghost = reflect(OBJECT, WALL[0], segment_normal(*WALL))
+    parts = together(diffuse(*WALL, seed=1), diffuse(*ghost, seed=2), diffuse((-0.7, 1.2), (-0.5, 1.3), seed=3))
+    return radar_image(*parts, np.linspace(-1.0, 2.2, 401), np.linspace(0.3, 2.6, 288))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.37, 1e3])
+def test_an_image_of_everything_larger_folds_to_everything_larger(image, factor):
+    here, there = mf.fold(image), mf.fold(scaled(image, factor, "xy"))
+    assert here["mirrors"].sizes["mirror"] == there["mirrors"].sizes["mirror"] == 1
+    assert points(here).sizes["point"] > 100
+    for name in ("chain", "surface", "bounces"):
+        assert_array_equal(points(there)[name], points(here)[name])
+    for name in ("x", "y", "x_initial", "y_initial"):
+        assert_allclose(points(there)[name], factor * points(here)[name], rtol=1e-6, atol=1e-6 * factor)
+    assert_allclose(points(there)["confidence"], points(here)["confidence"], atol=1e-5)
+    for name in ("x0", "y1", "folded_x1", "offset_error"):
+        assert_allclose(there[f"mirrors/{name}"], factor * here[f"mirrors/{name}"], rtol=1e-5, atol=1e-6 * factor)
+    for name in ("fold_minimum_length", "fold_wall_margin"):
+        assert there.attrs[name] == pytest.approx(factor * here.attrs[name])
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_a_volume_of_everything_larger_folds_to_everything_larger(factor):
+    world = scene(panel("wall", (0.0, 2.0, 0.0), (-1.0, -1.0, 0.0), 2.0, 1.6), ball("ball", (-1.1, 2.0, 0.0), 0.16))
+    volume = mf.focus(mf.simulate(world, snr_db=25.0))
+    here, there = mf.fold(volume), mf.fold(scaled(volume, factor, ["range"]))
+    assert here["mirrors"].sizes["mirror"] == there["mirrors"].sizes["mirror"] == 1
+    assert_array_equal(points(there)["chain"], points(here)["chain"])
+    for name in ("x", "y", "z"):
+        assert_allclose(points(there)[name], factor * points(here)[name], rtol=1e-4, atol=1e-4 * factor)
+
+
+def test_a_radar_at_79_ghz_sees_around_a_corner_too():
+    """A band of 4 GHz and 16 cm of aperture: cells of 7.5 cm by 4 cm, in a hall."""
+    roughness = {"rms_height": 0.2e-3, "correlation_length": 0.8e-3}
+    wall = {"kind": "segment", "roughness": roughness}
+    world = parse_scene(
+        {
+            "name": "hall",
+            "dimensions": 2,
+            "array": {"kind": "linear", "elements": 85, "pitch": 1.9e-3},
+            "band": {"start": 77e9, "stop": 81e9, "points": 401},
+            "surface": [
+                {"name": "screen", "start": [-2.2, 3.0], "end": [-0.2, 2.8], **wall},
+                {"name": "mirror", "start": [2.6, 5.6], "end": [3.4, 2.9], **wall},
+                {"name": "disc", "kind": "circle", "center": [-1.2, 5.4], "radius": 0.35, "roughness": roughness},
+            ],
+        }
+    )
+    sweep = mf.simulate(world, seed=3, snr_db=20.0)
+    score = mf.score(mf.reconstruct(sweep), world)
+    mirror = next(row for row in score["mirrors"] if row["surface"] == "mirror")
+    assert mirror["angle_error_deg"] < 0.3
+    assert score["hidden"]["points"] > 5
+    assert score["hidden"]["precision_5cm"] > 0.8
+    assert score["hidden"]["invented_fraction"] < 0.1
