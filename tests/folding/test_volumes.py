@@ -281,6 +281,10 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
         value = value * view.gain[np.clip(place[2].astype(int), 0, view.range.size - 1)]
         seen = inside & np.logical_and.reduce(edge) & (found.sight.seen_through(range_ - 0.04, beam) == number)
         seen &= found.sight.cover.clear(range_, beam, value)
+        if number != ROOT:
+            own, ahead, looked = view.locate(grid)
+            sides = [found.sight.seen_through(range_ - 0.04, side) == number for side in view.beside(range_, beam)]
+            seen &= ~(looked & (own < found.sight.open[ahead])) | np.logical_and.reduce(sides)
         expected = np.maximum(expected, np.where(seen, value, 0.0))
     expected = expected.reshape(x.size, y.size, z.size).transpose(2, 1, 0)
     assert np.count_nonzero(expected) > 50

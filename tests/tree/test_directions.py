@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
 
-from mirrorfold.detection.image_echoes import Echoes
+from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
@@ -63,7 +63,7 @@ def view_of(tx, rx):
 def echoes_at(view, u):
     """Echoes of equal amplitude in the directions u."""
     one = np.ones(u.size)
-    return Echoes(view.to_points(RANGE * one, u), RANGE * one, u, one, one, one > 0.0, 0.1, 1.0)
+    return Echoes.found(view.to_points(RANGE * one, u), RANGE * one, view.column(u), one, one, 0.0 * one, 0.1, 1.0)
 
 
 def ratio_of(tx, rx, leaves, arrives, u=None):

@@ -16,7 +16,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
 from mirrorfold.detection.known_mirrors import known_lines, known_planes
 from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import MINIMUM_CELLS, WALL_CELLS, WALL_WAVELENGTHS, Mirror
+from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
 from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView, to_volume_view
@@ -123,7 +123,7 @@ def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
     cell = float(view.cell(echoes.typical_range))
     return {
         "threshold_db": usual_threshold(view),
-        "minimum_length": MINIMUM_CELLS * cell,
+        "minimum_length": (planes if isinstance(view, VolumeView) else lines).MINIMUM_CELLS * cell,
         "wall_margin": min(WALL_CELLS * cell, WALL_WAVELENGTHS * view.wavelength),
     }
 

@@ -18,7 +18,12 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_fit import CLIP, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
-from mirrorfold.detection.mirror import SAGITTA_CELLS
+
+MINIMUM_CELLS = 7.5
+"""Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
+
+SAGITTA_CELLS = 0.3
+"""A row of echoes that bulges by more than this many resolution cells is a curved object, not a plane mirror."""
 
 GAP_CELLS = 3.0
 """A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""

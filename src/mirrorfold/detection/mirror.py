@@ -12,17 +12,10 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View
 
-MINIMUM_CELLS = 7.5
-"""Shortest mirror, or smallest width and height of one, in resolution cells: the echoes of a smaller one say too little
-about its direction, and a torso of 30 cm, in beams 5 cm wide, bulges less than it speckles."""
-
 WALL_CELLS, WALL_WAVELENGTHS = 1.2, 40.0
 """Echoes up to so many resolution cells, or wavelengths if that is less, behind a mirror leak from inside its wall.
 Building materials scatter from 1 to 3 cm deep at 0.3 THz, and waves reach the same number of wavelengths deep where a
 material loses the same share of them in each."""
-
-SAGITTA_CELLS = 0.3
-"""Echoes that bulge by more than this many resolution cells are a curved object, not a plane mirror."""
 
 
 class Mirror(ABC):

@@ -15,10 +15,17 @@ from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, lab
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import SAGITTA_CELLS
 from mirrorfold.detection.plane_fit import refitted, weighted_plane
 from mirrorfold.detection.plane_mirror import PlaneMirror, hull, plane_points, plane_ranges
 from mirrorfold.detection.volume_view import VolumeView
+
+MINIMUM_CELLS = 10.0
+"""Smallest width and height of a mirror in resolution cells: any surface is flat over a few of them, and a cloud of
+single echoes may be by chance."""
+
+SAGITTA_CELLS = 0.16
+"""A sheet that bulges by more than this many resolution cells is a curved object, not a plane mirror: a sheet of a
+hundred cells tells that twice as well as a row of ten."""
 
 SMALLEST_FILL = 0.5
 """Share of its beams in which a mirror's own echo must stand."""

@@ -25,6 +25,9 @@ DYNAMIC_RANGE_DB = -80.0
 """Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is
 cleaner."""
 
+STEPS_A_BEAM = 2.0
+"""Radius of a beam of which nothing is known, in steps of the scan: beams of a useful scan overlap."""
+
 NOISE_SAMPLES = 400_000
 """From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
 
@@ -129,7 +132,7 @@ class VolumeView(View):
     def width(self, range_: Array | float) -> Array:
         """Radius of the beam [m] at ranges [m]."""
         if self.beam is None:
-            return self.beam_step * np.asarray(range_, dtype=float)
+            return STEPS_A_BEAM * self.beam_step * np.asarray(range_, dtype=float)
         spot_radius, focus_distance, wavelength = self.beam
         return beam_radius(range_, spot_radius=spot_radius, focus_distance=focus_distance, wavelength=wavelength)
 
@@ -168,12 +171,15 @@ class VolumeView(View):
 
     def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
         """Beams to the left, to the right, above and below, a beam's radius away; at the scan's end the beam itself."""
-        steps = np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.step))).astype(np.intp)
-        sides = []
+        steps, sides = self.beside_steps(range_), []
         for across, up in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             beam, inside = self._moved(direction, across * steps, up * steps)
             sides.append(np.where(inside, beam, direction))
         return tuple(sides)
+
+    def beside_steps(self, range_: Array) -> Index:
+        """The beam's radius at ranges [m], in steps of the scan."""
+        return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.step))).astype(np.intp)
 
     def _moved(self, direction: Index, across: Index | int, up: Index | int) -> tuple[Index, Mask]:
         """Beams so many azimuths and elevations away, and whether they belong to the scan."""

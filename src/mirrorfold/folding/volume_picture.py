@@ -72,10 +72,12 @@ def draw_volume(
     out = np.zeros((y.size, x.size, z.size), dtype=np.float32)
     step = float(z[1] - z[0]) if z.size > 1 else 1.0
     gain = view.gain.astype(np.float32)
+    empty = sight.open if sight.open.size else np.zeros(len(view.sight))
+    side = view.beside_steps(view.range)
 
     def row(i: int) -> None:
-        _draw_row(view.amplitude, gain, x, float(y[i]), float(z[0]), step, linear, shift, number, angles,
-                  float(view.range[0]), view.step, crossing, through, sight.cover.range, sight.cover.level,
+        _draw_row(view.amplitude, gain, x, float(y[i]), float(z[0]), step, linear, shift, view.radar, number, angles,
+                  float(view.range[0]), view.step, crossing, through, sight.cover.range, sight.cover.level, empty, side,
                   wall_margin, out[i])  # fmt: skip
 
     for_each(row, range(y.size))
@@ -84,13 +86,13 @@ def draw_volume(
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _draw_row(  # type: ignore[no-untyped-def]
-    amplitude, gain, x, y, z, step_z, linear, shift, number, angles, first, step, crossing, through, begin, level,
-    margin, out,
+    amplitude, gain, x, y, z, step_z, linear, shift, radar, number, angles, first, step, crossing, through, begin,
+    level, empty, side, margin, out,
 ):  # fmt: skip
     """Voxels of one y, (x, z): the largest amplitude with which any chain of mirrors shows them."""
     side_low, side_high = np.tan(angles[0, 0]), np.tan(angles[0, 1])
     up_low, up_high = np.tan(angles[1, 0]), np.tan(angles[1, 1])
-    rows = amplitude.shape[1]
+    columns, rows = amplitude.shape[:2]
     for w in range(number.size):
         a = linear[w]
         for j in range(x.size):
@@ -115,5 +117,21 @@ def _draw_row(  # type: ignore[no-untyped-def]
                 if through_at(crossing, through, r - margin, beam) != number[w]:
                     continue
                 value = at_point(amplitude, az, el, k) * gain[int(k)]
-                if value > out[j, i] and value > hidden_at(begin, level, r, beam):
-                    out[j, i] = value
+                if value <= out[j, i] or value <= hidden_at(begin, level, r, beam):
+                    continue
+                if number[w] >= 0:
+                    # Next to the edge of what the mirror shows, the radar's own view must not contradict.
+                    ox, oy, oz = x[j] - radar[0], y - radar[1], height - radar[2]
+                    flat = np.sqrt(ox * ox + oy * oy)
+                    across = int(np.floor((np.arctan2(ox, oy) - angles[0, 0]) / angles[0, 2] + 0.5))
+                    up = int(np.floor((np.arctan2(oz, flat) - angles[1, 0]) / angles[1, 2] + 0.5))
+                    own = np.sqrt(flat * flat + oz * oz)
+                    if 0 <= across < columns and 0 <= up < rows and first <= own < empty[across * rows + up]:
+                        s, inside = side[int(k)], True
+                        for right, high in ((-s, 0), (s, 0), (0, -s), (0, s)):
+                            c, e = int(az + 0.5) + right, int(el + 0.5) + high
+                            if 0 <= c < columns and 0 <= e < rows:
+                                inside &= through_at(crossing, through, r - margin, c * rows + e) == number[w]
+                        if not inside:
+                            continue
+                out[j, i] = value
