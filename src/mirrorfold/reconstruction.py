@@ -34,7 +34,7 @@ from mirrorfold.folding import PRESETS, FoldSettings, collect, fold_back
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree import LinesOfSight, MirrorTree, assign_echoes, order_mirrors
-from mirrorfold.tree.directions import is_mixed
+from mirrorfold.tree.directions import of_mixed_paths
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
@@ -189,7 +189,7 @@ class FoldPlan:
         view, echoes = self._seen(chosen)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
-        found = find_tree(view, echoes, settings, known=known, mixed=self._mixed(view, settings))
+        found = find_tree(view, echoes, settings, known=known, mixed_paths=self._mixed_paths(view, settings))
         report(2, 3)
         result = collect(
             self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
@@ -215,12 +215,12 @@ class FoldPlan:
             self._echoes = {key: echoes}
         return view, self._echoes[key]
 
-    def _mixed(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
+    def _mixed_paths(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
         """The test for mixed paths, where the sweep is there to tell."""
         if self._sweep is None or settings.published or not isinstance(view, ImageView):
             return None
         known = self._ratios.setdefault(view.normalization, {})
-        return partial(is_mixed, sweep=self._sweep, view=view, known=known)
+        return partial(of_mixed_paths, sweep=self._sweep, view=view, known=known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +249,7 @@ def find_tree(
     settings: FoldSettings,
     *,
     known: Array | None = None,
-    mixed: Callable[[Echoes], Mask] | None = None,
+    mixed_paths: Callable[[Echoes], Mask] | None = None,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -261,7 +261,7 @@ def find_tree(
     settings : FoldSettings
     known : array, optional
         Mirrors in the place of those found, see `find_mirrors`.
-    mixed : callable, optional
+    mixed_paths : callable, optional
         Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
         tested in its turn.
 
@@ -272,12 +272,12 @@ def find_tree(
     found = _settled(view, echoes, settings, known)
     ghosts = [np.empty((0, view.dimensions))]
     trusted = np.zeros(len(echoes), dtype=bool)
-    for _ in range(MIXED_ROUNDS if mixed is not None else 0):
+    for _ in range(MIXED_ROUNDS if mixed_paths is not None else 0):
         new = ~trusted & found.sight.clear(echoes)
-        if mixed is None or not new.any():
+        if mixed_paths is None or not new.any():
             break
         ghost = np.zeros_like(new)
-        ghost[new] = mixed(echoes.take(new))
+        ghost[new] = mixed_paths(echoes.take(new))
         ghosts.append(echoes.position[ghost])
         trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
         found = _settled(view, echoes, settings, known)
@@ -290,7 +290,7 @@ def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
     """
     length, margin, opaque = settings.minimum_length, settings.wall_margin, settings.opaque
-    assert length is not None  # FoldSettings.for_view has chosen both
+    assert length is not None  # `completed` has chosen both
     assert margin is not None
     for _ in range(MAXIMUM_ROUNDS):
         mirrors = find_mirrors(view, echoes, minimum_length=length, tested=not settings.published, known=known)

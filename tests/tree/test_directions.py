@@ -19,7 +19,7 @@ from mirrorfold.tree.directions import (
     _listen,
     _send,
     direction_ratio,
-    is_mixed,
+    of_mixed_paths,
 )
 
 pytestmark = pytest.mark.nojit
@@ -156,10 +156,10 @@ def test_two_echoes_at_one_range_are_told_apart():
     view = view_of(tx, rx)
     echoes = echoes_at(view, u)
     known: dict[tuple[float, float], float] = {}
-    assert_array_equal(is_mixed(echoes, sweep, view, known), [False, True])
+    assert_array_equal(of_mixed_paths(echoes, sweep, view, known), [False, True])
     assert set(known) == {(RANGE, -0.4), (RANGE, float(u[1]))}
     known[RANGE, -0.4] = 0.1  # a ratio that is known is not measured again
-    assert_array_equal(is_mixed(echoes, sweep, view, known), [True, True])
+    assert_array_equal(of_mixed_paths(echoes, sweep, view, known), [True, True])
 
 
 @pytest.mark.parametrize("lonely", ["tx", "rx"])
@@ -170,7 +170,7 @@ def test_nobody_is_accused_where_a_side_stands_at_one_place(lonely):
     sweep = sweep_of(tx, rx, (leaves, arrives))
     u = 0.5 * (leaves + arrives)[:1]
     view = view_of(tx, rx)
-    assert not is_mixed(echoes_at(view, u), sweep, view).any()
+    assert not of_mixed_paths(echoes_at(view, u), sweep, view).any()
     assert np.isfinite(direction_ratio(sweep, view, np.array([RANGE]), u)).all()
 
 

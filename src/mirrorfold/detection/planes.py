@@ -31,7 +31,8 @@ SMALLEST_FILL = 0.5
 """Share of its beams in which a mirror's own echo must stand."""
 
 PROPOSALS = 300
-"""Triples drawn for each plane: one in ten falls on a wall that holds a third of the echoes, hence never none."""
+"""Triples drawn for each plane. One in ten falls on a wall that holds a third of the echoes, so that the chance that
+none of all these does is `0.9^300`."""
 
 PARTNER_STEPS = (5, 18)
 """How many beams the other two echoes of a triple are away: beyond the speckle of one beam, within one wall."""

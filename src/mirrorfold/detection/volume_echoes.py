@@ -1,7 +1,7 @@
 """Step 2 in three dimensions, first half: the echoes in a raster volume as a cloud of points.
 
-Everything is judged beam by beam: a beam's echoes are the runs of its range profile that stand above the noise, and of
-neighbouring beams that see the same thing those count whose axis passes near it.
+Everything is judged beam by beam: a beam's echoes are the runs of its range profile that stand above the noise. Where
+neighbouring beams see the same surface, those count whose axis passes near it.
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     return ratio
 
 
-def is_mixed(
+def of_mixed_paths(
     echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: dict[tuple[float, float], float] | None = None
 ) -> Mask:
     """Which echoes arrive from another direction than they left in.
