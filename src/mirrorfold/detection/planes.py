@@ -19,7 +19,7 @@ from mirrorfold.detection.plane_fit import refitted, weighted_plane
 from mirrorfold.detection.plane_mirror import PlaneMirror, hull, plane_points, plane_ranges
 from mirrorfold.detection.volume_view import VolumeView
 
-MINIMUM_CELLS = 10.0
+MINIMUM_CELLS = 7.5
 """Smallest width and height of a mirror in resolution cells: any surface is flat over a few of them, and a cloud of
 single echoes may be by chance."""
 

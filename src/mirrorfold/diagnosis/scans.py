@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
-from mirrorfold.detection import usual_settings
 from mirrorfold.detection.planes import find_planes
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
@@ -40,6 +39,9 @@ FEWEST_CELLS = 30
 
 MARGIN = 0.15
 """Difference of the mean squared misfits of the log widths that decides: a beam is then off by 40 % on average."""
+
+WALL_CELLS = 10.0
+"""Smallest width and height of a wall, in resolution cells: random echoes are not flat over as many by chance."""
 
 WALLS_RATIO = 3.0
 """Beams that meet walls with range running one way over those with the other, for the walls to tell."""
@@ -83,7 +85,7 @@ def _by_walls(sweep: xr.Dataset) -> int:
     for samples in (first["s"], first["s"].conj()):
         view = to_volume_view(focus(first.assign(s=samples)))
         echoes = find_runs(view)
-        planes = find_planes(echoes, view, minimum_length=usual_settings(view, echoes)["minimum_length"])
+        planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.typical_range)))
         walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
     if max(walls) <= WALLS_RATIO * min(walls):
         return 0
