@@ -87,6 +87,7 @@ def fullwave_cases(path: Path = FULLWAVE) -> Iterator[Case]:
         print(f"{path} is absent; without the full-wave sweep", file=sys.stderr)
         return
     sweep = mf.load(path)
+    assert isinstance(sweep, xr.Dataset)  # the file holds one
     scene = load_scene(path.with_name("two_walls.toml"))
     yield Case("full wave", scene.name, scene, mf.focus(sweep, tolerance=1e-3), sweep)
 

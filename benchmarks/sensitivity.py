@@ -79,7 +79,9 @@ SEES = ("echoes.", "image_view.", "image_echoes.", "volume_view.", "volume_echoe
 
 FIGURES = ("all", "hidden")
 NOTHING_MEAN, NOTHING_WORST, EDGE = 0.001, 0.01, 0.01
-VERDICTS = ("fails", "edge", "gains", "flat", "moves nothing")
+
+Task = tuple[Constant | None, Value | None, str]
+"""A constant and the value to give to it, or neither for the program as it stands; and how to fold, see `Case.fold`."""
 
 Scores = dict[str, dict[str, float]]
 """For each scene by name the F-score of all points and of the hidden ones."""
@@ -102,9 +104,9 @@ def _sides(value: int | float, name: str) -> tuple[int | float, int | float]:
 
 def manner(constant: Constant) -> str:
     """How images are folded to judge a constant, see `Case.fold`."""
-    return (
-        "sweep" if constant.label.startswith(WITH_SWEEP) else "again" if constant.label.startswith(AGAIN) else "alone"
-    )
+    if constant.label.startswith(WITH_SWEEP):
+        return "sweep"
+    return "again" if constant.label.startswith(AGAIN) else "alone"
 
 
 def concerned(constant: Constant, case: Case) -> bool:
@@ -155,8 +157,9 @@ class Result:
     seconds: float = 0.0
 
 
-def measure(sources: Sources, cases: list[Case], constant: Constant | None, value: Value | None, how: str) -> Result:
+def measure(sources: Sources, cases: list[Case], task: Task) -> Result:
     """Fold and score all scenes that a constant concerns, with that value; without a constant as the program stands."""
+    constant, value, how = task
     started = time.perf_counter()
     if constant is None or value is None:
         scores = {c.name: c.scores(how, fresh=False) for c in cases if how == "alone" or c.sweep is not None}
@@ -173,7 +176,6 @@ def measure(sources: Sources, cases: list[Case], constant: Constant | None, valu
     return Result(constant, value, how, scores, error, time.perf_counter() - started)
 
 
-Task = tuple[Constant | None, Value | None, str]
 _worker: tuple[Sources, list[Case]] | None = None
 
 
@@ -186,14 +188,14 @@ def _start(cases: list[Case]) -> None:
 
 def _work(task: Task) -> Result:
     assert _worker is not None  # every process begins with `_start`
-    return measure(*_worker, *task)
+    return measure(*_worker, task)
 
 
 def results(sources: Sources, cases: list[Case], tasks: list[Task], jobs: int) -> Iterator[Result]:
     """The results of all tasks as they come, from so many processes."""
     if jobs == 1:
         for task in tasks:
-            yield measure(sources, cases, *task)
+            yield measure(sources, cases, task)
         return
     # Started anew, not forked: the threads of Numba do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(cases,))
@@ -263,7 +265,7 @@ def table(found: list[Result], cases: list[Case]) -> Table:
     result.add_column("verdict")
     names = {"alone": "unvaried", "sweep": "unvaried, with the sweep", "again": "unvaried, folded again"}
     for how, head in heads.items():
-        cells = (f"{head[key]:.3f}" if key in head else "" for key in columns)
+        cells = [f"{head[key]:.3f}" if key in head else "" for key in columns]
         result.add_row(names[how], "", "", *cells, "", end_section=how == list(heads)[-1])
 
     by_constant: dict[Constant, list[Result]] = {}
@@ -272,21 +274,25 @@ def table(found: list[Result], cases: list[Case]) -> Table:
             by_constant.setdefault(one.constant, []).append(one)
     rows = []
     for constant, both in by_constant.items():
-        both.sort(key=lambda one: np.sum(np.abs(one.value)))
+        both.sort(key=lambda one: float(np.abs(one.value or 0).sum()))
         moved = [differences(one, unvaried[one.how], cases) for one in both]
-        if not any(moved) and not any(one.error for one in both):
-            continue
-        said = verdict(moved, any(one.error for one in both)) + ("" if len(both) == 2 else ", one side")
-        effect = max((abs(value) for side in moved for key, value in side.items() if key[2] == "mean"), default=np.inf)
-        rows.append((VERDICTS.index("fails") if said.startswith("fails") else 1, -effect, constant, both, moved, said))
-    for *_, constant, both, moved, said in sorted(rows, key=lambda row: row[:2]):
+        failed = any(one.error for one in both)
+        means = [abs(value) for side in moved for key, value in side.items() if key[2] == "mean"]
+        effect = np.inf if failed else max(means, default=0.0)
+        said = verdict(moved, failed) + ("" if len(both) == 2 else ", one side")
+        label = constant.label + names[both[0].how].removeprefix("unvaried")
+        rows.append((effect, [label, written(constant.value), said], both, moved))
+    for _, (label, own, said), both, moved in sorted(rows, key=lambda row: -row[0]):
         for one, side in zip(both, moved, strict=True):
-            cells = [f"{side[key]:+.3f}".replace("+0.000", "0").replace("-0.000", "0") if key in side else ""
-                     for key in columns]  # fmt: skip
-            head = (constant.label, written(constant.value)) if one is both[0] else ("", "")
-            result.add_row(*head, written(one.value or 0), *cells, said if one is both[0] else "",
-                           end_section=one is both[-1])  # fmt: skip
+            cells = [_signed(side[key]) if key in side else "" for key in columns]
+            result.add_row(label, own, written(one.value or 0), *cells, said, end_section=one is both[-1])
+            label = own = said = ""
     return result
+
+
+def _signed(difference: float) -> str:
+    """With its sign, and without one where it rounds to zero."""
+    return f"{difference:+.3f}" if abs(difference) >= 0.0005 else "0"
 
 
 def to_json(found: list[Result], cases: list[Case]) -> str:

@@ -92,7 +92,7 @@ class Sources:
         body = self.trees[module].body
         for statement, below in zip(body, [*body[1:], None], strict=True):
             for name, expression in _assigned(statement):
-                value = getattr(import_module(module), name, None)
+                value: Any = getattr(import_module(module), name, None)
                 if not CONSTANT.fullmatch(name) or not is_value(value):
                     continue
                 text = ""
@@ -188,7 +188,7 @@ class Sources:
                 continue
             for keyword, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True):
                 if default is not None and name in _names(default):
-                    yield _set(function.__kwdefaults__, keyword.arg, _evaluated(default, module))
+                    yield _set(function.__kwdefaults__ or {}, keyword.arg, _evaluated(default, module))
             if any(name in _names(default) for default in node.args.defaults):
                 before = function.__defaults__
                 function.__defaults__ = tuple(
