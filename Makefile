@@ -14,7 +14,7 @@ UV_FILE := .uv/bin/uv
 endif
 
 QUICK := focus fullwave raster looking touchstone
-LONG := families calibration synthetic_aperture diagnosis fuzz_readers
+LONG := families calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
 .PHONY: help demo test test-quick test-nightly test-nojit lint bench bench-long docs clean
 .DEFAULT_GOAL := help
