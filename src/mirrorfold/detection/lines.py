@@ -47,9 +47,6 @@ HOUGH_STEP_DEG = 0.25
 HOUGH_BIN = 0.25
 """Step of the distance of proposed lines, in range cells: a thin wall fills two or three bins."""
 
-NEAR_LINE = 2.0 / 3.0
-"""Echoes at least this close to a proposed line, in range cells, may be of its row, however narrow the cell across."""
-
 NARROWING = (0.8, 0.6, 0.6)
 """Echoes of a row lie within these parts of the cell across its line, from one refit to the next: half a cell to either
 side is its own, and the first line is not yet the best."""
@@ -188,7 +185,7 @@ def _grow(
     """Refit a proposed line; the mirror on it, if there is one, and the echoes to take out of the search."""
     proposal = LineMirror(on_line, on_line + direction)
     across, _ = line_cell(view, points, direction)
-    near = free & (np.abs(proposal.beside(points)) <= np.maximum(across, NEAR_LINE * view.range_cell))
+    near = free & (np.abs(proposal.beside(points)) <= across)
     row = _longest_row(points, weight, near, proposal, view)
     for tolerance in NARROWING:
         if np.count_nonzero(row) < 3:
