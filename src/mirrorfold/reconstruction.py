@@ -25,16 +25,24 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Mask, Progress
-from mirrorfold.detection import Echoes, View, find_echoes, find_mirrors, see, usual_settings
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.known_mirrors import check_mirrors
+from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
-from mirrorfold.focusing import FocusSettings, focus
-from mirrorfold.folding import PRESETS, FoldSettings, collect, fold_back
+from mirrorfold.focusing.imaging import focus
+from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.folding.collection import collect
 from mirrorfold.folding.pictures import Grid
+from mirrorfold.folding.points import fold_back
+from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.tree import LinesOfSight, MirrorTree, assign_echoes, order_mirrors
+from mirrorfold.tree.assignment import assign_echoes
 from mirrorfold.tree.directions import of_mixed_paths
+from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.ordering import order_mirrors
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""

@@ -11,7 +11,8 @@ import pytest
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.scenes.floor_plan import Band, load_scene
+from mirrorfold.scenes.arrays import Band
+from mirrorfold.scenes.floor_plan import load_scene
 from mirrorfold.scenes.surfaces import Circle
 
 SPHERE, RADIUS = (0.03, 0.9), 0.02

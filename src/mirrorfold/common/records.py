@@ -1,13 +1,14 @@
 """Records: what the functions of this package find out, each fact declared once.
 
-A record is a frozen dataclass and a read-only dict at once: ``found.power_db`` is ``found["power_db"]``, and
-``json.dumps(found)`` works. The declaration of its fields is also the JSON Schema that ``mirrorfold schema`` prints.
+A record is a frozen dataclass and a dict at once: ``found.power_db`` is ``found["power_db"]``, ``json.dumps(found)``
+works, and scripts may add items of their own. The declaration of its fields is also the JSON Schema that ``mirrorfold
+schema`` prints.
 """
 
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, ClassVar, NoReturn, Self, cast, dataclass_transform
+from typing import Any, ClassVar, Self, cast, dataclass_transform
 
 Number = float | None
 """A number; None, which JSON calls null, where it is not finite or not known."""
@@ -44,10 +45,8 @@ class Record(dict[str, Any]):
     Facts stand in the order of the fields. Where records are joined, ``class Both(Second, First)``, those of the last
     base come first.
 
-    Raises
-    ------
-    TypeError
-        Where a fact is to be changed: ``found.but(...)`` makes another record, ``dict(found)`` a dict to work on.
+    The attributes are what the function found, and stay so; ``found.but(...)`` makes another record. Items are those of
+    a dict: a script may add its own.
 
     Examples
     --------
@@ -77,18 +76,19 @@ class Record(dict[str, Any]):
 
     def but(self, **changes: Any) -> Self:
         """The same record with some facts changed or added."""
-        return type(self)(**{**self, **changes})
+        facts = {item.name for item in fields(cast(Any, self))}
+        found = type(self)(**{**{name: self[name] for name in self if name in facts}, **changes})
+        dict.update(found, {name: value for name, value in self.items() if name not in facts})
+        return found
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Pickle and copy would otherwise set the items one by one.
-        return _again, (type(self), dict(self))
-
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError(f"{type(self).__name__} cannot be changed; use but(...) for another one, or dict(...) of it")
-
-    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
+        return _record, (type(self), dict(self))
 
 
-def _again(kind: type[Record], facts: dict[str, Any]) -> Record:
-    """A record from its items."""
-    return kind(**facts)
+def _record(kind: type[Any], items: dict[str, Any]) -> Any:
+    """A record from its items; those that are none of its facts, which a user has added, stay items alone."""
+    facts = {item.name for item in fields(kind)}
+    record = kind(**{name: value for name, value in items.items() if name in facts})
+    dict.update(record, {name: value for name, value in items.items() if name not in facts})
+    return record

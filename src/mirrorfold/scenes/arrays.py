@@ -1,20 +1,23 @@
-"""Antenna arrays: where the transmitters and receivers stand."""
+"""Antenna arrays and bands: where the transmitters and receivers stand, and at which frequencies they measure."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
+
+from mirrorfold.common.types import Array
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 STRICT = ConfigDict(extra="forbid")
 
 Point = tuple[float, float] | tuple[float, float, float]
 
 
-def point3(point: Point) -> NDArray[np.float64]:
+def point3(point: Point) -> Array:
     """A point or direction given with two or three coordinates, as three; z defaults to 0."""
     return np.array((*point, 0.0)[:3], dtype=float)
 
@@ -53,13 +56,38 @@ class LinearArray:
             raise ValueError("direction must have a length above zero, for example [1, 0]")
 
     @property
-    def tx_position(self) -> NDArray[np.float64]:
+    def tx_position(self) -> Array:
         """Positions of the transmitters, shape (elements, 3) [m]."""
         along = (np.arange(self.elements) - (self.elements - 1) / 2) * self.pitch
         direction = point3(self.direction)
         return point3(self.center) + along[:, None] * (direction / np.linalg.norm(direction))
 
     @property
-    def rx_position(self) -> NDArray[np.float64]:
+    def rx_position(self) -> Array:
         """Positions of the receivers, shape (elements, 3) [m]."""
         return self.tx_position if self.rx is None else self.rx.tx_position
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Band:
+    """Equally spaced frequencies.
+
+    Attributes
+    ----------
+    start, stop : float [Hz]
+    points : int
+        Number of frequencies, both ends included.
+    """
+
+    start: Positive
+    stop: Positive
+    points: Annotated[int, Field(ge=2)]
+
+    def __post_init__(self) -> None:
+        if not self.stop > self.start:
+            raise ValueError(f"stop ({self.stop:g} Hz) must lie above start ({self.start:g} Hz)")
+
+    @property
+    def frequency(self) -> Array:
+        """The frequencies, shape (points,) [Hz]."""
+        return np.linspace(self.start, self.stop, self.points)

@@ -16,15 +16,13 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.svg import Stroke, card, picture
-from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.arrays import STRICT, LinearArray
+from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
 from mirrorfold.scenes.surfaces import (
     Arc,
     Circle,
     Curve,
     Polyline,
-    Positive,
     Roughness,
     Segment,
     Surface,
@@ -32,31 +30,6 @@ from mirrorfold.scenes.surfaces import (
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
-
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class Band:
-    """Equally spaced frequencies.
-
-    Attributes
-    ----------
-    start, stop : float [Hz]
-    points : int
-        Number of frequencies, both ends included.
-    """
-
-    start: Positive
-    stop: Positive
-    points: Annotated[int, Field(ge=2)]
-
-    def __post_init__(self) -> None:
-        if not self.stop > self.start:
-            raise ValueError(f"stop ({self.stop:g} Hz) must lie above start ({self.start:g} Hz)")
-
-    @property
-    def frequency(self) -> Array:
-        """The frequencies, shape (points,) [Hz]."""
-        return np.linspace(self.start, self.stop, self.points)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

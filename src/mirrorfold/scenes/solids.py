@@ -19,8 +19,7 @@ from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.common.types import Array
 from mirrorfold.scenes import materials
-from mirrorfold.scenes.arrays import STRICT
-from mirrorfold.scenes.floor_plan import Band
+from mirrorfold.scenes.arrays import STRICT, Band
 from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
 from mirrorfold.scenes.surfaces import NonNegative, Roughness
 

@@ -12,11 +12,10 @@ from pydantic import Field, field_validator
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.scenes import materials
-from mirrorfold.scenes.arrays import STRICT
+from mirrorfold.scenes.arrays import STRICT, Positive
 
 Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point2 = tuple[Finite, Finite]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
-from mirrorfold.scenes.floor_plan import Band
+from mirrorfold.scenes.arrays import Band
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

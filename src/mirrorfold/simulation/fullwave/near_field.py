@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Band, Scene, load_scene
+from mirrorfold.scenes.arrays import Band
+from mirrorfold.scenes.floor_plan import Scene, load_scene
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import currents

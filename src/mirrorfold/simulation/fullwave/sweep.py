@@ -15,7 +15,8 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.memory import available_memory
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Band, Scene
+from mirrorfold.scenes.arrays import Band
+from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.fullwave.checkpoint import Checkpoint, fingerprint
 from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
 from mirrorfold.simulation.fullwave.preparation import prepare

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.types import Array, Complex
-from mirrorfold.scenes.floor_plan import Band, Scene
+from mirrorfold.scenes.arrays import Band
+from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.plane import in_plane
 from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
 from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
