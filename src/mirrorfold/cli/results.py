@@ -51,6 +51,17 @@ def read(path: Path, *expected: str) -> Any:
     return found
 
 
+def parse_grid(**axes: str | None) -> dict[str, Any]:
+    """Pixel coordinates [m] of the axes that are given, by name.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be read.
+    """
+    return {name: parse_axis(text, name) for name, text in axes.items() if text is not None}
+
+
 def parse_axis(text: str, name: str) -> Any:
     """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
