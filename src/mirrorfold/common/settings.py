@@ -232,6 +232,20 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
     return wrapper  # type: ignore[return-value]
 
 
+def option_words(name: str, value: Any) -> list[str]:
+    """What the command line writes for a setting.
+
+    Examples
+    --------
+    >>> option_words("wall_margin", 0.04), option_words("opaque", False)
+    (['--wall-margin', '0.04'], ['--no-opaque'])
+    """
+    option = name.replace("_", "-")
+    if _is_bool(value):
+        return [f"--{option}" if value else f"--no-{option}"]
+    return [f"--{option}", str(value)]
+
+
 def _option_type(rule: Rule, default: Any) -> Any:
     """The type from which the command line learns how to read a setting."""
     kind = Literal[rule.choices] if rule.choices else OPTION_TYPES.get(rule.kind, str)

@@ -34,14 +34,14 @@ def to_html(tree: xr.DataTree) -> str:
         return _plain(tree)
     from mirrorfold.errors import InputError
     from mirrorfold.io.netcdf import check_reconstruction
-    from mirrorfold.reporting.document import _facts, mirror_rows, title_of
+    from mirrorfold.reporting.document import found_rows, mirror_rows, title_of
 
     try:
         checked = check_reconstruction(tree)
     except InputError:  # under construction, or taken apart
         return _plain(tree)
     mirrors = mirror_rows(checked)
-    facts = [(row[0], row[1]) for row in _facts(checked.children["objects"].to_dataset(inherit=False), mirrors)]
+    facts = [(row[0], row[1]) for row in found_rows(checked.children["objects"].to_dataset(inherit=False), mirrors)]
     for mirror in mirrors[:LONGEST_LIST]:
         seen = "radar" if mirror["parent"] < 0 else f"mirror {mirror['parent']}"
         facts.append((f"mirror {mirror['number']}", f"{mirror['length']:.2f} m, seen through {seen}"))
