@@ -39,7 +39,7 @@ def read(path: Path, *expected: str) -> Any:
     Raises
     ------
     InputError
-        If it holds something else.
+        If the file holds something else.
     """
     import xarray as xr
 
@@ -68,7 +68,7 @@ def parse_axis(text: str, name: str) -> Any:
     Raises
     ------
     InputError
-        If it is not one number or three, or the steps lead nowhere.
+        If the text is not one number or three, or the steps do not lead from START to STOP.
     """
     import numpy as np
 

@@ -32,7 +32,7 @@ DEMO_SCENES = {
 }
 
 DEMO_SNR_DB = 20.0
-"""Of the scans in three dimensions, per sample: modest for a vector network analyser."""
+"""Signal over noise per sample of the scans in three dimensions: modest for a vector network analyser."""
 
 
 def demo(
@@ -110,11 +110,11 @@ def simulate(
         Sweep to write (netCDF); needed but for a dry run.
     solver
         How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db, up
-        to resume, is for fullwave alone.
+        to resume, is for full waves alone.
     bounces
         Largest number of mirrors on each way, for rays alone.
     seed
-        Of the diffuse scatterers or the random profiles, and of the noise.
+        Seed of the diffuse scatterers or the random profiles, and of the noise.
     snr_db
         Signal over noise per sample [dB]; no noise by default.
     tolerance
@@ -130,9 +130,9 @@ def simulate(
     resume
         Go on with a sweep that was interrupted.
     force
-        Of a raster scan: go on where returns wrap around or the scan step is wider than the beam.
+        For a raster scan: go on where returns wrap around or the scan step is wider than the beam.
     dry_run
-        Of full waves or a raster scan: say what the simulation would take, and write nothing.
+        For full waves or a raster scan: say what the simulation would take, and write nothing.
     json
         Print what was simulated as one JSON object.
     """

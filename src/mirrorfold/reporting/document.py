@@ -135,7 +135,7 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
-    """The mirrors, one dict each; what a file does not tell is None."""
+    """The mirrors, one dict each, with None for what the file does not hold."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
     strengths = held["strength"].values.astype(float)
@@ -218,7 +218,7 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
 
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
-    """What to show (x0, x1, y0, y1) [m]: all that was found, before and after folding, with a margin."""
+    """The part of the plane to show (x0, x1, y0, y1) [m]: all that was found, folded and unfolded, with a margin."""
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     grid = reconstruction.children["initial"].dataset

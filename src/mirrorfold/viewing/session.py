@@ -60,7 +60,7 @@ class Session:
         self.open()
 
     def open(self) -> threading.Thread:
-        """Read the file, and focus and fold it as far as it is not; `state` tells how it goes."""
+        """Read the file in a thread, focus a sweep, and fold an image; `state` tells how far this has come."""
         self._state = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
         worker = threading.Thread(target=self._open, daemon=True)
         worker.start()
@@ -68,7 +68,7 @@ class Session:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Status "busy", "ready" or "failed", with the step, a message or the document."""
+        """`status` "busy" with the step, "failed" with a message, or "ready" with the document."""
         return self._state
 
     def _open(self) -> None:
@@ -80,7 +80,7 @@ class Session:
             self._state = {"status": "failed", "message": str(error)}
         except MemoryError:
             self._state = {"status": "failed", "message": f"{self.path}: there is not enough memory to open it"}
-        except Exception as error:  # a page that says nothing would be worse
+        except Exception as error:  # the page tells of our own mistakes too, instead of waiting for ever
             found = f"{type(error).__name__}: {error}"
             self._state = {
                 "status": "failed",
@@ -95,7 +95,7 @@ class Session:
         return report
 
     def _first(self, found: Any) -> dict[str, Any]:
-        """The plan and the first document."""
+        """The first document of what a file holds; makes the plan that all further folds use."""
         self._sweep = self._image_command = None
         preset = "default"
         source: xr.DataArray | xr.DataTree
@@ -142,7 +142,7 @@ class Session:
         return {**document, **self._edit_state()}
 
     def _edit_state(self) -> dict[str, Any]:
-        """What the controls start from."""
+        """The state of the controls: their values, what kind each is, and the mirrors that were given."""
         lines = None if self._lines is None else self._lines.tolist()
         return {
             "editable": self.editable,
@@ -171,7 +171,7 @@ class Session:
         Raises
         ------
         InputError
-            If the request cannot be met.
+            If a setting or a mirror of the request is wrong.
         """
         settings, lines = self._checked(request)
         start = time.perf_counter()
@@ -259,7 +259,7 @@ class Session:
         Raises
         ------
         InputError
-            If it is not a request, or the file cannot be folded anew.
+            If the request is not an object of settings and mirrors, or the file cannot be folded anew.
         """
         if self._state.get("status") != "ready":
             raise InputError(f"{self.path.name}: is not open")
@@ -293,7 +293,7 @@ def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str,
 
 
 def line_of(ends: Any, lines: Array) -> int:
-    """Which of the lines (n, 2, 2) a mirror with those ends is part of: the one that both ends are nearest to."""
+    """Index of the line (n, 2, 2) that a mirror with those ends lies on: its ends are nearest to that line."""
     points = np.asarray(ends, dtype=float)
     way = lines[:, 1] - lines[:, 0]
     length = np.linalg.norm(way, axis=1)

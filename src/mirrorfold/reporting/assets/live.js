@@ -47,7 +47,7 @@ function adopt(found) {
   edit.name = found.save_as;
   edit.editable = found.editable;
   edit.found = { ...found.values };
-  // In the swipe each half hides what may have to be moved.
+  // Side by side: the divider of the swipe would hide mirrors that are to be moved.
   if (edit.editable) state.mode = "side";
 }
 
@@ -65,7 +65,7 @@ async function refold() {
       const start = performance.now(), answer = await ask("api/fold", request());
       const content = await unpack(answer);
       content.images.initial = state.content.images.initial;
-      // The numbers of the lines that are on, for the mirrors that came of them.
+      // For each mirror the number of the line that it lies on.
       content.line_of = answer.line_of;
       state.content = content;
       state.lit = null;
