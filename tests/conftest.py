@@ -114,3 +114,40 @@ def reconstruction() -> xr.DataTree:
             "/mirrors": xr.Dataset({name: ("mirror", np.array([value])) for name, value in mirrors.items()}),
         }
     )
+
+
+@pytest.fixture
+def folded_scan() -> xr.DataTree:
+    """A wall, a box before it seen by way of the wall, and a plan view: a folded scan, by hand."""
+    random = np.random.default_rng(3)
+    box = random.uniform([-0.9, 1.8, -0.5], [-0.6, 2.2, 0.5], (400, 3))
+    wall = np.column_stack([np.full(200, 0.4), random.uniform(1.5, 2.5, 200), random.uniform(-0.6, 0.6, 200)])
+    ghost = box * [-1, 1, 1] + [0.8, 0, 0]
+    points, initial = np.concatenate([box, wall]), np.concatenate([ghost, wall])
+    x, y = np.linspace(-1.2, 2.0, 161), np.linspace(0.2, 2.8, 131)
+    image = random.random((131, 161)).astype(np.float32)
+    objects = {
+        **{letter: ("point", points[:, i]) for i, letter in enumerate("xyz")},
+        **{f"{letter}_initial": ("point", initial[:, i]) for i, letter in enumerate("xyz")},
+        "amplitude": ("point", random.random(600).astype(np.float32)),
+        "bounces": ("point", np.repeat([1, 0], [400, 200]).astype(np.int32)),
+        "chain": ("point", np.repeat(["0", ""], [400, 200])),
+        "surface": ("point", np.repeat(["object", "mirror"], [400, 200])),
+        "confidence": ("point", np.full(600, 0.8, dtype=np.float32)),
+    }
+    corners = np.array([[0.4, 1.5, -0.6], [0.4, 2.5, -0.6], [0.4, 2.5, 0.6], [0.4, 1.5, 0.6]])
+    mirrors = {"parent": ("mirror", [-1]), "generation": ("mirror", [1]), "strength": ("mirror", [1.0])}
+    for prefix in ("", "folded_"):
+        for i, letter in enumerate("xyz"):
+            mirrors[f"{prefix}{letter}0"], mirrors[f"{prefix}{letter}1"] = (("mirror", [c[i]]) for c in corners[:2])
+            mirrors[f"{prefix}corner_{letter}"] = (("mirror", "corner"), corners[None, :, i])
+    attrs = {"mirrorfold_kind": "reconstruction", "radar_x": 0.0, "radar_y": 0.0, "radar_z": 0.0, "title": "a scan"}
+    coords = {"y": y, "x": x}
+    return xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset({"intensity": (("y", "x"), image)}, coords=coords, attrs=attrs),
+            "/initial": xr.Dataset({"initial": (("y", "x"), image[:, ::-1])}, coords=coords),
+            "/objects": xr.Dataset(objects).set_coords(["x", "y", "z"]),
+            "/mirrors": xr.Dataset(mirrors),
+        }
+    )

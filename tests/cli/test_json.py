@@ -209,7 +209,10 @@ def test_the_demonstration(folder, capsys):
 
 
 def test_options_have_the_same_names_everywhere(capsys):
-    """What is written is -o, --output (of demo --out, a folder); flags have no opposite; all options are explained."""
+    """What is written is -o, --output (of demo --out, a folder); all options are explained.
+
+    Flags that are off by default have no opposite.
+    """
     from mirrorfold.cli.program import app
 
     for verb in VERBS:

@@ -18,47 +18,12 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.folding import FoldSettings
+from mirrorfold.io.netcdf import check_reconstruction
 from mirrorfold.reporting.document import packed_levels, to_document
 from mirrorfold.reporting.page import _asset, to_html
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
-
-
-@pytest.fixture
-def volume():
-    """A wall, a box before it seen by way of the wall, and a plan view: a folded scan, by hand."""
-    random = np.random.default_rng(3)
-    box = random.uniform([-0.9, 1.8, -0.5], [-0.6, 2.2, 0.5], (400, 3))
-    wall = np.column_stack([np.full(200, 0.4), random.uniform(1.5, 2.5, 200), random.uniform(-0.6, 0.6, 200)])
-    ghost = box * [-1, 1, 1] + [0.8, 0, 0]
-    points, initial = np.concatenate([box, wall]), np.concatenate([ghost, wall])
-    x, y = np.linspace(-1.2, 2.0, 161), np.linspace(0.2, 2.8, 131)
-    image = random.random((131, 161)).astype(np.float32)
-    objects = {
-        **{letter: ("point", points[:, i]) for i, letter in enumerate("xyz")},
-        **{f"{letter}_initial": ("point", initial[:, i]) for i, letter in enumerate("xyz")},
-        "amplitude": ("point", random.random(600).astype(np.float32)),
-        "bounces": ("point", np.repeat([1, 0], [400, 200]).astype(np.int32)),
-        "chain": ("point", np.repeat(["0", ""], [400, 200])),
-        "surface": ("point", np.repeat(["object", "mirror"], [400, 200])),
-        "confidence": ("point", np.full(600, 0.8, dtype=np.float32)),
-    }
-    corners = np.array([[0.4, 1.5, -0.6], [0.4, 2.5, -0.6], [0.4, 2.5, 0.6], [0.4, 1.5, 0.6]])
-    mirrors = {"parent": ("mirror", [-1]), "generation": ("mirror", [1]), "strength": ("mirror", [1.0])}
-    for prefix in ("", "folded_"):
-        for i, letter in enumerate("xyz"):
-            mirrors[f"{prefix}{letter}0"], mirrors[f"{prefix}{letter}1"] = (("mirror", [c[i]]) for c in corners[:2])
-            mirrors[f"{prefix}corner_{letter}"] = (("mirror", "corner"), corners[None, :, i])
-    attrs = {"mirrorfold_kind": "reconstruction", "radar_x": 0.0, "radar_y": 0.0, "radar_z": 0.0, "title": "a scan"}
-    coords = {"y": y, "x": x}
-    return xr.DataTree.from_dict(
-        {
-            "/": xr.Dataset({"intensity": (("y", "x"), image)}, coords=coords, attrs=attrs),
-            "/initial": xr.Dataset({"initial": (("y", "x"), image[:, ::-1])}, coords=coords),
-            "/objects": xr.Dataset(objects).set_coords(["x", "y", "z"]),
-            "/mirrors": xr.Dataset(mirrors),
-        }
-    )
 
 
 @pytest.fixture
@@ -159,6 +124,28 @@ def test_nothing_from_a_file_becomes_markup(reconstruction, scene_file, tmp_path
     document = content_of(page)
     assert document["title"] == document["command"] == document["remark"] == HOSTILE
     assert [HOSTILE, "1"] in document["parameters"]
+
+
+def test_settings_are_listed_with_unit_and_meaning_and_other_attributes_as_they_are(reconstruction):
+    reconstruction.attrs |= {
+        "image_tolerance": 0.0009999999, "image_taper": np.ones(41), "fold_threshold_db": -18.0,
+        "fold_minimum_length": 0.24824040634138517, "fold_generations": None, "fold_opaque": True,
+        "fold_of_old": 0.24824040634138517,
+    }  # fmt: skip
+    document = to_document(check_reconstruction(reconstruction))
+    rows = {row["attr"]: row for row in document["settings"]}
+    assert list(rows) == ["image_tolerance", "image_taper", *(
+        f"fold_{name}" for name in FoldSettings.rules() if f"fold_{name}" in reconstruction.attrs)]  # fmt: skip
+    shown = {name: (row["label"], row["value"], row["unit"]) for name, row in rows.items()}
+    assert shown["image_tolerance"] == ("tolerance", "0.001", "")
+    assert shown["image_taper"] == ("taper", "41 values", "")
+    assert shown["fold_threshold_db"] == ("threshold", "-18", "dB")
+    assert shown["fold_minimum_length"] == ("minimum length", "0.2482", "m")
+    assert shown["fold_generations"] == ("generations", "default", "")
+    assert shown["fold_opaque"] == ("opaque", "yes", "")
+    assert rows["fold_opaque"]["meaning"] == FoldSettings.rules()["opaque"].meaning
+    assert ["fold_of_old", "0.24824040634138517"] in document["parameters"]
+    assert not {name for name, _ in document["parameters"]} & set(rows)
 
 
 def test_the_page_allows_its_own_program_and_nothing_else(address):
@@ -345,15 +332,15 @@ def test_the_page_prints(address, chromium):
         assert len(printed) > 20_000
 
 
-def test_a_volume_turns_and_is_cut(volume, tmp_path, chromium):
-    path = mf.report(volume, tmp_path / "volume.html")
+def test_a_volume_turns_and_is_cut(folded_scan, tmp_path, chromium):
+    path = mf.report(folded_scan, tmp_path / "volume.html")
     with opened(chromium, path.as_uri()) as page:
         before = pixels(page, "#cloud")
         page.locator("#cloud").focus()
         page.keyboard.press("ArrowLeft")
         settle(page)
         assert (pixels(page, "#cloud") != before).any()
-        y = volume["objects"].to_dataset(inherit=False)["y"].values
+        y = folded_scan["objects"].to_dataset(inherit=False)["y"].values
         for at in (1.7, 2.0, 2.4):
             page.locator("#slice").fill(str(at))
             settle(page)

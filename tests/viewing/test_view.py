@@ -23,6 +23,7 @@ from mirrorfold.cli import main
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.viewing.controls import CHANGEABLE
 from mirrorfold.viewing.server import TOKEN_HEADER, Server
 from mirrorfold.viewing.session import Session, line_of
 
@@ -97,6 +98,7 @@ def test_a_fold_is_what_the_api_computes(file, view):
     with served(file) as server:
         first = server.session.state["document"]
         assert len(first["mirrors"]) == 2
+        used = first["values"]
         for mirrors, settings in (
             (lines_of(first)[:1], {}),
             (lines_of(first) + 0.02, {"wall_margin": 0.1}),
@@ -104,12 +106,12 @@ def test_a_fold_is_what_the_api_computes(file, view):
             (lines_of(first), {"generations": 0}),
         ):
             status, found = call(server, "/api/fold", {
-                "settings": {"threshold_db": -18.0, "wall_margin": 0.04, "generations": None, **settings},
+                "settings": {**used, **settings},
                 "mirrors": None if mirrors is None else mirrors.tolist()})  # fmt: skip
             assert status == 200
             truth = expected(view, first, mirrors=mirrors, **settings)
             assert_allclose(corrected(found), truth, atol=0.5 * found["images"]["corrected"]["step"] + 1e-3)
-            assert found["settings"]["wall_margin"] == settings.get("wall_margin", 0.04)
+            assert found["values"]["wall_margin"] == settings.get("wall_margin", used["wall_margin"])
 
 
 def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monkeypatch, capsys):
@@ -296,12 +298,31 @@ def test_settings_of_the_page_reach_the_fold(file, chromium):
         page.locator("#set-generations").select_option("0")
         page.wait_for_selector("html[data-folds='1']")
         assert page.locator(".tree .node").count() == 1
-        page.locator("#set-generations").select_option("any")
+        page.locator("#set-generations").select_option("default")
         page.wait_for_selector("html[data-folds='2']")
         page.locator("#set-minimum_length").fill("1.2")
         page.wait_for_selector("html[data-folds='3']")
         assert page.locator(".tree .node").count() == 1
         assert server.session._settings["minimum_length"] == 1.2
+        page.locator("#set-opaque").uncheck()
+        page.wait_for_selector("html[data-folds='4']")
+        assert server.session._settings["opaque"] is False
+        for name, rule in CHANGEABLE.items():
+            assert page.locator(f"label:has(#set-{name})").get_attribute("title") == rule.meaning
+        page.locator("#find").click()
+        page.wait_for_selector("html[data-folds='5']")
+        assert page.locator("#set-opaque").is_checked()
+        assert page.locator(".tree .node").count() == 3
+
+
+def test_a_setting_without_a_scale_is_typed_in(view, tmp_path, chromium):
+    path = tmp_path / "r.nc"
+    mf.save(mf.fold(view, wall_margin=0.0), path)
+    with served(path) as server, opened(chromium, server.address) as page:
+        page.locator("#set-wall_margin").fill("0.05")
+        page.locator("#set-wall_margin").press("Enter")
+        page.wait_for_selector("html[data-folds='1']")
+        assert server.session._settings["wall_margin"] == 0.05
 
 
 @pytest.mark.parametrize("content", [b"", b"not netCDF", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])
@@ -322,7 +343,7 @@ def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, s
     mf.save(reconstruction, path)
     with served(path, mf.load(scene_file)) as server, opened(chromium, server.address) as page:
         assert page.locator("img").count() == 0
-        assert page.locator(".truth").count() >= 1
+        page.wait_for_selector(".truth", state="attached")
         assert "3 seen around a corner" in page.locator("header").inner_text()
 
 

@@ -1,6 +1,7 @@
 """The command ``mirrorfold``: its verbs, its help, its exit codes.
 
-Nothing heavy is imported here, so that help and complaints come at once; `verbs` does the work.
+Nothing heavy is imported here, so that help and complaints come at once; `program` knows the modules of the verbs. Each
+verb reads its input, calls the function of the same name in `mirrorfold`, writes the result, and reports it.
 Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted.
 """
 

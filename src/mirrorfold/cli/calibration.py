@@ -71,15 +71,15 @@ def calibrate(
     sort_frequencies
         Put falling frequencies in rising order, samples and all.
     conjugate
-        The samples have the other time convention.
+        Conjugate the samples: they were stored with the time convention exp(-jwt).
     swap_iq
-        I and Q are exchanged.
+        Exchange I and Q, the real and the imaginary part of the samples.
     reverse_frequency
-        The samples are stored from the highest frequency to the lowest.
+        Reverse the samples along frequency: they were stored from the highest to the lowest.
     position_unit
-        Of the positions as they stand.
+        Unit that the positions were stored in; they are converted to metres.
     swap_tx_rx
-        The positions of transmitters and receivers are the wrong way round.
+        Exchange the positions of transmitters and receivers.
     mask
         Set bad channels to zero and fill in bad frequencies.
     background
@@ -91,7 +91,7 @@ def calibrate(
     reference
         Sweep of a reflector to divide by.
     reference_at
-        Place of its apex, or a point of the plate, as X,Y or X,Y,Z [m].
+        Place of the apex of the reflector, or of a point of the plate, as X,Y or X,Y,Z [m].
     reference_normal
         Normal of the plate as X,Y or X,Y,Z; without it the reflector is point-like.
     reference_per_channel
@@ -107,13 +107,13 @@ def calibrate(
     save_elements
         File to keep the calibration of the elements in (JSON).
     elements
-        Calibration of the elements from such a file.
+        Calibration of the elements that --save-elements has written (JSON).
     find_displacement
         Find the displacement of the receiving aperture from the sphere, instead of the elements' own delays.
     rx_displacement
         Vector to move all receivers by, as X,Y or X,Y,Z [m].
     gate
-        Ranges to keep, as START:STOP [m]; either may be left out.
+        Ranges to keep, as START:STOP [m]; START or STOP may be left out.
     autofocus
         Remove small position errors that blur the image.
     json
@@ -133,7 +133,7 @@ def calibrate(
     normal = parse_place(reference_normal, "reference-normal") if reference_normal is not None else None
 
     def repaired(path: Path) -> xr.Dataset:
-        """A sweep with its mistakes put right: all sweeps of one session have the same ones."""
+        """A sweep with its mistakes put right; all sweeps that one session measured have the same mistakes."""
         found = read_as_is(path)
         found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
         found = mf.calibrate.mask_bad(found) if mask else found
@@ -207,7 +207,7 @@ def _check_options(given: dict[str, Any]) -> None:
     Raises
     ------
     InputError
-        With the one that is missing.
+        With the option that is missing.
     """
     needs = (
         ("match_background", "background"),
@@ -262,7 +262,7 @@ def parse_place(text: str, name: str) -> tuple[float, ...]:
     Raises
     ------
     InputError
-        If it is not two or three numbers.
+        If the text is not two or three numbers.
     """
     try:
         place = tuple(float(part) for part in text.split(","))
@@ -279,7 +279,7 @@ def parse_gate(text: str) -> tuple[float | None, float | None]:
     Raises
     ------
     InputError
-        If it is something else.
+        If the text is something else.
     """
     parts = text.split(":")
     try:

@@ -11,13 +11,13 @@ from mirrorfold.errors import InputError
 
 
 def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str) -> tuple[str, Any]:
-    """What is drawn, and the figure.
+    """Draw a file: the name of what was drawn, and the figure.
 
     Parameters
     ----------
     found : sweep, image, reconstruction or scene
     what : str, optional
-        Of a reconstruction.
+        Which picture of a reconstruction, as ``--what`` names it.
     truth : Scene or Scene3D, optional
     floor_db : float [dB]
     source : str
@@ -26,7 +26,7 @@ def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str)
     Raises
     ------
     InputError
-        If that cannot be drawn of it.
+        If the file does not hold what is to be drawn.
     """
     if isinstance(found, xr.DataTree):
         return _reconstruction(found, what, truth, floor_db, source)
@@ -42,7 +42,7 @@ def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str)
 
 
 def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any:
-    """The floor plan of an image; of a volume its plan view."""
+    """The axes with the floor plan of an image, or with the plan view of a volume."""
     normalization, radar = "r", (0.0, 0.0)
     if image.dims == ("range", "azimuth", "elevation"):
         image, normalization = mf.plan_view(image), "none"

@@ -1,4 +1,4 @@
-"""The help of a verb as plain text, for pipes, files and screen readers: options on the left, what they mean beside."""
+"""The help of a verb as plain text, for pipes, files and screen readers: options on the left, meanings on the right."""
 
 from __future__ import annotations
 
@@ -64,20 +64,20 @@ def _meaning(entry: HelpEntry) -> str:
     return " ".join(filter(None, parts))
 
 
-def _text(thing: Any) -> str:
-    """The words of a text of rich, or of anything else, in one line."""
-    if thing is None:
+def _text(words: Any) -> str:
+    """A string, or a text or other renderable of rich, as one line without colours."""
+    if words is None:
         return ""
-    if not isinstance(thing, str) and not hasattr(thing, "plain") and hasattr(thing, "__rich_console__"):
+    if not isinstance(words, str) and not hasattr(words, "plain") and hasattr(words, "__rich_console__"):
         import io
 
         from rich.console import Console
 
         console = Console(file=io.StringIO(), width=10_000, no_color=True, force_terminal=False)
         with console.capture() as captured:
-            console.print(thing, end="")
+            console.print(words, end="")
         return " ".join(captured.get().split())
-    return " ".join(str(getattr(thing, "plain", thing)).split())
+    return " ".join(str(getattr(words, "plain", words)).split())
 
 
 def _print(console: Console, line: str) -> None:

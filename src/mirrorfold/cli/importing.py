@@ -68,8 +68,8 @@ def import_(
     output
         Sweep or image to write (netCDF); with --guess the mapping file (TOML).
     mapping
-        Mapping file (TOML) that says what the variables are, or one that comes along: acconeer needs none, arim, gotcha
-        and merit are there.
+        Mapping file (TOML) that says what the variables are, or the name of one that comes along: arim, gotcha, merit.
+        Files of acconeer need none.
     positions
         Table (CSV) or description (TOML, JSON) of where the antennas stood for each file.
     parameter
@@ -85,9 +85,9 @@ def import_(
     x
         Name of the variable with the cross-range of the pixels, where it is not recognised.
     y
-        Name of that with their range.
+        Name of the variable with the range of the pixels, likewise.
     z
-        Name of that with their height.
+        Name of the variable with the height of the pixels, likewise.
     order
         Axes of an image in the file, such as xy.
     unit

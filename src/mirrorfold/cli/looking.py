@@ -1,4 +1,4 @@
-"""The verbs that look at files: a page that stays, a page that answers, and a figure."""
+"""The verbs that look at files: a report to keep, a live page that folds anew, and a figure."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 
 FORMATS = (".png", ".pdf", ".svg")
-"""Of figures: for screens, for papers, and for both."""
+"""Suffixes of figures: for screens, for papers, and for both."""
 
 
 class Report(Record):
-    """A page."""
+    """A report that was written."""
 
     kind: Literal["report"]
     bytes: int
@@ -27,7 +27,7 @@ class Report(Record):
 
 
 class View(Record):
-    """A page that answers."""
+    """A live page that is being served."""
 
     kind: Literal["view"]
     address: str
@@ -83,7 +83,7 @@ def view(
     scene
         Scene file with the truth (TOML).
     port
-        Of the page, on this machine alone; any that is free by default.
+        Port of the page, on this machine alone; any that is free by default.
     no_open
         Do not open the browser.
     json
@@ -121,13 +121,13 @@ def show(
     output
         Figure to write (.png, .pdf or .svg).
     what
-        What of a reconstruction: by default before-after, of a folded scan space.
+        Which picture of a reconstruction; by default before-after, for a folded scan space.
     scene
         Scene file with the truth (TOML), drawn thin; needed for score.
     floor_db
         Level below which images are blank [dB].
     dpi
-        Of a PNG, and of the images in the others [1/inch].
+        Resolution of a PNG, and of the images in PDF and SVG [1/inch].
     json
         Print what was drawn as one JSON object.
     """

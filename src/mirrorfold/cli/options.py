@@ -1,10 +1,12 @@
-"""What the options of all verbs share: how an output and numbers are given, and the command line being run."""
+"""Options that several verbs share, with their types and texts, and the command line that is being run."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -13,5 +15,46 @@ OptionalOutput = Annotated[Path | None, Parameter(alias="-o")]
 Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """Several of them in one text, such as ``-2:2:0.005`` or ``0,1.5``."""
 
+CrossRanges = Annotated[
+    Numbers,
+    Parameter(
+        help="Cross-range of the pixels as START:STOP:STEP [m], for example -2:2:0.005, or one number; chosen from the "
+        "sweep by default."
+    ),
+]
+Ranges = Annotated[Numbers, Parameter(help="Range of the pixels, likewise.")]
+Heights = Annotated[Numbers, Parameter(help="Height of the pixels, likewise, for a volume; the floor plan by default.")]
+
+Preset = Annotated[
+    Literal["default", "published"],
+    Parameter(
+        help="The algorithm with all its tests, or as it was published. Settings of folding that are given count "
+        "instead of those of the preset."
+    ),
+]
+Mirrors = Annotated[
+    Path | None, Parameter(help="Mirrors that are known or drawn (JSON); found in the image by default.")
+]
+Export = Annotated[Path | None, Parameter(help="Point cloud to write too (.ply, .pcd or .vtp).")]
+
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
+
+
+def with_opposites(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give every flag of a verb that is on by default an opposite, ``--no-NAME``; changes the function in place.
+
+    A flag that is off by default, such as ``--json``, needs none: it is off where it is not given.
+    """
+    signature = inspect.signature(function)
+    switches = {
+        name: Annotated[bool, Parameter(negative=f"--no-{name.replace('_', '-')}")]
+        for name, parameter in signature.parameters.items()
+        if parameter.default is True
+    }
+    if switches:
+        parameters = [one.replace(annotation=switches.get(one.name, one.annotation))
+                      for one in signature.parameters.values()]  # fmt: skip
+        function.__annotations__ |= switches
+        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return function

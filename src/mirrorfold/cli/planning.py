@@ -50,33 +50,33 @@ def plan(
     pitch
         Distance of neighbouring antennas [m].
     range
-        To the farthest thing in line of sight [m].
+        Distance to the farthest object in line of sight [m].
     rx_aperture
         Length of the receiving array, where it differs [m].
     rx_pitch
-        Its pitch, where it differs [m].
+        Distance of neighbouring receiving antennas, where it differs [m].
     material
-        Of the walls: pec, plasterboard, concrete, glass, wood or marble; several may be given.
+        Material of the walls: pec, plasterboard, concrete, glass, wood or marble; several may be given.
     roughness
-        Rms height, or height and correlation length as H,L [um].
+        Rms height of the walls, or height and correlation length as H,L [um].
     target
         Radar cross section to be seen in one resolution cell [m^2].
     leg
-        Way that each bounce adds to the range [m]; half the range by default.
+        Length that each bounce adds to the range [m]; half the range by default.
     detection_db
-        Signal over noise in the image from which a thing is seen [dB].
+        Signal over noise in the image from which an object counts as seen [dB].
     power_dbm
         Transmitted power [dBm].
     gain_dbi
         Gain of each antenna [dBi].
     noise_figure_db
-        Of the receiver [dB].
+        Noise figure of the receiver [dB].
     if_bandwidth
-        Of the receiver [Hz].
+        Bandwidth of the receiver's filter [Hz].
     settling
-        Between two samples [s].
+        Time from one sample to the next [s].
     moving
-        Of a stage, from one position to the next [s].
+        Time that a stage takes from one position to the next [s].
     output
         Picture to write (.png, .pdf or .svg).
     json
@@ -136,7 +136,7 @@ def parse_band(text: str) -> tuple[float, float]:
     Raises
     ------
     InputError
-        If it is something else.
+        If the text is something else.
     """
     try:
         start, stop = (float(part) for part in text.split(":"))
@@ -151,7 +151,7 @@ def parse_roughness(text: str) -> tuple[float, float | None]:
     Raises
     ------
     InputError
-        If it is something else.
+        If the text is something else.
     """
     try:
         numbers = [1e-6 * float(part) for part in text.split(",")]

@@ -8,13 +8,24 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
 
-from mirrorfold.cli import VERBS, calibration, importing, looking, planning, shell, verbs
+from mirrorfold.cli import (
+    VERBS,
+    calibration,
+    importing,
+    judging,
+    looking,
+    planning,
+    reconstructing,
+    shell,
+    simulating,
+)
 from mirrorfold.cli.help import PlainHelp
-from mirrorfold.cli.options import command
+from mirrorfold.cli.options import command, with_opposites
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
-    *(verbs.demo, verbs.simulate, verbs.focus, verbs.fold, verbs.reconstruct, verbs.score, verbs.info),
+    *(simulating.demo, simulating.simulate),
+    *(reconstructing.focus, reconstructing.fold, reconstructing.reconstruct, judging.score, judging.info),
     *(importing.import_, importing.export, calibration.calibrate, planning.plan),
     *(looking.report, looking.view, looking.show, shell.completion, shell.schema),
 )
@@ -30,7 +41,7 @@ app = App(
 for function in FUNCTIONS:
     name = function.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
-        function,
+        with_opposites(function),
         name=name,
         help=VERBS[name].purpose,
         help_epilogue=f"Example: {VERBS[name].example}\n",

@@ -39,7 +39,7 @@ def read(path: Path, *expected: str) -> Any:
     Raises
     ------
     InputError
-        If it holds something else.
+        If the file holds something else.
     """
     import xarray as xr
 
@@ -51,13 +51,24 @@ def read(path: Path, *expected: str) -> Any:
     return found
 
 
+def parse_grid(**axes: str | None) -> dict[str, Any]:
+    """Pixel coordinates [m] of the axes that are given, by name.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be read.
+    """
+    return {name: parse_axis(text, name) for name, text in axes.items() if text is not None}
+
+
 def parse_axis(text: str, name: str) -> Any:
     """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
     Raises
     ------
     InputError
-        If it is not one number or three, or the steps lead nowhere.
+        If the text is not one number or three, or the steps do not lead from START to STOP.
     """
     import numpy as np
 

@@ -79,7 +79,7 @@ def json_schema(verb: str) -> dict[str, Any]:
 
 
 class RecordSchema(GenerateJsonSchema):
-    """A fact that may be left out has no default in JSON; that is no reason to warn."""
+    """Makes JSON Schemas without a warning for facts that may be left out, whose default JSON cannot hold."""
 
     ignored_warning_kinds = {*GenerateJsonSchema.ignored_warning_kinds, "non-serializable-default"}  # noqa: RUF012
 
@@ -90,7 +90,7 @@ def models(verb_output: Any) -> tuple[type[Record], ...]:
 
 
 def parts(model: type[Record]) -> list[type[Record]]:
-    """The records inside of one, in the order of its fields, and inside of these."""
+    """The records that the fields of a record hold, in their order, each followed by those inside of it."""
     found: list[type[Record]] = []
     for annotation in _types(model).values():
         for part in _records_in(annotation):

@@ -25,7 +25,7 @@ PLAIN_WIDTH = 110
 
 @contextmanager
 def progress(description: str) -> Iterator[types.Progress | None]:
-    """A progress bar on stderr, as a function of done and total; None where nobody is watching."""
+    """A progress bar on stderr, as a function of done and total; None where stderr is not a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -38,7 +38,7 @@ def progress(description: str) -> Iterator[types.Progress | None]:
 
 
 def remark(sentences: Iterable[str]) -> None:
-    """Print what deserves attention but stops nothing."""
+    """Print sentences that deserve attention on stderr; the verb goes on."""
     for sentence in sentences:
         print(f"mirrorfold: note: {sentence}", file=sys.stderr)
 
@@ -93,7 +93,7 @@ def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
 
 
 def show_plan(found: Plan) -> None:
-    """Print how walls mirror and scatter, and what is left after each bounce."""
+    """Print how walls mirror and scatter, and the signal over noise that is left after each bounce."""
     for name, wall in found.walls.items():
         table = _table(f"{name}: share of the power [dB]")
         table.add_column("angle of incidence [deg]")
@@ -120,7 +120,7 @@ def show_plan(found: Plan) -> None:
 
 
 def show_score(score: PlanScore | VolumeScore) -> None:
-    """Print the score: mirrors, then all surfaces beside those out of sight."""
+    """Print the score: the mirrors, then a column for all surfaces and one for those out of sight."""
     mirrors = _table("mirrors against the truth")
     for heading in ("surface", "angle error [deg]", "offset error [mm]"):
         mirrors.add_column(heading, justify="left" if heading == "surface" else "right")
@@ -194,7 +194,7 @@ def _number(value: float | None, form: str, scale: float = 1.0) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """The same with null for numbers that JSON cannot hold, and plain Python types throughout."""
+    """The same value in plain Python types, with None for numbers that JSON cannot hold."""
     if isinstance(value, dict):
         return {str(name): _finite(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -207,7 +207,7 @@ def _finite(value: Any) -> Any:
 
 
 def _table(title: str) -> Table:
-    """A table with rules for people, and with nothing but its words and numbers for files and pipes."""
+    """A table: with ruled lines in a terminal, and with nothing but words and numbers for files and pipes."""
     if sys.stdout.isatty():
         return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import sys
 from collections.abc import Callable
 from dataclasses import Field, dataclass, field, fields, replace
 from math import isfinite
@@ -105,9 +106,8 @@ class Rule:
 
 def _is_bool(value: Any) -> bool:
     """Whether a value is a truth value of Python or of NumPy."""
-    import numpy as np  # settings are declared before anything heavy is imported, and checked after
-
-    return isinstance(value, bool | np.bool_)
+    numpy = sys.modules.get("numpy")  # settings are declared without NumPy, whose values exist only once it is imported
+    return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
 
 
 def setting(default: Any, meaning: str, **rule: Any) -> Any:
@@ -230,6 +230,20 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
     wrapper.__annotations__.pop("given", None)
     wrapper.__doc__ = _completed(function.__doc__ or "", rules, declared, options)
     return wrapper  # type: ignore[return-value]
+
+
+def option_words(name: str, value: Any) -> list[str]:
+    """What the command line writes for a setting.
+
+    Examples
+    --------
+    >>> option_words("wall_margin", 0.04), option_words("opaque", False)
+    (['--wall-margin', '0.04'], ['--no-opaque'])
+    """
+    option = name.replace("_", "-")
+    if _is_bool(value):
+        return [f"--{option}" if value else f"--no-{option}"]
+    return [f"--{option}", str(value)]
 
 
 def _option_type(rule: Rule, default: Any) -> Any:

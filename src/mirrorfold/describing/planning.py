@@ -155,7 +155,7 @@ def plan(
     aperture, pitch : float [m]
         Length of the transmitting array and distance of neighbours.
     range : float [m]
-        To the farthest thing in line of sight.
+        To the farthest object in line of sight.
     rx_aperture, rx_pitch : float [m], optional
         Of the receiving array; the same by default.
     materials : list of str, default ("plasterboard",)

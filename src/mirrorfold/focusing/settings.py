@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 FINEST_TOLERANCE = 2e-6
 """Relative error of the single-precision sums, phases and tables, measured against the float64 sum."""
 
+TOLERANCE_TO_FOLD = 1e-3
+"""Relative error of an image that is to be folded: 60 dB below the image, and far below the threshold of its echoes."""
+
 
 @dataclass(frozen=True, eq=False)
 class FocusSettings(Settings):

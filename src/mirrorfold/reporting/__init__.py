@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 LARGEST_PAGE = 6_000_000
-"""Of the file [bytes]: it still goes as an attachment."""
+"""Size of the file [bytes] up to which it can be sent as an attachment; larger pages get coarser pictures."""
 
 
 def report(

@@ -1,4 +1,4 @@
-"""All that a page shows of a reconstruction, as plain numbers and strings: JSON is made of it, and nothing else.
+"""All that a page shows of a reconstruction, as plain numbers and strings, of which `page` makes JSON.
 
 Images travel as levels of one byte: 0 stands for nothing, 1 to 255 for equal steps of dB. The differences along each
 row are compressed, which a browser undoes exactly.
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mirrorfold import __version__
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
 from mirrorfold.common.types import Array
+from mirrorfold.describing.settings import recorded_settings
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -25,22 +26,22 @@ if TYPE_CHECKING:
 
 
 LOWEST_DB = -60.0
-"""Level that the weakest pixels are shown with; the images' own side lobes end there."""
+"""Level of the weakest pixels that are shown; the side lobes of the focused image have fallen below it."""
 
 LARGEST_IMAGE = 1_200_000
-"""Pixels of each image: more of them show no more on a screen, and two of them make 3 MB."""
+"""Pixels of each image: a screen shows no more, and two images of this size make a page of 3 MB."""
 
 LARGEST_CLOUD = 40_000
-"""Points; beyond it the strongest are shown."""
+"""Points that a page shows at most: the strongest, where there are more."""
 
 MARGIN = 0.18
-"""Space around everything that was found, as a share of its larger side."""
+"""Space left free around all points and mirrors, as a share of the larger side of their bounding box."""
 
 CURVE_STEP = 0.01
 """Length of the chords that true curves are drawn with [m]."""
 
 HIDDEN_ATTRS = ("mirrorfold_kind", "mixed_x", "mixed_y", "remark", "command", "title", "image_title")
-"""Attributes that are no parameters, or are shown elsewhere."""
+"""Attributes that are no parameters, or have a place of their own in the page."""
 
 
 def to_document(
@@ -71,16 +72,18 @@ def to_document(
     effort : int
         Of compression, 1 to 9.
     images : list of str
-        Which of the two to send.
+        Which of the two pictures the document is to hold.
     scored : bool
         Whether to score the result, where the truth is known.
 
     Returns
     -------
     dict
-        Of what JSON has.
+        Of dicts, lists, numbers, strings, booleans and None only.
     """
     attrs = reconstruction.attrs
+    settings = recorded_settings(attrs)
+    elsewhere = {*HIDDEN_ATTRS, *(setting.attr for setting in settings)}
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     dimensions = 3 if "z" in objects.variables else 2
     axes = "xyz"[:dimensions]
@@ -107,13 +110,14 @@ def to_document(
         "extent": list(extent),
         "zero_db": zero,
         "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
-        "margin": float(attrs.get("fold_wall_margin", 0.0)),
+        "margin": float(attrs.get("fold_wall_margin") or 0.0),
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
         "points": _points(objects, axes, zero),
         "truth": truth,
-        "parameters": [[str(name), _text(value)] for name, value in attrs.items() if name not in HIDDEN_ATTRS],
-        "facts": _facts(objects, mirrors),
+        "settings": [setting._asdict() for setting in settings],
+        "parameters": [[str(name), _text(value)] for name, value in attrs.items() if name not in elsewhere],
+        "facts": found_rows(objects, mirrors),
     }
     if scene is not None and scored:
         from mirrorfold.scoring.score import score
@@ -131,7 +135,7 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
-    """The mirrors, one dict each; what a file does not tell is None."""
+    """The mirrors, one dict each, with None for what the file does not hold."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
     strengths = held["strength"].values.astype(float)
@@ -214,7 +218,7 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
 
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
-    """What to show (x0, x1, y0, y1) [m]: all that was found, before and after folding, with a margin."""
+    """The part of the plane to show (x0, x1, y0, y1) [m]: all that was found, folded and unfolded, with a margin."""
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     grid = reconstruction.children["initial"].dataset
@@ -252,7 +256,7 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 
 
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
-    """The columns of the points, each in base64: float32 places, levels and confidence, and the chain's number."""
+    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain."""
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
     if total > LARGEST_CLOUD:
@@ -279,8 +283,8 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     }
 
 
-def _facts(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
-    """What was found, in a few words."""
+def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
+    """How much was found: rows of a name and a number, both in words."""
     bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
     hidden = int(counts[bounces > 0].sum())
     rows = [
@@ -293,13 +297,13 @@ def _facts(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]
 
 
 def _cropped(image: xr.DataArray, extent: tuple[float, float, float, float]) -> xr.DataArray:
-    """The pixels inside an extent; all of them where it holds fewer than two a side."""
+    """The pixels inside an extent; the whole image where the extent holds fewer than two pixels a side."""
     part = image.sel(x=slice(*extent[:2]), y=slice(*extent[2:]))
     return part if min(part.sizes.values()) > 1 else image
 
 
 def _reduced(image: xr.DataArray, largest: int) -> xr.DataArray:
-    """The image with at most so many pixels, each the strongest of a square of the original ones."""
+    """The image with at most `largest` pixels, each the strongest of a square of the original ones."""
     image = image.transpose("y", "x")
     factor = int(np.ceil(np.sqrt(image.size / largest))) if image.size > largest else 1
     if factor == 1:
@@ -322,7 +326,7 @@ def _base64(content: bytes) -> str:
 
 
 def _known(one: xr.Dataset, name: str) -> float | None:
-    """A variable of one mirror; None where it is missing or not known."""
+    """A variable of one mirror; None where the file lacks it, or it is not a finite number."""
     value = float(one[name]) if name in one else np.nan
     return value if np.isfinite(value) else None
 
@@ -336,7 +340,7 @@ def _number(value: float | None, form: str, scale: float = 1.0) -> str:
 
 
 def _text(value: Any) -> str:
-    """A parameter in words; floats so that they read back the same."""
+    """An attribute in words; numbers with all their digits."""
     if isinstance(value, np.ndarray | list | tuple):
         return "[" + ", ".join(_text(item) for item in np.asarray(value).ravel().tolist()) + "]"
     if isinstance(value, np.generic):

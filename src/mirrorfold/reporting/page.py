@@ -29,7 +29,7 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
         What `to_document` returns.
     title : str
     live : dict, optional
-        What the page's program is to know of the server.
+        The token of the server and the header that carries it, for the live page.
 
     Returns
     -------
@@ -61,13 +61,13 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
 
 
 def to_json(content: Any) -> str:
-    """JSON that may stand inside a script element: without <, >, & and what is not ASCII."""
+    """JSON that may stand inside a script element: in ASCII, with <, > and & as escapes."""
     text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def _finite(value: Any) -> Any:
-    """The same with null for numbers that JSON has no word for."""
+    """The same value with None for numbers that JSON cannot write: infinite ones, and NaN."""
     if isinstance(value, dict):
         return {str(name): _finite(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
@@ -82,5 +82,5 @@ def _asset(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """The name by which a content security policy knows an inline element."""
+    """The hash by which a content security policy allows an inline element."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

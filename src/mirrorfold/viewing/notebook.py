@@ -1,8 +1,8 @@
 """How a notebook shows a Reconstruction: a small picture and the facts; of other trees, what xarray shows.
 
-A Reconstruction is an `xarray.DataTree` like any other, and stays one on disk and through every operation. So it is not
-the object that knows how to show itself, but the notebook that is told: IPython asks a formatter by type.
-`import mirrorfold` tells it where IPython runs, and ``%load_ext mirrorfold`` does at any time later.
+A Reconstruction is an `xarray.DataTree` without a class of its own, so it cannot bring a method that shows it. IPython
+looks for a formatter by the type of an object instead: ``import mirrorfold`` registers one where IPython runs, and
+``%load_ext mirrorfold`` does so at any later time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import xarray as xr
 from mirrorfold.common.svg import card
 
 DOTS_PER_INCH = 72
-"""Of the picture: small enough for a notebook of many cells."""
+"""Resolution of the picture, low enough for a notebook of many cells."""
 
 
 def to_html(tree: xr.DataTree) -> str:
@@ -34,14 +34,14 @@ def to_html(tree: xr.DataTree) -> str:
         return _plain(tree)
     from mirrorfold.errors import InputError
     from mirrorfold.io.netcdf import check_reconstruction
-    from mirrorfold.reporting.document import _facts, mirror_rows, title_of
+    from mirrorfold.reporting.document import found_rows, mirror_rows, title_of
 
     try:
         checked = check_reconstruction(tree)
     except InputError:  # under construction, or taken apart
         return _plain(tree)
     mirrors = mirror_rows(checked)
-    facts = [(row[0], row[1]) for row in _facts(checked.children["objects"].to_dataset(inherit=False), mirrors)]
+    facts = [(row[0], row[1]) for row in found_rows(checked.children["objects"].to_dataset(inherit=False), mirrors)]
     for mirror in mirrors[:LONGEST_LIST]:
         seen = "radar" if mirror["parent"] < 0 else f"mirror {mirror['parent']}"
         facts.append((f"mirror {mirror['number']}", f"{mirror['length']:.2f} m, seen through {seen}"))
@@ -53,11 +53,11 @@ def to_html(tree: xr.DataTree) -> str:
 
 
 LONGEST_LIST = 8
-"""Mirrors that are listed."""
+"""Number of mirrors that are listed; of more, only how many there are."""
 
 
 def _plain(tree: xr.DataTree) -> str:
-    """What xarray shows; its text where it cannot show a group whose coordinates hide the root's of the same name."""
+    """The HTML of xarray, or its text: xarray fails for a group whose coordinates hide those of the root."""
     try:
         return str(tree._repr_html_())
     except ValueError:

@@ -1,7 +1,7 @@
-"""The server of the live page: on this machine only, a handful of addresses, and no way to any file but the one open.
+"""The server of the live page: on this machine only, with a few addresses, none of which leads to a file by its name.
 
-A page from elsewhere cannot use it: requests must name this machine as their host, which a rebound domain name does
-not, and whoever changes or saves must hold the token that only the page itself was given.
+A page from elsewhere cannot use the server: requests must name this machine as their host, which a rebound domain name
+does not, and a request that folds or saves must hold the token that only the page itself was given.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from mirrorfold.viewing.session import Session
 LOOPBACK = "127.0.0.1"
 
 HOSTS = ("127.0.0.1", "localhost", "[::1]")
-"""By these names a browser on this machine calls it."""
+"""Names by which a browser on this machine calls the server."""
 
 LARGEST_REQUEST = 1_000_000
-"""Bytes: a thousand mirrors take a tenth of it."""
+"""Length of the longest request that is read [bytes]; a thousand mirrors take a tenth of that."""
 
 TOKEN_HEADER = "X-Mirrorfold-Token"
 
@@ -50,7 +50,7 @@ class Server(ThreadingHTTPServer):
     Raises
     ------
     InputError
-        If the port cannot be had.
+        If the port is taken or is no port number.
     """
 
     daemon_threads = True
@@ -67,7 +67,7 @@ class Server(ThreadingHTTPServer):
             raise InputError(f"port {port}: cannot be had ({error.strerror}); choose another, or 0 for any") from None
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that has hung up; all other mistakes are ours."""
+        """Print nothing where the browser has closed the connection; all other errors are mistakes of this program."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
@@ -119,7 +119,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         except OSError as error:
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"reading or writing failed: {error}")
-        except Exception as error:  # the page says it, and goes on
+        except Exception as error:  # the page shows the message, and goes on
             found = f"{type(error).__name__}: {error}"
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"failed by a mistake of ours ({found})")
         else:
@@ -137,13 +137,13 @@ class _Handler(BaseHTTPRequestHandler):
         return False
 
     def _request(self) -> Any:
-        """The JSON that came along; None, and refused, where it may not be read."""
+        """The JSON object that was sent; None, after a refusal, where it is too long, has no token, or is no JSON."""
         try:
             length = int(self.headers.get("Content-Length", "0"))
         except ValueError:
             length = -1
         if not 0 < length <= LARGEST_REQUEST:
-            # Whoever is still sending would not hear the answer.
+            # The browser reads the answer only after all of its request has been taken from it.
             self.rfile.read(min(max(length, 0), 4 * LARGEST_REQUEST))
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected a request of 1 to {LARGEST_REQUEST} bytes")
             return None
@@ -180,7 +180,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, *_: Any) -> None:
-        """Say nothing: the terminal belongs to the user."""
+        """Print nothing for each request: the terminal belongs to the user."""
 
 
 def _open(session: Session) -> Any:

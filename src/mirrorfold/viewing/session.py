@@ -1,4 +1,4 @@
-"""What the live page works on: one file, its latest fold, and how to save it so that it can be had again."""
+"""What the live page works on: one file, its latest fold, and saving with the command that repeats the fold."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 import shlex
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +14,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.settings import option_words
 from mirrorfold.detection.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
-from mirrorfold.folding import PRESETS
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
+from mirrorfold.folding import PRESETS, FoldSettings
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.reconstruction import FoldPlan, fold, initial_image
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
+from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -30,16 +34,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LIVE_PIXELS = 480_000
-"""Of the pictures in the page, 600 x 800: more would follow the hand late. What is saved has all pixels."""
-
-FOCUS_TOLERANCE = 1e-3
-"""Of the image of a sweep, as `mirrorfold.reconstruct` has it: 60 dB below the image."""
-
-CHANGEABLE = ("threshold_db", "minimum_length", "wall_margin", "generations")
-"""The settings that the page has controls for."""
+"""Pixels of each picture in the page, 600 x 800: with more of them the picture would lag behind a mirror that is
+dragged. What is saved has all pixels."""
 
 NAME = re.compile(r"[\w][\w .-]{0,80}\.nc")
-"""A file's plain name: it can lead to no other directory."""
+"""The plain name of a file to save: without a slash it cannot lead to another directory."""
 
 
 class Session:
@@ -61,7 +60,7 @@ class Session:
         self.open()
 
     def open(self) -> threading.Thread:
-        """Read the file, and focus and fold it as far as it is not; `state` tells how it goes."""
+        """Read the file in a thread, focus a sweep, and fold an image; `state` tells how far this has come."""
         self._state = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
         worker = threading.Thread(target=self._open, daemon=True)
         worker.start()
@@ -69,7 +68,7 @@ class Session:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Status "busy", "ready" or "failed", with the step, a message or the document."""
+        """`status` "busy" with the step, "failed" with a message, or "ready" with the document."""
         return self._state
 
     def _open(self) -> None:
@@ -81,7 +80,7 @@ class Session:
             self._state = {"status": "failed", "message": str(error)}
         except MemoryError:
             self._state = {"status": "failed", "message": f"{self.path}: there is not enough memory to open it"}
-        except Exception as error:  # a page that says nothing would be worse
+        except Exception as error:  # the page tells of our own mistakes too, instead of waiting for ever
             found = f"{type(error).__name__}: {error}"
             self._state = {
                 "status": "failed",
@@ -96,7 +95,7 @@ class Session:
         return report
 
     def _first(self, found: Any) -> dict[str, Any]:
-        """The plan and the first document."""
+        """The first document of what a file holds; makes the plan that all further folds use."""
         self._sweep = self._image_command = None
         preset = "default"
         source: xr.DataArray | xr.DataTree
@@ -106,7 +105,7 @@ class Session:
             preset = preset if preset in PRESETS else "default"
         elif isinstance(found, xr.Dataset | xr.DataArray):
             if isinstance(found, xr.Dataset):
-                image = focus(found, tolerance=FOCUS_TOLERANCE, progress=self._report("focusing"))
+                image = focus(found, tolerance=TOLERANCE_TO_FOLD, progress=self._report("focusing"))
                 self._sweep = None if is_raster(found) else found
                 self._image_command = f"{self.path.stem}.image.nc"
             else:
@@ -123,11 +122,10 @@ class Session:
                 f"{self.path}: is a scene, expected a sweep, an image or a reconstruction; simulate it first"
             )
         self.editable = "z" not in reconstruction.children["objects"].variables
-        defaults = PRESETS[preset]
-        held = {name: reconstruction.attrs.get(f"fold_{name}", getattr(defaults, name)) for name in CHANGEABLE}
+        held = held_settings(reconstruction.attrs, PRESETS[preset])
         self._preset = preset
-        self._normalization = str(reconstruction.attrs.get("fold_normalization", defaults.normalization))
-        self._settings = {name: value.item() if hasattr(value, "item") else value for name, value in held.items()}
+        self._settings = {name: value for name, value in held.items() if name in CHANGEABLE}
+        self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
         self._lines: Array | None = None
         truth = [] if self.scene is None else truth_lines(self.scene)
         self._extent = shown_extent(reconstruction, truth)
@@ -137,16 +135,19 @@ class Session:
             if isinstance(source, xr.DataTree):
                 self._plan = FoldPlan(source)
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
-            # The first fold finds what all others share.
-            self._plan.fold(**self._arguments(self._settings, None), grid=self._grid)
+            # The first fold finds what all further folds share, and the numbers of settings that the image decides.
+            first = self._plan.fold(**self._arguments(self._settings, None), grid=self._grid)
+            used = held_settings(first.attrs, PRESETS[preset])
+            self._settings = {name: used[name] for name in CHANGEABLE}
         return {**document, **self._edit_state()}
 
     def _edit_state(self) -> dict[str, Any]:
-        """What the controls start from."""
+        """The state of the controls: their values, what kind each is, and the mirrors that were given."""
         lines = None if self._lines is None else self._lines.tolist()
         return {
             "editable": self.editable,
-            "settings": {**self._settings},
+            "values": {**self._settings},
+            "controls": controls(self._settings) if self.editable else [],
             "lines": lines,
             "file": self.path.name,
             "save_as": f"{self.path.stem}.edited.nc",
@@ -158,19 +159,19 @@ class Session:
         Parameters
         ----------
         request : dict
-            `settings`: some of `CHANGEABLE`; `mirrors`: (mirrors, 2, 2) [m], or None to find them; `score`: whether
-            to score the result too, which takes its time.
+            `settings`: by name, some of `mirrorfold.viewing.controls.CHANGEABLE`; `mirrors`: (mirrors, 2, 2) [m], or
+            None to find them; `score`: whether to score the result too, which takes longer than the fold.
 
         Returns
         -------
         dict
             The document of the result, without the initial image; `line_of` tells for every mirror which of the given
-            ones it is (part of); `milliseconds` what it took.
+            lines it lies on; `milliseconds` how long the fold took.
 
         Raises
         ------
         InputError
-            If the request cannot be met.
+            If a setting or a mirror of the request is wrong.
         """
         settings, lines = self._checked(request)
         start = time.perf_counter()
@@ -234,7 +235,7 @@ class Session:
         before = ""
         if self._image_command is not None:
             image = str(self.path.parent / self._image_command)
-            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(FOCUS_TOLERANCE)]
+            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(TOLERANCE_TO_FOLD)]
             before = shlex.join(steps) + " && "
             words += [image, *(["--sweep", str(self.path)] if self._sweep is not None else [])]
         else:
@@ -242,17 +243,15 @@ class Session:
         words += ["-o", str(output)]
         if mirrors is not None:
             words += ["--mirrors", str(mirrors)]
-        defaults = PRESETS[self._preset]
         if self._preset != "default":
             words += ["--preset", self._preset]
-        given = {**settings, "normalization": self._normalization}
-        for name, value in given.items():
-            if value is not None and value != getattr(defaults, name):
-                words += [f"--{name.replace('_', '-')}", str(value)]
+        for name, value in {**settings, **self._kept}.items():
+            if FoldSettings.rules()[name].option and value not in (None, getattr(PRESETS[self._preset], name)):
+                words += option_words(name, value)
         return before + shlex.join(words)
 
     def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
-        return {"mirrors": lines, "preset": self._preset, "normalization": self._normalization, **settings}
+        return {"mirrors": lines, "preset": self._preset, **self._kept, **settings}
 
     def _checked(self, request: Any) -> tuple[dict[str, Any], Array | None]:
         """Settings and mirrors of a request.
@@ -260,7 +259,7 @@ class Session:
         Raises
         ------
         InputError
-            If it is not a request, or the file cannot be folded anew.
+            If the request is not an object of settings and mirrors, or the file cannot be folded anew.
         """
         if self._state.get("status") != "ready":
             raise InputError(f"{self.path.name}: is not open")
@@ -270,18 +269,31 @@ class Session:
             raise InputError("the request is no object with 'settings' and 'mirrors'")
         settings = dict(self._settings)
         for name, value in request.get("settings", {}).items():
-            if name not in CHANGEABLE:
-                raise InputError(f"there is no setting {str(name)!r}, expected one of {', '.join(CHANGEABLE)}")
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number and not (name == "generations" and value is None):
-                raise InputError(f"{name} is {value!r}, expected a number")
+            check_value(name, value)
             settings[name] = value
         mirrors = request.get("mirrors")
         return settings, None if mirrors is None else check_mirrors(mirrors)
 
 
+def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str, Any]:
+    """Every setting of folding as a reconstruction records it; the default where it records none that can be used.
+
+    Files of other versions lack some settings, or have values that this version does not know.
+    """
+    held = {}
+    for name, rule in FoldSettings.rules().items():
+        value: Any = attrs.get(f"fold_{name}")
+        value = value.item() if isinstance(value, np.generic) else value
+        try:
+            rule.check(name, value)
+        except InputError:
+            value = getattr(defaults, name)
+        held[name] = value
+    return held
+
+
 def line_of(ends: Any, lines: Array) -> int:
-    """Which of the lines (n, 2, 2) a mirror with those ends is part of: the one that both ends are nearest to."""
+    """Index of the line (n, 2, 2) that a mirror with those ends lies on: its ends are nearest to that line."""
     points = np.asarray(ends, dtype=float)
     way = lines[:, 1] - lines[:, 0]
     length = np.linalg.norm(way, axis=1)

@@ -1,4 +1,4 @@
-// What everything else uses: elements, numbers in words, images, colours, and the state of the page.
+// What all other files use: elements, numbers in words, images, colours, and the state of the page.
 
 const read = (id) => JSON.parse(document.getElementById(id).textContent);
 
@@ -100,7 +100,7 @@ const state = {
 };
 const painters = [];
 let waiting = false;
-// Draw everything once, at the next frame, however many things have changed.
+// Draw everything once, at the next frame, however often the state has changed.
 function changed() {
   if (waiting) return;
   waiting = true;

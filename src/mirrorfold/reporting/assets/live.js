@@ -42,11 +42,12 @@ async function loadLive(page) {
   }
 }
 function adopt(found) {
-  edit.settings = { ...found.settings };
+  edit.settings = { ...found.values };
+  edit.controls = found.controls;
   edit.name = found.save_as;
   edit.editable = found.editable;
-  edit.found = { ...found.settings };
-  // In the swipe each half hides what may have to be moved.
+  edit.found = { ...found.values };
+  // Side by side: the divider of the swipe would hide mirrors that are to be moved.
   if (edit.editable) state.mode = "side";
 }
 
@@ -64,7 +65,7 @@ async function refold() {
       const start = performance.now(), answer = await ask("api/fold", request());
       const content = await unpack(answer);
       content.images.initial = state.content.images.initial;
-      // The numbers of the lines that are on, for the mirrors that came of them.
+      // For each mirror the number of the line that it lies on.
       content.line_of = answer.line_of;
       state.content = content;
       state.lit = null;
@@ -159,12 +160,31 @@ function startDrawing(button) {
   };
 }
 
-function makeSetting(name, text, attributes, say) {
-  const input = el("input", { type: "range", id: `set-${name}`, ...attributes }), shown = el("output", { for: `set-${name}` });
-  const show = () => { input.value = String(edit.settings[name]); shown.textContent = say(edit.settings[name]); };
-  input.addEventListener("input", () => { edit.settings[name] = Number(input.value); shown.textContent = say(edit.settings[name]); refold(); });
+// A row for one setting, as the server describes its control; `show` sets it to the value that is in force.
+function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highest, step }) {
+  const id = `set-${name}`, shown = el("output", { for: id });
+  const digits = step ? Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) : 4;
+  const say = (value) => { shown.textContent = kind === "range" ? `${fixed(value, digits)} ${unit}` : kind === "number" ? unit : ""; };
+  const take = (value) => { edit.settings[name] = value; say(value); refold(); };
+  const makers = {
+    switch: () => el("input", { type: "checkbox", id, onchange: (event) => take(event.target.checked) }),
+    choice: () => el("select", { id, onchange: (event) => take(choices[event.target.selectedIndex]) },
+      choices.map((value) => el("option", {}, value === null ? "default" : String(value)))),
+    range: () => el("input", { type: "range", id, min: String(lowest), max: String(highest), step: String(step),
+      oninput: (event) => take(Number(event.target.value)) }),
+    number: () => el("input", { type: "number", id, step: "any", placeholder: "default",
+      onchange: (event) => take(event.target.value === "" ? null : Number(event.target.value)) }),
+  };
+  const input = makers[kind]();
+  const show = () => {
+    const value = edit.settings[name];
+    if (kind === "switch") input.checked = value;
+    else if (kind === "choice") input.selectedIndex = choices.indexOf(value);
+    else input.value = value === null ? "" : String(value);
+    say(value);
+  };
   show();
-  return { row: el("label", { class: "control" }, el("span", {}, text), input, shown), show };
+  return { row: el("label", { class: "control", title: meaning }, el("span", {}, label), input, shown), show };
 }
 
 function makeLive(panels) {
@@ -175,24 +195,13 @@ function makeLive(panels) {
     return { notice, card: el("section", { class: "card" }, el("h2", {}, "Fold"), el("p", { class: "hint" }, words)) };
   }
   panels[0].handles = () => handlesOf(panels[0]);
-  const settings = [
-    makeSetting("threshold_db", "threshold", { min: "-45", max: "0", step: "0.5" }, (v) => `${fixed(v, 1)} dB`),
-    makeSetting("minimum_length", "shortest mirror", { min: "0.05", max: "1.5", step: "0.01" }, (v) => `${fixed(v, 2)} m`),
-    makeSetting("wall_margin", "wall margin", { min: "0", max: "0.3", step: "0.005" }, (v) => `${fixed(100 * v, 1)} cm`),
-  ];
-  const generations = el("select", { id: "set-generations", onchange: () => {
-    edit.settings.generations = generations.value === "any" ? null : Number(generations.value);
-    refold();
-  } }, ["any", 0, 1, 2, 3, 4, 5].map((value) => el("option", { value: String(value) }, String(value))));
-  const showGenerations = () => { generations.value = edit.settings.generations === null ? "any" : String(edit.settings.generations); };
-  showGenerations();
+  const settings = edit.controls.map(makeSetting);
   const list = el("div", { class: "legend", id: "lines" });
   const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false", onclick: () => { pencil.setAttribute("aria-pressed", "true"); startDrawing(pencil); } }, "draw a mirror");
   const again = el("button", { type: "button", id: "find", onclick: () => {
     edit.lines = null;
     edit.settings = { ...edit.found };
     settings.forEach((setting) => setting.show());
-    showGenerations();
     refold();
   } }, "start over");
   const took = el("p", { class: "hint", role: "status", id: "took" });
@@ -221,6 +230,5 @@ function makeLive(panels) {
     }
   });
   return { notice, card: el("section", { class: "card noprint" }, el("h2", {}, "Fold"), settings.map((setting) => setting.row),
-    el("label", { class: "control" }, el("span", {}, "generations"), generations, el("span", {})),
     list, el("div", { class: "row" }, pencil, again), took, el("div", { class: "row" }, name, save), saved) };
 }

@@ -1,4 +1,4 @@
-// The page put together.
+// Puts the parts of the page together, and starts it.
 
 function makeScale() {
   const strip = el("canvas", { width: 256, height: 1, "aria-hidden": "true" });

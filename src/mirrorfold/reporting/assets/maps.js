@@ -6,7 +6,7 @@ const reflect = (p, [a, b]) => {
   return [p[0] - k * nx, p[1] - k * ny];
 };
 
-// The mirrors from one up to the root.
+// A mirror and those through which it is seen, up to the root.
 function lineage(number) {
   const { mirrors } = state.content, way = [];
   for (let n = number; n >= 0 && way.length <= mirrors.length; n = mirrors[n].parent) way.push(mirrors[n]);
@@ -40,8 +40,9 @@ function sight(p) {
   return { world, path };
 }
 
-// What stands at a place of one of the two images: its level, its chain and the way there, true and as it seemed.
-// A point that lies right there tells its chain. Else, in the corrected image, whatever shows the place brightest does.
+// What stands at a place of one of the two images: its level, its chain of mirrors, and the path of the waves, folded and
+// unfolded. A point at that place tells the chain; without one, in the corrected image, the chain that shows the place
+// brightest counts.
 function look(which, p) {
   const { images, grid, points, dimensions, mirrors } = state.content;
   const spot = { which, place: p, level: levelAt(images[which], grid, p[0], p[1]), world: undefined, point: null };
@@ -133,7 +134,7 @@ class Panel {
     event.preventDefault();
   }
 
-  // The image in colours, one pixel for each; made anew only when what it shows has changed.
+  // The image in colours, a pixel for a pixel; drawn anew only when the image, the floor, the map or the theme has changed.
   colours() {
     const { grid, images } = state.content, image = images[this.which];
     const key = [image, state.floor, state.map, state.dark];
@@ -193,7 +194,7 @@ class Panel {
   polyline(points) { return points.map((p) => this.toScreen(p).map((v) => v.toFixed(1)).join(",")).join(" "); }
   drawLayer() {
     const { content } = state, parts = [], old = document.activeElement, held = old && this.layer.contains(old) ? old.dataset : null;
-    // On paper the picture is one with what is drawn over it: printing may scale a canvas by itself.
+    // For printing the image goes into the drawing itself: browsers may scale a canvas apart from what lies over it.
     if (state.printing) parts.push(svg("image", { href: this.canvas.toDataURL(), width: this.width, height: this.height }));
     if (state.show.truth)
       for (const line of content.truth)
@@ -285,7 +286,7 @@ function zoom(factor, about) {
   changed();
 }
 
-// Where the divider shows most: the ghosts on one side, and on the other what they are ghosts of.
+// Where the divider shows most: with the ghosts to one side, and the objects that they are ghosts of to the other.
 function divide() {
   const { points, extent } = state.content;
   let seemed = 0, folded = 0, count = 0;

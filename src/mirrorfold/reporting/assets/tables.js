@@ -75,15 +75,19 @@ function makeScore() {
   return box;
 }
 
+// The settings of each step with unit and meaning, then all other attributes of the file.
 function makeParameters() {
-  const list = el("dl", { class: "parameters" });
+  const box = el("div", {});
   painters.push(() => {
     const { content } = state;
-    if (!content || list.drawn === content) return;
-    list.drawn = content;
-    list.replaceChildren(...content.parameters.map(([name, value]) => el("div", {}, el("dt", {}, name.replaceAll("_", " ")), el("dd", {}, value))));
+    if (!content || box.drawn === content) return;
+    box.drawn = content;
+    const rows = content.settings.map(({ step, label, value, unit, meaning }) => [step, label, value.replace(/^-/, MINUS), unit, meaning]);
+    box.replaceChildren(
+      ...(rows.length ? [el("div", { class: "wide settings" }, table("Settings", ["<step", "<setting", "value", "<unit", "<meaning"], rows))] : []),
+      el("dl", { class: "parameters" }, content.parameters.map(([name, value]) => el("div", {}, el("dt", {}, name.replaceAll("_", " ")), el("dd", {}, value)))));
   });
-  return list;
+  return box;
 }
 
 function makeCommand() {

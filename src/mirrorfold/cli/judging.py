@@ -1,0 +1,51 @@
+"""The verbs that judge: what a file holds, what looks wrong in it, and how far a reconstruction is from the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mirrorfold as mf
+from mirrorfold.cli.results import read
+from mirrorfold.cli.terminal import progress, show_info, show_json, show_score
+from mirrorfold.errors import InputError
+
+
+def score(reconstruction: Path, scene: Path, *, json: bool = False) -> None:
+    """Score a reconstruction.
+
+    Parameters
+    ----------
+    reconstruction
+        Reconstruction to read (netCDF).
+    scene
+        Scene file with the truth (TOML).
+    json
+        Print the score as one JSON object.
+    """
+    truth = mf.load_scene(scene)
+    result = mf.score(read(reconstruction, "reconstruction"), truth)
+    if json:
+        show_json(result)
+    else:
+        show_score(result)
+
+
+def info(file: Path, *, json: bool = False) -> None:
+    """Describe a file.
+
+    Parameters
+    ----------
+    file
+        Sweep, image, reconstruction (netCDF) or scene (TOML).
+    json
+        Print all facts as one JSON object.
+    """
+    with progress("looking for mistakes"):
+        found = mf.info(file)
+    if json:
+        show_json(found)
+    if not found.get("valid", True):
+        reason, *others = found.remarks
+        raise InputError(f"{reason}; {' '.join(others)}")
+    if not json:
+        show_info(found)

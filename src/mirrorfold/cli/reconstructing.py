@@ -1,0 +1,175 @@
+"""The verbs that see around the corner: step 1 of the algorithm, steps 2 to 6, and all of them in one command.
+
+Outputs are checked before the work begins, so that no hour ends in a missing directory.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import mirrorfold as mf
+from mirrorfold.cli.options import CrossRanges, Export, Heights, Mirrors, Output, Preset, Ranges, command
+from mirrorfold.cli.results import (
+    BODY,
+    PICTURE,
+    RECONSTRUCTION,
+    REPORT,
+    SPACE,
+    check_export,
+    parse_grid,
+    read,
+    report_reconstruction,
+    write_cloud,
+    write_results,
+)
+from mirrorfold.cli.terminal import progress, remark, show_files, show_json
+from mirrorfold.common.settings import takes
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
+from mirrorfold.folding.settings import FoldSettings
+
+
+@takes(FocusSettings, options=True)
+def focus(
+    sweep: Path,
+    *,
+    output: Output,
+    x: CrossRanges = None,
+    y: Ranges = None,
+    z: Heights = None,
+    json: bool = False,
+    **given: Any,
+) -> None:
+    """Focus a sweep.
+
+    Parameters
+    ----------
+    sweep
+        Sweep to read (netCDF).
+    output
+        Image to write (netCDF).
+    **given
+    json
+        Print what the image holds as one JSON object.
+    """
+    from mirrorfold.focusing import prepare
+    from mirrorfold.io import load_geometry
+    from mirrorfold.io.files import check_output
+
+    given |= parse_grid(x=x, y=y, z=z)
+    check_output(output, inputs=[sweep])
+    geometry = None
+    with suppress(InputError):  # reading it all says what is wrong
+        geometry = load_geometry(sweep)
+    focus_sweep, describe = mf.focus, mf.info  # imported now: two threads must not import at once
+    plans = None
+    with ThreadPoolExecutor(1) as beside:
+        # The plan is made while the samples are read and described.
+        reading = beside.submit(read, sweep, "sweep")
+        described = beside.submit(lambda: describe(reading.result(), diagnose=False))
+        if geometry is not None:
+            with suppress(InputError):  # focusing says what is wrong
+                plans = prepare(geometry, **given)
+        measured = reading.result()
+        with progress("focusing") as report:
+            image = focus_sweep(measured, **given, plans=plans, progress=report)
+        remark(described.result().remarks)
+    mf.save(image.assign_attrs(command=command.get()), output)
+    found = mf.info(image)
+    remark(found.remarks)
+    if json:
+        show_json(found.but(files=[str(output)]))
+        return
+    show_files([output])
+
+
+@takes(FoldSettings, options=True)
+def fold(
+    image: Path,
+    *,
+    output: Output,
+    sweep: Path | None = None,
+    mirrors: Mirrors = None,
+    preset: Preset = "default",
+    export: Export = None,
+    json: bool = False,
+    **given: Any,
+) -> None:
+    """Fold an image.
+
+    Parameters
+    ----------
+    image
+        Image to read (netCDF), or a reconstruction, whose initial image is folded again.
+    output
+        Reconstruction to write (netCDF).
+    sweep
+        Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
+    **given
+    json
+        Print mirrors and counts as one JSON object.
+    """
+    from mirrorfold.detection.known_mirrors import read_mirrors
+    from mirrorfold.io.files import check_output
+
+    check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
+    check_export(export)
+    lines = None if mirrors is None else read_mirrors(mirrors)
+    focused = read(image, "image", "reconstruction")
+    measured = None if sweep is None else read(sweep, "sweep")
+    with progress("folding") as report:
+        reconstruction = mf.fold(focused, sweep=measured, mirrors=lines, preset=preset, progress=report, **given)
+    reconstruction.attrs["command"] = command.get()
+    mf.save(reconstruction, output)
+    report_reconstruction(reconstruction, [output, *write_cloud(reconstruction, export)], json=json)
+
+
+@takes(FocusSettings, FoldSettings, options=True)
+def reconstruct(
+    sweep: Path,
+    *,
+    output: Output,
+    x: CrossRanges = None,
+    y: Ranges = None,
+    z: Heights = None,
+    tolerance: float = TOLERANCE_TO_FOLD,
+    mirrors: Mirrors = None,
+    preset: Preset = "default",
+    export: Export = None,
+    json: bool = False,
+    **given: Any,
+) -> None:
+    """Reconstruct a scene.
+
+    Parameters
+    ----------
+    sweep
+        Sweep to read (netCDF).
+    output
+        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too.
+    tolerance
+        Largest relative L2 error of the image; folding needs no better one.
+    **given
+    json
+        Print mirrors, counts and files as one JSON object.
+    """
+    from mirrorfold.detection.known_mirrors import read_mirrors
+    from mirrorfold.io.files import check_output_directory, directory_written_whole
+
+    given |= {"tolerance": tolerance, **parse_grid(x=x, y=y, z=z)}
+    inputs = [path for path in (sweep, mirrors) if path is not None]
+    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=inputs)
+    check_export(export)
+    lines = None if mirrors is None else read_mirrors(mirrors)
+    measured = read(sweep, "sweep")
+    remark(mf.info(measured).remarks)
+    with progress("reconstructing") as report:
+        reconstruction = mf.reconstruct(measured, mirrors=lines, preset=preset, progress=report, **given)
+    reconstruction.attrs["command"] = command.get()
+    with directory_written_whole(output) as directory:
+        results = write_results(reconstruction, directory)
+    files = [*(output / name for name in results), *write_cloud(reconstruction, export)]
+    report_reconstruction(reconstruction, files, json=json)

@@ -1,0 +1,185 @@
+"""The verbs that begin with a scene: the demonstration, and the sweep that a radar would measure.
+
+Outputs are checked before the work begins, so that no hour ends in a missing directory.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import mirrorfold as mf
+from mirrorfold.cli.options import OptionalOutput, command
+from mirrorfold.cli.results import (
+    BODY,
+    PICTURE,
+    RECONSTRUCTION,
+    REPORT,
+    SPACE,
+    available_cores,
+    remove_directory,
+    write_json,
+    write_results,
+)
+from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json, show_mirrors, show_score
+from mirrorfold.errors import InputError
+
+DEMO_SCENES = {
+    "hidden-corner": "hidden_corner.toml",
+    "drywall-mannequin": "drywall-mannequin.toml",
+    "drywall-control": "drywall-control.toml",
+    "corridor": "corridor.toml",
+}
+
+DEMO_SNR_DB = 20.0
+"""Signal over noise per sample of the scans in three dimensions: modest for a vector network analyser."""
+
+
+def demo(
+    *,
+    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor"] = "hidden-corner",
+    out: Path = Path("demo"),
+    json: bool = False,
+) -> None:
+    """Run the demonstration.
+
+    Parameters
+    ----------
+    scene
+        Which of the scenes that come along.
+    out
+        Directory for the scene, the sweep, the reconstruction, the pictures and the score.
+    json
+        Print the score as one JSON object.
+    """
+    from importlib.resources import files as package_files
+
+    from mirrorfold.io.files import check_output_directory, directory_written_whole
+
+    file = DEMO_SCENES[scene]
+    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
+    text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
+    with directory_written_whole(out) as directory:
+        (directory / file).write_text(text, encoding="utf-8")
+        truth = mf.load_scene(directory / file)
+        snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None
+        with progress("simulating the sweep") as report:
+            sweep = mf.simulate(truth, snr_db=snr_db, progress=report)
+        mf.save(sweep, directory / "sweep.nc")
+        with progress("reconstructing") as report:
+            reconstruction = mf.reconstruct(sweep, progress=report)
+        reconstruction.attrs["command"] = command.get()
+        results = write_results(reconstruction, directory, scene=truth)
+        score = mf.score(reconstruction, truth)
+        write_json(score, directory / "score.json")
+    paths = [out / name for name in (file, "sweep.nc", *results, "score.json")]
+    if json:
+        show_json(score.but(files=list(map(str, paths))))
+        return
+    show_mirrors(mf.info(reconstruction).mirrors)
+    show_score(score)
+    show_files(paths)
+    print(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
+
+
+def simulate(
+    scene: Path,
+    *,
+    output: OptionalOutput = None,
+    solver: Literal["rays", "fullwave"] = "rays",
+    bounces: int = 3,
+    seed: int = 0,
+    snr_db: float | None = None,
+    tolerance: float = 1e-3,
+    direct: bool = False,
+    check_residual: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    dry_run: bool = False,
+    json: bool = False,
+) -> None:
+    """Simulate a sweep.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML).
+    output
+        Sweep to write (netCDF); needed but for a dry run.
+    solver
+        How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db, up
+        to resume, is for full waves alone.
+    bounces
+        Largest number of mirrors on each way, for rays alone.
+    seed
+        Seed of the diffuse scatterers or the random profiles, and of the noise.
+    snr_db
+        Signal over noise per sample [dB]; no noise by default.
+    tolerance
+        Relative error of the samples.
+    direct
+        Add the direct wave from transmitter to receiver.
+    check_residual
+        Measure how well the equations are solved, at mid-band.
+    workers
+        Processes that share the frequencies; one for each core by default.
+    scheduler
+        Address of a Dask scheduler, whose workers share the frequencies instead.
+    resume
+        Go on with a sweep that was interrupted.
+    force
+        For a raster scan: go on where returns wrap around or the scan step is wider than the beam.
+    dry_run
+        For full waves or a raster scan: say what the simulation would take, and write nothing.
+    json
+        Print what was simulated as one JSON object.
+    """
+    from mirrorfold.io.files import check_output
+
+    truth = mf.load_scene(scene)
+    if solver == "fullwave" and workers is None:
+        workers = available_cores()
+    if dry_run:
+        from mirrorfold.simulation import estimate
+
+        options: dict[str, Any] = {"bounces": bounces, "seed": seed, "tolerance": tolerance, "workers": workers or 1}
+        cost = estimate(truth, solver=solver, **options)
+        show_json(cost) if json else show_info(cost)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
+    check_output(output, inputs=[scene])
+    results = output.with_name(f"{output.name}.frequencies")
+    try:
+        with progress("simulating the sweep") as report:
+            sweep = mf.simulate(
+                truth,
+                solver=solver,
+                bounces=bounces,
+                seed=seed,
+                snr_db=snr_db,
+                tolerance=tolerance,
+                direct=direct,
+                check_residual=check_residual,
+                workers=workers or 1,
+                scheduler=scheduler,
+                checkpoint=results if solver == "fullwave" else None,
+                resume=resume,
+                force=force,
+                progress=report,
+            )
+    except KeyboardInterrupt:
+        if results.exists():
+            raise KeyboardInterrupt(f"interrupted; what is done is kept in {results}, --resume goes on") from None
+        raise
+    mf.save(sweep.assign_attrs(command=command.get()), output)
+    if solver == "fullwave":
+        remove_directory(results)
+    found = mf.info(sweep, diagnose=False)
+    remark(found.remarks)
+    if json:
+        show_json(found.but(files=[str(output)]))
+        return
+    show_files([output])

@@ -1,0 +1,111 @@
+"""The settings that can be changed in the live page, and a control for each, as the declared settings describe them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import floor, log10
+from typing import Any
+
+from mirrorfold.common.settings import Rule
+from mirrorfold.describing.settings import label
+from mirrorfold.errors import InputError
+from mirrorfold.folding import FoldSettings
+
+KEPT = ("normalization",)
+"""Options of folding that the page does not change: with another normalization the initial picture, which stays in the
+page while mirrors are moved, would have to be drawn anew."""
+
+CHANGEABLE: dict[str, Rule] = {
+    name: rule for name, rule in FoldSettings.rules().items() if rule.option and name not in KEPT
+}
+"""What is known of each setting that the page has a control for."""
+
+LEVEL_SPAN = 24.0
+"""How far a slider of a level reaches to both sides of the value that was used [dB]: a factor of 16 in amplitude."""
+
+LARGEST_FACTOR = 6.0
+"""How far a slider of a positive number reaches, in multiples of the value that was used."""
+
+SLIDER_STEPS = 150
+"""About how many steps a slider has: no more than the pixels that it is wide."""
+
+MORE_COUNTS = 5
+"""Counts to choose from beyond the smallest."""
+
+
+def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the page needs to draw a control for each setting.
+
+    Parameters
+    ----------
+    values : mapping
+        The settings as they were used, by name.
+
+    Returns
+    -------
+    list of dict
+        `name`, `label`, `unit`, `meaning`, and `kind`: "switch"; "choice" among `choices`; "range", a slider with
+        `lowest`, `highest` and `step`; or "number", a field to type in, where no value tells how far a slider must
+        reach. None among the choices, or in an empty field, stands for the default.
+    """
+    return [
+        {"name": name, "label": label(name), "unit": rule.unit, "meaning": rule.meaning, **_kind(name, values[name])}
+        for name, rule in CHANGEABLE.items()
+    ]
+
+
+def check_value(name: str, value: Any) -> None:
+    """Refuse a setting that the page cannot change, and a value that the setting cannot have.
+
+    Raises
+    ------
+    InputError
+        With the name, and what was expected.
+    """
+    if name not in CHANGEABLE:
+        raise InputError(f"there is no setting {name!r}, expected one of {', '.join(CHANGEABLE)}")
+    if value is not None or DEFAULTS[name] is not None:
+        CHANGEABLE[name].check(name, value)
+
+
+DEFAULTS = {name: getattr(FoldSettings(), name) for name in CHANGEABLE}
+"""None where the default is chosen from the image."""
+
+
+def _kind(name: str, value: Any) -> dict[str, Any]:
+    """The kind of a control, and what that kind needs to know."""
+    rule = CHANGEABLE[name]
+    if rule.kind == "bool":
+        return {"kind": "switch"}
+    unset = [None] if DEFAULTS[name] is None else []
+    if rule.choices:
+        return {"kind": "choice", "choices": [*unset, *rule.choices]}
+    if rule.whole:
+        smallest = int(rule.lowest or 0)
+        counts = {*range(smallest, smallest + MORE_COUNTS + 1), *([] if value is None else [int(value)])}
+        return {"kind": "choice", "choices": [*unset, *sorted(counts)]}
+    if value is None or (rule.unit != "dB" and not value > 0.0):
+        return {"kind": "number"}
+    lowest, highest = (value - LEVEL_SPAN, value + LEVEL_SPAN) if rule.unit == "dB" else (0.0, LARGEST_FACTOR * value)
+    step = _round_step((highest - lowest) / SLIDER_STEPS)
+    lowest, highest = (round(step * round(end / step), 12) for end in (lowest, highest))
+    if rule.lowest is not None:
+        lowest = max(lowest, rule.lowest)
+    if rule.above is not None:
+        lowest = max(lowest, rule.above + step)
+    if rule.below is not None:
+        highest = min(highest, rule.below - step)
+    return {"kind": "range", "lowest": lowest, "highest": highest, "step": step}
+
+
+def _round_step(step: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not above a step.
+
+    Examples
+    --------
+    >>> _round_step(0.0123), _round_step(0.32)
+    (0.01, 0.2)
+    """
+    power = floor(log10(step))
+    factor = max(one for one in (1, 2, 5) if one <= step / 10.0**power + 1e-9)
+    return float(f"{factor}e{power}")
