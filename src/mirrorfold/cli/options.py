@@ -1,4 +1,4 @@
-"""Options that several verbs share, with their types and texts, and the command line that is being run."""
+"""The application, options that several verbs share with their types and texts, and the command line being run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
+
+app = App(
+    name="mirrorfold",
+    help_format="plaintext",
+    version_flags=[],
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative="", negative_iterable=()),
+)
+"""What the verbs are registered with; `mirrorfold.cli.program` does so."""
 
 Output = Annotated[Path, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, Parameter(alias="-o")]

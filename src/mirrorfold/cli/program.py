@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import CycloptsError
 
 from mirrorfold.cli import (
     VERBS,
@@ -14,28 +14,21 @@ from mirrorfold.cli import (
     importing,
     judging,
     looking,
+    outputs,
     planning,
     reconstructing,
     shell,
     simulating,
 )
 from mirrorfold.cli.help import PlainHelp
-from mirrorfold.cli.options import command, with_opposites
+from mirrorfold.cli.options import app, command, with_opposites
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
     *(simulating.demo, simulating.simulate),
     *(reconstructing.focus, reconstructing.fold, reconstructing.reconstruct, judging.score, judging.info),
     *(importing.import_, importing.export, calibration.calibrate, planning.plan),
-    *(looking.report, looking.view, looking.show, shell.completion, shell.schema),
-)
-
-app = App(
-    name="mirrorfold",
-    help_format="plaintext",
-    version_flags=[],
-    suppress_keyboard_interrupt=False,
-    default_parameter=Parameter(negative="", negative_iterable=()),
+    *(looking.report, looking.view, looking.show, shell.completion, outputs.schema),
 )
 
 for function in FUNCTIONS:

@@ -49,7 +49,7 @@ class FoldSettings(Settings):
         lowest=0,
         whole=True,
     )
-    opaque: bool = setting(True, "Whether objects hide what is behind them.", kind="bool", option=False)
+    opaque: bool = setting(True, "Whether objects hide what is behind them.", kind="bool")
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
