@@ -30,6 +30,17 @@ def test_the_readme_opens_with_the_picture_and_is_short():
     assert len(lines) <= 90
 
 
+def test_the_steps_can_be_called_one_by_one_as_the_page_on_architecture_says(capsys):
+    page = (ROOT / "docs/development/architecture.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page.split("## Using one step alone")[1].split("\n## ")[0], re.DOTALL)
+    left = {}
+    exec(compile(code, "architecture.md", "exec"), left)
+    printed = capsys.readouterr().out
+    assert "radar: " in printed
+    assert len(left["tree"].mirrors) >= 2
+    assert left["points"].bounces.max() >= 1
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site, built from a copy with its gallery as text."""
