@@ -32,7 +32,7 @@ from mirrorfold.detection.known_mirrors import check_mirrors
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
-from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
@@ -58,7 +58,7 @@ GHOST_CELLS = 0.5
 def reconstruct(
     sweep: xr.Dataset,
     *,
-    tolerance: float = 1e-3,
+    tolerance: float = TOLERANCE_TO_FOLD,
     mirrors: ArrayLike | None = None,
     preset: str = "default",
     progress: Progress | None = None,

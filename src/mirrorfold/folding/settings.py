@@ -27,8 +27,8 @@ class FoldSettings(Settings):
     )
     minimum_length: float | None = setting(
         None,
-        "Of a mirror; in a volume of its width and height. By default 7.5 resolution cells at the typical "
-        "range of the echoes.",
+        "Shortest mirror; in a volume its least width and height. By default 7.5 resolution cells at the "
+        "typical range of the echoes.",
         kind="float",
         unit="m",
         above=0.0,
