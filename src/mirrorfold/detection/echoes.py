@@ -82,11 +82,10 @@ class Echoes:
             noise=noise, limit=np.full(range_.size, threshold), threshold=threshold, reference=reference,
         )  # fmt: skip
 
-    @property
-    def typical_range(self) -> float:
-        """Median range [m] of the strong echoes; of an empty scene zero."""
+    def range_up_to(self, share: float) -> float:
+        """Range [m] up to which that share of the strong echoes lies; in an empty scene zero."""
         strong = self.range[self.strong]
-        return float(np.median(strong)) if strong.size else 0.0
+        return float(np.quantile(strong, share)) if strong.size else 0.0
 
     def __len__(self) -> int:
         return self.range.size

@@ -22,6 +22,9 @@ from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView, to_volume_view
 from mirrorfold.errors import InputError
 
+NEAREST, MIDDLE = 0.1, 0.5
+"""Shares of the strong echoes up to the range at which the resolution cell of a scene is taken."""
+
 VOLUME = ("range", "azimuth", "elevation")
 
 
@@ -119,8 +122,12 @@ def usual_threshold(view: View) -> float:
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
-    """What the settings of folding are where they are not given, by name: lengths [m] at the echoes' typical range."""
-    cell = float(view.cell(echoes.typical_range))
+    """What the settings of folding are where they are not given, by name.
+
+    Lengths [m] are multiples of one resolution cell of the scene: in an image, whose cells grow with range, that of the
+    nearest echoes; in a volume, whose beam is focused somewhere in the scene, that in the middle of the echoes.
+    """
+    cell = float(view.cell(echoes.range_up_to(MIDDLE if isinstance(view, VolumeView) else NEAREST)))
     return {
         "threshold_db": usual_threshold(view),
         "minimum_length": (planes if isinstance(view, VolumeView) else lines).MINIMUM_CELLS * cell,

@@ -19,7 +19,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_fit import CLIP, leading_edge, refined
 from mirrorfold.detection.line_mirror import LineMirror, line_cell
 
-MINIMUM_CELLS = 7.5
+MINIMUM_CELLS = 7.75
 """Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
 
 SAGITTA_CELLS = 0.3

@@ -12,7 +12,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View
 
-WALL_CELLS, WALL_WAVELENGTHS = 1.2, 40.0
+WALL_CELLS, WALL_WAVELENGTHS = 1.25, 40.0
 """Echoes up to so many resolution cells, or wavelengths if that is less, behind a mirror leak from inside its wall.
 Building materials scatter from 1 to 3 cm deep at 0.3 THz, and waves reach the same number of wavelengths deep where a
 material loses the same share of them in each."""

@@ -85,7 +85,7 @@ def _by_walls(sweep: xr.Dataset) -> int:
     for samples in (first["s"], first["s"].conj()):
         view = to_volume_view(focus(first.assign(s=samples)))
         echoes = find_runs(view)
-        planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.typical_range)))
+        planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.range_up_to(0.5))))
         walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
     if max(walls) <= WALLS_RATIO * min(walls):
         return 0

@@ -27,8 +27,8 @@ class FoldSettings(Settings):
     )
     minimum_length: float | None = setting(
         None,
-        "Shortest mirror; in a volume its least width and height. By default 7.5 resolution cells at the "
-        "typical range of the echoes.",
+        "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of "
+        "the nearest echoes in images, 7.5 of the middle ones in volumes.",
         kind="float",
         unit="m",
         above=0.0,
@@ -36,7 +36,7 @@ class FoldSettings(Settings):
     wall_margin: float | None = setting(
         None,
         "How far behind a mirror echoes still belong to the wall. By default as deep as waves go into a wall, 40 "
-        "wavelengths, or 1.2 resolution cells if that is less.",
+        "wavelengths, or 1.25 resolution cells if that is less.",
         kind="float",
         unit="m",
         lowest=0.0,
