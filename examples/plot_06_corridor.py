@@ -39,7 +39,7 @@ figure = mf.plot.before_after(reconstruction)
 # Walls that were seen by way of walls are mirrors of the second generation; the table says where they stand.
 
 for mirror in mf.info(reconstruction)["mirrors"]:
-    (x0, y0), (x1, y1) = mirror["start_m"], mirror["end_m"]
+    (x0, y0, _), (x1, y1, _) = mirror["start_m"], mirror["end_m"]
     print(
         f"mirror {mirror['mirror']}, generation {mirror['generation']}: ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}) m"
     )

@@ -108,8 +108,11 @@ def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.vtp"]) == 0
     for file in ("scene.toml", "sweep.nc", "volume.nc", "folded.nc"):
         assert main(["show", file, "-o", "figure.png", "--dpi", "40"]) == 0
-    assert main(["fold", "volume.nc", "-o", "x.nc", "--generations", "1"]) == 2
+    assert main(["fold", "volume.nc", "-o", "unfolded.nc", "--generations", "0"]) == 0
+    assert mf.load("unfolded.nc")["mirrors"].sizes["mirror"] == 0
     capsys.readouterr()
+    assert main(["fold", "volume.nc", "-o", "x.nc", "--generations", "-1"]) == 2
+    assert "generations" in capsys.readouterr().err
     assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.xyz"]) == 2
     assert ".xyz" in capsys.readouterr().err
     few = SCENE.replace("points = 701", "points = 301")
