@@ -13,6 +13,10 @@ UV := .uv/bin/uv
 UV_FILE := .uv/bin/uv
 endif
 
+# Tests run in as many processes, each file in one of them: `make test JOBS=4`.
+JOBS := 2
+SHARED = --numprocesses $(JOBS) --dist loadfile
+
 QUICK := focus fullwave raster looking touchstone
 LONG := families calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
@@ -26,13 +30,13 @@ demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in
 	$(VENV)/bin/mirrorfold demo --out demo
 
 test: $(READY) ## run all tests
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest $(SHARED)
 
 test-quick: $(READY) ## run the tests that take no more than a few seconds each
-	$(PYTHON) -m pytest -m "not slow"
+	$(PYTHON) -m pytest $(SHARED) -m "not slow"
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
-	$(PYTHON) -m pytest --hypothesis-profile=nightly
+	$(PYTHON) -m pytest $(SHARED) --hypothesis-profile=nightly
 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
