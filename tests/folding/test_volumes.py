@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -213,6 +215,17 @@ def test_the_planes_that_were_found_fold_to_the_same_scene_when_they_are_given(w
     first, second = (mf.score(result, world)["surfaces"]["ball"] for result in (found, given))
     assert second["points"] == pytest.approx(first["points"], rel=0.02)
     assert second["accuracy_m"] == pytest.approx(first["accuracy_m"], abs=2e-4)
+
+
+def test_the_tree_of_a_volume_shows_itself(world_volume):
+    _, volume = world_volume
+    view = see(volume)
+    echoes = find_echoes(view)
+    tree = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes))).tree
+    size = f"{tree.mirrors[0].line.size:.2f} m"
+    assert size in repr(tree)
+    assert size in tree._repr_html_()
+    assert json.loads(tree.to_json())["mirrors"][0]["line"]["start"][1] == tree.mirrors[0].line.ends[0, 1]
 
 
 def test_a_moved_plane_moves_what_it_shows_by_twice_as_much(world_volume):

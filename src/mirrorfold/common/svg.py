@@ -121,9 +121,9 @@ def tree_card(root: Any) -> str:
         strokes.append(Stroke(objects[:, :2], colours[1], 2.5, dots=True, label=f"seen through {name}"))
         size = ""
         if node.line is not None:
-            ends = np.stack([node.line.start, node.line.end])[:, :2]
+            ends = node.line.ends[:, :2]
             strokes.append(Stroke(ends, colours[0], 3.5, label=name))
-            size = f"{node.line.length:.2f} m, "
+            size = f"{node.line.size:.2f} m, "
         facts.append((f"{3 * node.generation * NO_BREAK}{name}", f"{size}{len(objects)} object echoes"))
         for echoes in (node.objects, node.face):
             position.append(echoes.position)

@@ -64,10 +64,6 @@ class LineMirror(Mirror):
         """Position [m] of points (..., 2) along the mirror, from its start."""
         return np.asarray((points - self.start) @ self.direction)
 
-    def reflected(self, other: LineMirror) -> LineMirror:
-        """The mirror image of this mirror in `other`."""
-        return replace(self, start=other.image_of(self.start), end=other.image_of(self.end))
-
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
         towards = view.sight @ self.normal

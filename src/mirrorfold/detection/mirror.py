@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry, reflect, signed_distance
+from mirrorfold.common.geometry import Isometry, signed_distance
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View
@@ -84,10 +84,6 @@ class Mirror(ABC):
     def beside(self, points: Array) -> Array:
         """Signed distance [m] of points (..., d), positive on the side of `normal`."""
         return signed_distance(points, self.ends[0], self.normal)
-
-    def image_of(self, points: Array) -> Array:
-        """Mirror images of points (..., d)."""
-        return reflect(points, self.ends[0], self.normal)
 
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""

@@ -72,11 +72,6 @@ class PlaneMirror(Mirror):
         return float(np.ptp(self.sides[0])), float(np.ptp(self.sides[1]))
 
     @property
-    def length(self) -> float:
-        """Width along `right` [m]."""
-        return self.extent[0]
-
-    @property
     def ends(self) -> Array:
         """Ends of its horizontal middle line, (2, 3) [m]."""
         return np.asarray(self.center + self.sides[0][:, None] * self.right)
