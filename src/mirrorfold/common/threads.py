@@ -8,16 +8,21 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
 
 PATIENCE = 0.2
 """Time [s] after which to look whether a worker has failed."""
+
+SHARES = 4
+"""Shares of a job for each core."""
 
 _pool: ThreadPoolExecutor | None = None
 _pool_lock = threading.Lock()
@@ -79,6 +84,24 @@ def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[],
     except BaseException:
         waiting.clear()
         raise
+
+
+def in_shares(work: Callable[[int, int], object], count: int) -> None:
+    """Call ``work(start, stop)`` on all cores for consecutive shares of ``range(count)``.
+
+    Each core gets several shares, so that one with little to do takes from the others.
+    """
+    edges = np.unique(np.linspace(0, count, SHARES * cpu_count() + 1).astype(int)).tolist()
+    for_each(lambda share: work(*share), pairwise(edges))
+
+
+def one_thread() -> threadpool_limits:
+    """A context in which linear algebra uses one thread.
+
+    Its own threads wait for each other by spinning, which on a busy machine costs twenty times the work; our threads
+    and processes share the blocks instead, and results do not depend on the number of cores.
+    """
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 class Buffers:

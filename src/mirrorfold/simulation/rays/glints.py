@@ -13,9 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
@@ -85,7 +86,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     cosine, convex = np.empty(shape), np.empty(shape)
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
     rx_cosine = np.empty((*shape, len(rx_chain.facets)))
-    _glints(
+    arrays = (
         arc,
         tx_chain.images,
         tx_chain.window,
@@ -102,6 +103,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         tx_cosine,
         rx_cosine,
     )
+    in_shares(lambda first, last: _glints(*arrays, first, last), shape[0])
     found = np.nonzero(share)
     to_tx, to_rx = distance[found].T
     legs = to_tx * to_rx
@@ -127,7 +129,7 @@ def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, 
     return float(cos * ((y - ay) / to_a + (y - by) / to_b) - sin * ((x - ax) / to_a + (x - bx) / to_b))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def _glints(
     arc: Array,
     tx_images: Array,
@@ -144,14 +146,16 @@ def _glints(
     convex: Array,
     tx_cosine: Array,
     rx_cosine: Array,
+    first: int,
+    last: int,
 ) -> None:
-    """Fill the (tx, rx, MOST) tables of glints; the share is left at 0 where there is none."""
+    """Fill rows `first` to `last` of the (tx, rx, MOST) tables of glints; the share stays 0 where there is none."""
     angles = arc[3] + arc[4] * np.arange(NODES + 1) / NODES
     cos_nodes, sin_nodes = np.cos(angles), np.sin(angles)
     if arc[4] >= 2.0 * np.pi:
         # The last node of a circle is its first: rounding must not lose a root there.
         cos_nodes[NODES], sin_nodes[NODES] = cos_nodes[0], sin_nodes[0]
-    for n in prange(tx_images.shape[1]):
+    for n in range(first, last):
         ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
         for m in range(rx_images.shape[1]):
             bx, by = rx_images[-1, m, 0], rx_images[-1, m, 1]

@@ -11,10 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_distance
+from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
 
@@ -268,7 +269,7 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
     shape = (chain.images.shape[1], len(points.position))
     share, length, end_cosine = np.zeros(shape), np.empty(shape), np.empty(shape)
     cosine = np.empty((*shape, len(chain.facets)))
-    _trace(
+    arrays = (
         points.position,
         points.normal,
         points.through,
@@ -282,11 +283,12 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
         cosine,
         end_cosine,
     )
+    in_shares(lambda first, last: _trace(*arrays, first, last), shape[0])
     antenna, point = seen = np.nonzero(share)
     return ChainPaths(antenna, point, length[seen], share[seen], cosine[seen].T.copy(), end_cosine[seen])
 
 
-@njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def _trace(
     position: Array,
     normal: Array,
@@ -300,10 +302,12 @@ def _trace(
     length: Array,
     cosine: Array,
     end_cosine: Array,
+    first: int,
+    last: int,
 ) -> None:
-    """Fill the (n, p) tables of the paths; the share is left at 0 where there is none."""
+    """Fill rows `first` to `last` of the (n, p) tables of the paths; the share is left at 0 where there is none."""
     bounces = mirrors.shape[0]
-    for n in prange(images.shape[1]):
+    for n in range(first, last):
         for p in range(position.shape[0]):
             px, py = position[p, 0], position[p, 1]
             # The last leg points from the last image, whatever the number of mirrors.

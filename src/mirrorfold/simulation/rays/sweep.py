@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.threads import for_each, in_shares, one_thread
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
@@ -99,15 +100,21 @@ def scattered_field(
     per_frequency = 8 * (len(tx) * (used.size + len(rx)) + (0 if same_array else len(rx) * used.size))
     block = int(np.clip(BLOCK_BYTES // per_frequency, 1, LONGEST_BLOCK))
     s = np.empty((frequency.size, len(tx), len(rx)), dtype=np.complex64)
-    for first in range(0, frequency.size, block):
-        part = s[first : first + block]
-        tx_field = _next_fields(from_tx, (len(part), len(tx), used.size))
-        rx_field = tx_field if same_array else _next_fields(from_rx, (len(part), len(rx), used.size))
-        np.matmul(tx_field, rx_field.transpose(0, 2, 1), out=part)
-        part += _next_fields(specular, part.shape)
-        if progress is not None:
-            progress(first + len(part), frequency.size)
+    with one_thread():
+        for first in range(0, frequency.size, block):
+            part = s[first : first + block]
+            tx_field = _next_fields(from_tx, (len(part), len(tx), used.size))
+            rx_field = tx_field if same_array else _next_fields(from_rx, (len(part), len(rx), used.size))
+            _multiply(tx_field, rx_field, part)
+            part += _next_fields(specular, part.shape)
+            if progress is not None:
+                progress(first + len(part), frequency.size)
     return s
+
+
+def _multiply(tx_field: NDArray[np.complex64], rx_field: NDArray[np.complex64], s: NDArray[np.complex64]) -> None:
+    """``s[f] = tx_field[f] rx_field[f]^T``, frequencies on all cores."""
+    for_each(lambda f: np.matmul(tx_field[f], rx_field[f].T, out=s[f]), range(len(s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +172,11 @@ class _Paths:
             turn=np.exp(growth / steps + curvature * (1.0 - steps) / steps**2 - 1j * wavenumber_step * length),
             bend=np.expm1(2.0 * curvature / steps**2).astype(np.complex64),
         )
+
+    def proceed(self, field: NDArray[np.complex64]) -> None:
+        """Add the paths to the fields (frequencies, n, points), and go on to the frequency after these."""
+        arrays = (self.start, self.point, self.phasor, self.turn, self.bend, field)
+        in_shares(lambda first, last: _proceed(*arrays, first, last), field.shape[1])
 
     def renumbered(self, points: NDArray[np.int32]) -> _Paths:
         """The paths to the given points (sorted) alone, which become columns 0, 1, 2 ..."""
@@ -283,11 +295,11 @@ def _next_fields(pieces: Sequence[_Paths], shape: tuple[int, ...]) -> NDArray[np
     """Fields at the next frequencies, shape (frequencies, n, points); the paths then stand at the one after these."""
     field = np.zeros(shape, dtype=np.complex64)
     for paths in pieces:
-        _proceed(paths.start, paths.point, paths.phasor, paths.turn, paths.bend, field)
+        paths.proceed(field)
     return field
 
 
-@njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def _proceed(
     start: NDArray[np.int64],
     point: NDArray[np.int32],
@@ -295,9 +307,14 @@ def _proceed(
     turn: Complex,
     bend: NDArray[np.complex64],
     field: NDArray[np.complex64],
+    first_antenna: int,
+    last_antenna: int,
 ) -> None:
-    """Add the phasors to the field (frequencies, n, points), and take them from each frequency to the next."""
-    for n in prange(field.shape[1]):
+    """Add the phasors to the field (frequencies, n, points), and take them from each frequency to the next.
+
+    For the antennas n from the first up to, and without, the last.
+    """
+    for n in range(first_antenna, last_antenna):
         for first in range(start[n], start[n + 1], TILE):
             last = min(first + TILE, start[n + 1])
             for f in range(field.shape[0]):
