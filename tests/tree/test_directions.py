@@ -223,7 +223,7 @@ def test_sending_kernel_equals_the_formula():
     expected = taper[:, None, None] * weight[:, None] * np.exp(1j * k[:, None, None] * path.T)
     for kernel in plain_and_compiled(_send):
         phasor = np.full((9, 4, 3), np.nan, dtype=np.complex64)
-        kernel(k0, dk, weight, taper, path, phasor)
+        kernel(k0, dk, weight, taper, path, phasor, 0, 4)
         assert_allclose(phasor, expected, atol=2e-7)
 
 
@@ -237,7 +237,7 @@ def test_listening_kernel_equals_the_formula():
     expected = np.abs(np.einsum("pbk,pjkb->pj", field.astype(complex), np.exp(1j * path[..., None] * k)))
     for kernel in plain_and_compiled(_listen):
         level = np.full((2, 4), np.nan)
-        kernel(field, k0, dk, rx, point, reach, level)
+        kernel(field, k0, dk, rx, point, reach, level, 0, 2)
         # Plain Python adds the single-precision samples in single precision.
         assert_allclose(level, expected, rtol=1e-6)
 

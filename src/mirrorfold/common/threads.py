@@ -86,13 +86,13 @@ def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[],
         raise
 
 
-def in_shares(work: Callable[[int, int], object], count: int) -> None:
-    """Call ``work(start, stop)`` on all cores for consecutive shares of ``range(count)``.
+def in_shares(work: Callable[..., object], count: int, *arguments: object) -> None:
+    """Call ``work(*arguments, start, stop)`` on all cores for consecutive shares of ``range(count)``.
 
     Each core gets several shares, so that one with little to do takes from the others.
     """
     edges = np.unique(np.linspace(0, count, SHARES * cpu_count() + 1).astype(int)).tolist()
-    for_each(lambda share: work(*share), pairwise(edges))
+    for_each(lambda share: work(*arguments, *share), pairwise(edges))
 
 
 def one_thread() -> threadpool_limits:
@@ -102,6 +102,13 @@ def one_thread() -> threadpool_limits:
     and processes share the blocks instead, and results do not depend on the number of cores.
     """
     return threadpool_limits(limits=1, user_api="blas")
+
+
+def products(left: NDArray[Any], right: NDArray[Any], out: NDArray[Any]) -> NDArray[Any]:
+    """``out[f] = left[f] @ right[f]`` for every f, on all cores."""
+    with one_thread():
+        for_each(lambda f: np.matmul(left[f], right[f], out=out[f]), range(len(out)))
+    return out
 
 
 class Buffers:

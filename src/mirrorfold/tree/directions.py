@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import in_shares, products
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
@@ -36,14 +37,17 @@ CHUNK = 64
 """Points treated at once; bounds the memory."""
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
-def _send(k0: float, dk: float, weight: Array, taper: Array, path: Array, phasor: Complex) -> None:
-    """``phasor[m, i, p] = weight[i] taper[m] exp(j (k0 + m dk) path[p, i])``: transmitters i, focused on points p.
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _send(
+    k0: float, dk: float, weight: Array, taper: Array, path: Array, phasor: Complex, first: int, last: int
+) -> None:
+    """``phasor[m, i, p] = weight[i] taper[m] exp(j (k0 + m dk) path[p, i])``: focused on points p.
 
-    The phase goes from one frequency m to the next by a multiplication; `path` is in metres.
+    For the transmitters i from the first up to, and without, the last. The phase goes from one frequency m to the next
+    by a multiplication; `path` is in metres.
     """
-    points, antennas = path.shape
-    for i in numba.prange(antennas):
+    points = path.shape[0]
+    for i in range(first, last):
         for p in range(points):
             turn = complex(np.cos(dk * path[p, i]), np.sin(dk * path[p, i]))
             value = weight[i] * complex(np.cos(k0 * path[p, i]), np.sin(k0 * path[p, i]))
@@ -52,14 +56,17 @@ def _send(k0: float, dk: float, weight: Array, taper: Array, path: Array, phasor
                 value *= turn
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
-def _listen(field: Complex, k0: float, dk: float, rx: Array, point: Array, reach: Array, level: Array) -> None:
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _listen(
+    field: Complex, k0: float, dk: float, rx: Array, point: Array, reach: Array, level: Array, first: int, last: int
+) -> None:
     """``level[p, j] = |sum_b,k field[p, b, k] exp(j (k0 + b dk) (|point[p, j] - rx[k]| - reach[p]))|``.
 
-    Points p, directions j, groups of frequencies b, receivers k; places in x, y and z [m].
+    Points p from the first up to, and without, the last; directions j, groups of frequencies b, receivers k; places in
+    x, y and z [m].
     """
-    points, groups, antennas = field.shape
-    for p in numba.prange(points):
+    groups, antennas = field.shape[1:]
+    for p in range(first, last):
         for j in range(point.shape[1]):
             total = 0.0 + 0.0j
             for k in range(antennas):
@@ -190,15 +197,16 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
         # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
         path = np.linalg.norm(places(r, u[part])[:, None] - tx.position, axis=-1) + r[:, None]
         send = np.empty((k.size, len(tx.position), r.size), dtype=np.complex64)
-        _send(float(k[0]), dk, tx.weight, taper, path, send)
-        heard = np.matmul(data.values.swapaxes(1, 2), send)  # (frequency, rx, point)
+        in_shares(_send, len(tx.position), float(k[0]), dk, tx.weight, taper, path, send)
+        heard = np.empty((k.size, len(rx.position), r.size), dtype=np.complex64)
+        products(data.values.swapaxes(1, 2), send, out=heard)
         field = np.add.reduceat(heard, first_of_group, axis=0).transpose(2, 0, 1) * rx.weight.astype(np.float32)
         directions = np.concatenate([np.broadcast_to(ring, (r.size, ring.size)), u[part, None]], axis=1)
         where = places(np.broadcast_to(r[:, None], directions.shape), directions)
         level = np.empty(directions.shape)
         # Each group counts with its middle frequency.
         k_middle = float(k[0]) + 0.5 * (size - 1) * dk
-        _listen(np.ascontiguousarray(field), k_middle, size * dk, rx.position, where, r, level)
+        in_shares(_listen, r.size, np.ascontiguousarray(field), k_middle, size * dk, rx.position, where, r, level)
         ratio[part] = level[:, -1] / np.maximum(level.max(axis=1), np.finfo(float).tiny)
     return ratio
 

@@ -86,7 +86,9 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     cosine, convex = np.empty(shape), np.empty(shape)
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
     rx_cosine = np.empty((*shape, len(rx_chain.facets)))
-    arrays = (
+    in_shares(
+        _glints,
+        shape[0],
         arc,
         tx_chain.images,
         tx_chain.window,
@@ -103,7 +105,6 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         tx_cosine,
         rx_cosine,
     )
-    in_shares(lambda first, last: _glints(*arrays, first, last), shape[0])
     found = np.nonzero(share)
     to_tx, to_rx = distance[found].T
     legs = to_tx * to_rx

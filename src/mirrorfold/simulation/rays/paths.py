@@ -269,7 +269,9 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
     shape = (chain.images.shape[1], len(points.position))
     share, length, end_cosine = np.zeros(shape), np.empty(shape), np.empty(shape)
     cosine = np.empty((*shape, len(chain.facets)))
-    arrays = (
+    in_shares(
+        _trace,
+        shape[0],
         points.position,
         points.normal,
         points.through,
@@ -283,7 +285,6 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
         cosine,
         end_cosine,
     )
-    in_shares(lambda first, last: _trace(*arrays, first, last), shape[0])
     antenna, point = seen = np.nonzero(share)
     return ChainPaths(antenna, point, length[seen], share[seen], cosine[seen].T.copy(), end_cosine[seen])
 

@@ -22,7 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.threads import for_each, in_shares, one_thread
+from mirrorfold.common.threads import in_shares, products
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
@@ -100,21 +100,15 @@ def scattered_field(
     per_frequency = 8 * (len(tx) * (used.size + len(rx)) + (0 if same_array else len(rx) * used.size))
     block = int(np.clip(BLOCK_BYTES // per_frequency, 1, LONGEST_BLOCK))
     s = np.empty((frequency.size, len(tx), len(rx)), dtype=np.complex64)
-    with one_thread():
-        for first in range(0, frequency.size, block):
-            part = s[first : first + block]
-            tx_field = _next_fields(from_tx, (len(part), len(tx), used.size))
-            rx_field = tx_field if same_array else _next_fields(from_rx, (len(part), len(rx), used.size))
-            _multiply(tx_field, rx_field, part)
-            part += _next_fields(specular, part.shape)
-            if progress is not None:
-                progress(first + len(part), frequency.size)
+    for first in range(0, frequency.size, block):
+        part = s[first : first + block]
+        tx_field = _next_fields(from_tx, (len(part), len(tx), used.size))
+        rx_field = tx_field if same_array else _next_fields(from_rx, (len(part), len(rx), used.size))
+        products(tx_field, rx_field.transpose(0, 2, 1), out=part)
+        part += _next_fields(specular, part.shape)
+        if progress is not None:
+            progress(first + len(part), frequency.size)
     return s
-
-
-def _multiply(tx_field: NDArray[np.complex64], rx_field: NDArray[np.complex64], s: NDArray[np.complex64]) -> None:
-    """``s[f] = tx_field[f] rx_field[f]^T``, frequencies on all cores."""
-    for_each(lambda f: np.matmul(tx_field[f], rx_field[f].T, out=s[f]), range(len(s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +169,7 @@ class _Paths:
 
     def proceed(self, field: NDArray[np.complex64]) -> None:
         """Add the paths to the fields (frequencies, n, points), and go on to the frequency after these."""
-        arrays = (self.start, self.point, self.phasor, self.turn, self.bend, field)
-        in_shares(lambda first, last: _proceed(*arrays, first, last), field.shape[1])
+        in_shares(_proceed, field.shape[1], self.start, self.point, self.phasor, self.turn, self.bend, field)
 
     def renumbered(self, points: NDArray[np.int32]) -> _Paths:
         """The paths to the given points (sorted) alone, which become columns 0, 1, 2 ..."""
