@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
+    from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
@@ -58,6 +59,7 @@ _HOME = {
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "pick_frame": "folding.frames",
     "plan": "describing.planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
@@ -100,6 +102,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "fold",
     "FoldPlan",
     "reconstruct",
+    "pick_frame",
     "score",
     "export",
     "report",

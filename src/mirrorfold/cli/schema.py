@@ -9,8 +9,9 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
 from mirrorfold.cli.calibration import Calibration
-from mirrorfold.cli.importing import MappingProposal, TouchstoneScan
+from mirrorfold.cli.importing import Exported, MappingProposal, TouchstoneScan
 from mirrorfold.cli.looking import Figure, Report, View
+from mirrorfold.cli.many import Summary
 from mirrorfold.cli.shell import Completion
 from mirrorfold.common.records import Record
 from mirrorfold.describing.images import ImageFacts
@@ -28,11 +29,11 @@ OUTPUTS: dict[str, Any] = {
     "demo": PlanScore | VolumeScore,
     "simulate": UsableSweep | FullWaveEstimate | ScanEstimate,
     "import": UsableSweep | ImageFacts | MappingProposal,
-    "export": TouchstoneScan,
+    "export": TouchstoneScan | Exported,
     "calibrate": Calibration,
     "focus": ImageFacts,
     "fold": ReconstructionFacts,
-    "reconstruct": ReconstructionFacts,
+    "reconstruct": ReconstructionFacts | Summary,
     "score": PlanScore | VolumeScore,
     "report": Report,
     "view": View,
