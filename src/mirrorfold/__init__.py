@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
     from mirrorfold import plotting as plot
+    from mirrorfold.describing.comparison import compare
     from mirrorfold.describing.info import info
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
@@ -47,6 +48,7 @@ _HOME = {
     "Scene3D": "scenes.solids",
     "add_noise": "sweep",
     "check_sweep": "sweep",
+    "compare": "describing.comparison",
     "export": "io",
     "focus": "focusing",
     "fold": "reconstruction",
@@ -104,6 +106,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "reconstruct",
     "pick_frame",
     "score",
+    "compare",
     "export",
     "report",
     "view",

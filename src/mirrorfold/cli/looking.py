@@ -115,9 +115,8 @@ def show(
     file: Path,
     *,
     output: Output,
-    what: Literal[
-        "before-after", "initial", "corrected", "mirrors", "tree", "space", "body", "score", "frames"
-    ] | None = None,
+    what: Literal["before-after", "initial", "corrected", "mirrors", "tree", "space", "body", "score", "frames"]
+    | None = None,
     scene: Path | None = None,
     plan: FloorPlanFile = None,
     frame: Frame = None,

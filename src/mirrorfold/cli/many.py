@@ -61,7 +61,9 @@ def reconstruct_many(
             reconstruction, files = work(path, output / name)
         except (InputError, OSError, MemoryError) as error:  # the other sweeps are none the worse for it
             print(f"mirrorfold: {error}", file=sys.stderr)
-            results.append(SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=str(error), files=[]))
+            results.append(
+                SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=str(error), files=[])
+            )
             continue
         found = mf.info(reconstruction)
         hidden = sum(count for bounces, count in found.points_by_bounces.items() if bounces != "0")
@@ -100,5 +102,7 @@ def folder_names(sweeps: Sequence[Path]) -> list[str]:
         names = ["-".join(path.relative_to(above).with_suffix("").parts) for path in whole]
     twice = sorted({str(path) for path, name in zip(sweeps, names, strict=True) if names.count(name) > 1})
     if twice:
-        raise InputError(f"{', '.join(twice)}: would share a folder in the output; give each sweep once, by its own name")
+        raise InputError(
+            f"{', '.join(twice)}: would share a folder in the output; give each sweep once, by its own name"
+        )
     return names

@@ -44,8 +44,8 @@ Preset = Annotated[
 Mirrors = Annotated[
     Path | None,
     Parameter(
-        help="Mirrors that are known or drawn (JSON), or a floor plan (DXF, GeoJSON), of whose walls the radar sees some; "
-        "found in the image by default."
+        help="Mirrors that are known or drawn (JSON), or a floor plan (DXF, GeoJSON), of which those walls are mirrors "
+        "that the radar sees; found in the image by default."
     ),
 ]
 FloorPlanFile = Annotated[

@@ -88,7 +88,7 @@ def parse_axis(text: str, name: str) -> Any:
 def write_results(
     reconstruction: xr.DataTree, directory: Path, scene: Any = None, plan: FloorPlan | None = None
 ) -> list[str]:
-    """Write a reconstruction and its pictures, of a recording those of the first frame too; returns the files' names."""
+    """Write a reconstruction and its pictures, of a recording those of its first frame; returns the files' names."""
     from mirrorfold.folding.frames import frame_count
 
     mf.save(reconstruction, directory / RECONSTRUCTION)
@@ -116,7 +116,7 @@ def write_results(
 
 @contextmanager
 def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: Mapping[str, Any]) -> Iterator[Any]:
-    """The keyword with which folding a recording keeps its frames beside the output until the end, and goes on there."""
+    """The keyword with which a recording keeps its frames beside the output until the end, and goes on from them."""
     from mirrorfold.folding.frames import frame_count
 
     if frame_count(recording) is None:

@@ -14,6 +14,7 @@ from mirrorfold.cli.looking import Figure, Report, View
 from mirrorfold.cli.many import Summary
 from mirrorfold.cli.shell import Completion
 from mirrorfold.common.records import Record
+from mirrorfold.describing.comparison import Comparison
 from mirrorfold.describing.images import ImageFacts
 from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.reconstructions import ReconstructionFacts
@@ -34,6 +35,7 @@ OUTPUTS: dict[str, Any] = {
     "focus": ImageFacts,
     "fold": ReconstructionFacts,
     "reconstruct": ReconstructionFacts | Summary,
+    "compare": Comparison,
     "score": PlanScore | VolumeScore,
     "report": Report,
     "view": View,

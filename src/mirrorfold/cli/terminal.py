@@ -17,6 +17,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
+    from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
     from mirrorfold.scoring.score import PlanScore, VolumeScore
@@ -118,6 +119,31 @@ def show_summary(results: Sequence[SweepResult]) -> None:
         counts = (_number(count, "d") for count in (one.mirrors, one.points, one.hidden))
         place = os.path.dirname(one.files[0]) if one.files else "failed"
         table.add_row(one.sweep, *counts, place)
+    _console().print(table)
+
+
+def show_comparison(found: Comparison) -> None:
+    """Print how two results differ: levels, points, mirrors."""
+    levels = found.levels
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_row("first", found.first)
+    facts.add_row("second", found.second)
+    facts.add_row("level, second over first", f"{_number(levels.median_db, '+.2f')} dB (median)")
+    facts.add_row("difference", f"{_number(levels.rms_db, '.2f')} dB (rms over {levels.pixels} pixels)")
+    facts.add_row("correlation", _number(levels.correlation, ".4f"))
+    if "points" in found:
+        points = found.points
+        facts.add_row("points", f"{points.first} and {points.second}: {points.kept} kept, {points.gained} gained, "
+                                f"{points.lost} lost")  # fmt: skip
+    _console().print(facts)
+    if not found.get("mirrors"):
+        return
+    table = _table("mirrors, at their true places")
+    for heading in ("first", "second", "angle [deg]", "offset [mm]"):
+        table.add_column(heading, justify="right")
+    for pair in found.mirrors:
+        numbers = ("-" if number is None else str(number) for number in (pair.first, pair.second))
+        table.add_row(*numbers, _number(pair.angle_deg, ".3f"), _number(pair.offset_m, ".2f", 1e3))
     _console().print(table)
 
 

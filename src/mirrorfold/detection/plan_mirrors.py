@@ -40,8 +40,8 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
     Returns
     -------
     (mirrors, 2, 2) array [m]
-        Both ends of each. A wall of which the radar sees all of its own image keeps its ends to the last bit; others end
-        at the last line of sight that meets them.
+        Both ends of each. A wall of which the radar sees all keeps its ends to the last bit; others end at the last line
+        of sight that meets them.
 
     Raises
     ------
@@ -49,7 +49,9 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
         If the view is that of a volume: a floor plan knows no heights.
     """
     if not isinstance(view, ImageView):
-        raise InputError(f"{plan.source}: is a floor plan, which has no heights; give four corners of each mirror (JSON)")
+        raise InputError(
+            f"{plan.source}: is a floor plan, which has no heights; give four corners of each mirror (JSON)"
+        )
     if plan.images is not None:
         return plan.images
     longest = LONGEST_CHAIN if generations is None else min(max(generations, 1), LONGEST_CHAIN)
@@ -63,8 +65,8 @@ def _follow(
 ) -> None:  # fmt: skip
     """Add the mirrors that lines of sight meet next, and follow those that are reflected.
 
-    `walls` (n, 2, 2) are the true ones as these lines of sight see them: reflected in all mirrors so far. `begin` [m] is
-    how far along each of `columns` the last mirror stands.
+    `walls` (n, 2, 2) are the true ones as these lines of sight see them: reflected in all mirrors so far. `begin` [m]
+    is how far along each of `columns` the last mirror stands.
     """
     if not len(walls):
         return

@@ -59,8 +59,11 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
         frame = 0
     if count is None or not isinstance(frame, int | np.integer) or not 0 <= frame < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
-        remedy = "leave --frame out" if count is None else "choose one with --frame N, in Python with mf.pick_frame(x, N)"
-        raise InputError(f"frame is {frame!r}, but there are {found}; {remedy}")
+        remedy = (
+            "leave --frame out" if count is None else "choose one with --frame N, in Python with mf.pick_frame(x, N)"
+        )
+        asked = "a frame is needed" if frame is None else f"frame is {frame!r}"
+        raise InputError(f"{asked}, but there are {found}; {remedy}")
     if not isinstance(obj, xr.DataTree):
         return obj.isel(frame=frame)
     own = json.loads(str(obj.dataset["attributes"].values[frame]))

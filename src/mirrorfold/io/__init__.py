@@ -101,9 +101,7 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, Path(path))
 
 
-def export(
-    obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points"
-) -> Path:
+def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
     """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.export`."""
     from mirrorfold.io import exports
 

@@ -21,9 +21,9 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     """The points of a reconstruction, folded, as a file that other programs read.
 
     Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`, `mirror`
-    (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by its number of
-    bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was seen last, -1 in line
-    of sight; comments (PLY, PCD, XYZ) and field data (VTP) name the whole chains, and CSV holds them as text.
+    (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by its number
+    of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was seen last, -1
+    in line of sight; comments (PLY, PCD, XYZ) and field data (VTP) name the whole chains.
 
     Parameters
     ----------
@@ -98,7 +98,6 @@ def _vtp(columns: Columns, chains: list[str]) -> bytes:
 
 
 def _csv(columns: Columns, chains: list[str]) -> bytes:
-    columns = columns | {"chain": np.array([chains[number] if number >= 0 else "" for number in columns["chain"]])}
     return _text(columns, ",").encode()
 
 

@@ -22,9 +22,7 @@ FORMATS = (*WRITERS, *PICTURES, *plans.SUFFIXES)
 """All suffixes."""
 
 
-def export(
-    obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points"
-) -> Path:
+def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
     """Write a reconstruction, or an image, for other programs.
 
     Parameters
@@ -33,9 +31,9 @@ def export(
         A reconstruction; an image for VTI, or the volume of a raster scan for VTS.
     path : path
         Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
-        `mirrorfold.io.clouds`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear in the unfolded
-        image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers. Pictures: ``.vti``, of a
-        reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. All in metres.
+        `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear in
+        the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers. Pictures:
+        ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. All in metres.
     what : {"points", "mirrors"}
         Of a VTP file.
 
@@ -95,7 +93,7 @@ def check_export_path(path: str | Path) -> Path:
 
 
 def mirrors_file(reconstruction: xr.DataTree) -> bytes:
-    """The mirrors of a reconstruction as a VTP file: lines in a floor plan, faces in space; true ones and their images."""
+    """The mirrors of a reconstruction as a VTP file, lines or in space faces: the true ones, then their images."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     size = mirrors.sizes.get("mirror", 0)
     outlines, columns = [], {"mirror": np.tile(np.arange(size), 2), "image": np.repeat([0, 1], size)}

@@ -192,8 +192,8 @@ def image_axes(image: xr.DataArray) -> tuple[str, ...]:
 def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
     """The reconstruction, or a plain word on what is wrong with it.
 
-    The places of the objects, and the frames of tables, are made coordinates where they are not: as variables they would
-    be hidden behind those of the pixels, which groups inherit from the root.
+    The places of the objects, and the frames of tables, are made coordinates where they are not: as variables they
+    would be hidden behind those of the pixels, which groups inherit from the root.
 
     Raises
     ------

@@ -62,7 +62,9 @@ def read_plan(path: str | Path) -> FloorPlan:
     if not is_plan(path):
         raise InputError(f"{path}: ends in {path.suffix!r}, expected a floor plan, one of {', '.join(SUFFIXES)}")
     if not path.is_file():
-        raise InputError(f"{path}: {'is a directory' if path.is_dir() else 'does not exist'}; give a DXF or GeoJSON file")
+        raise InputError(
+            f"{path}: {'is a directory' if path.is_dir() else 'does not exist'}; give a DXF or GeoJSON file"
+        )
     found = list((_dxf if path.suffix.lower() == ".dxf" else _geojson)(path))
     if len(found) > LARGEST_COUNT:
         raise InputError(f"{path}: holds {len(found)} lines, expected a floor plan of at most {LARGEST_COUNT}")
@@ -115,11 +117,17 @@ def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dic
         for i in range(mirrors.sizes.get("mirror", 0)):
             ends = np.array([[float(mirrors[f"{prefix}{axis}{end}"][i]) for axis in axes] for end in (0, 1)])
             facts: dict[str, Any] = {"mirror": i, "chain": chains[i]}
-            facts |= {name: int(mirrors[name].values[i]) for name in ("parent", "generation", "frame") if name in mirrors}
+            facts |= {
+                name: int(mirrors[name].values[i]) for name in ("parent", "generation", "frame") if name in mirrors
+            }
             strength = float(mirrors["strength"].values[i])
             yield layer, ends, {**facts, "strength": strength if np.isfinite(strength) else None}
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
-    names = [name for name in ("amplitude", "bounces", "chain", "confidence", "surface", "frame") if name in objects.variables]
+    names = [
+        name
+        for name in ("amplitude", "bounces", "chain", "confidence", "surface", "frame")
+        if name in objects.variables
+    ]
     places = np.stack([objects[axis].values for axis in axes if axis in objects.variables], axis=-1)
     columns = [objects[name].values.tolist() for name in names]
     for place, *values in zip(places, *columns, strict=True):
