@@ -16,9 +16,10 @@ def mirror_chains(mirrors: xr.Dataset) -> list[str]:
     if "chain" in mirrors:
         return [str(chain) for chain in mirrors["chain"].values]
     names: list[str] = []
-    siblings: dict[int, int] = {}
-    for parent in mirrors["parent"].values.astype(int).tolist():
-        place = siblings.setdefault(parent, 0)
-        siblings[parent] += 1
+    frames = mirrors["frame"].values.tolist() if "frame" in mirrors.variables else [0] * mirrors.sizes.get("mirror", 0)
+    siblings: dict[tuple[int, int], int] = {}
+    for frame, parent in zip(frames, mirrors["parent"].values.astype(int).tolist(), strict=True):
+        place = siblings.setdefault((frame, parent), 0)
+        siblings[frame, parent] += 1
         names.append(f"{names[parent]}/{place}" if 0 <= parent < len(names) else str(place))
     return names

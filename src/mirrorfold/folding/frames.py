@@ -156,9 +156,8 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
 
 
 def _node(tree: xr.DataTree, path: str) -> xr.Dataset:
-    """What one group of a tree holds itself."""
-    node = tree if path == "/" else tree.children[path.strip("/")]
-    return node.to_dataset(inherit=False)
+    """What one group of a tree holds, with the coordinates that it has from its parent."""
+    return (tree if path == "/" else tree.children[path.strip("/")]).to_dataset()
 
 
 def _on(picture: xr.DataArray, axes: dict[str, Array]) -> xr.DataArray:

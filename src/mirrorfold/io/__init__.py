@@ -20,8 +20,9 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     Parameters
     ----------
     path : path
-        A netCDF-4 file; a scene where the name ends in ``.toml``; a floor plan in ``.dxf`` or ``.geojson``; an image or point cloud of another tool where it ends
-        in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see `import_image`).
+        A netCDF-4 file; a scene where the name ends in ``.toml``; a floor plan in ``.dxf`` or ``.geojson``; an image or
+        point cloud of another tool in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see
+        `import_image`).
 
     Returns
     -------

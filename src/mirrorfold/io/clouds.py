@@ -20,10 +20,10 @@ COLOURS = np.array([[0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233
 def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     """The points of a reconstruction, folded, as a file that other programs read.
 
-    Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`, `mirror`
-    (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by its number
-    of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was seen last, -1
-    in line of sight; comments (PLY, PCD, XYZ) and field data (VTP) name the whole chains.
+    Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`,
+    `mirror` (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by
+    its number of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was
+    seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name the whole chains.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _ply(columns: Columns, chains: list[str]) -> bytes:
     colour = COLOURS[np.minimum(columns["bounces"], len(COLOURS) - 1)].astype("u1")
     columns = columns | {name: colour[:, i] for i, name in enumerate(("red", "green", "blue"))}
     kinds = {"f": "float", "i": "int", "u": "uchar"}
-    lines = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in _notes(chains))]
+    lines = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in notes(chains))]
     lines.append(f"element vertex {len(columns['x'])}")
     lines += [f"property {kinds[column.dtype.kind]} {name}" for name, column in columns.items()]
     return "\n".join([*lines, "end_header", ""]).encode() + _table(columns)
@@ -76,7 +76,7 @@ def _pcd(columns: Columns, chains: list[str]) -> bytes:
     size = len(columns["x"])
     lines = [
         "# .PCD v0.7",
-        *(f"# {line}" for line in _notes(chains)),
+        *(f"# {line}" for line in notes(chains)),
         "VERSION 0.7",
         "FIELDS " + " ".join(columns),
         "SIZE " + " ".join(str(column.itemsize) for column in columns.values()),
@@ -94,7 +94,7 @@ def _pcd(columns: Columns, chains: list[str]) -> bytes:
 
 def _vtp(columns: Columns, chains: list[str]) -> bytes:
     points = np.stack([columns[axis] for axis in "xyz"], axis=-1)
-    return points_file(points, {name: column for name, column in columns.items() if name not in "xyz"}, chains)
+    return points_file(points, {name: column for name, column in columns.items() if name not in "xyz"}, notes(chains))
 
 
 def _csv(columns: Columns, chains: list[str]) -> bytes:
@@ -102,7 +102,7 @@ def _csv(columns: Columns, chains: list[str]) -> bytes:
 
 
 def _xyz(columns: Columns, chains: list[str]) -> bytes:
-    return "".join(["# ", *(f"{line}\n# " for line in _notes(chains)), _text(columns, " ")]).encode()
+    return "".join(["# ", *(f"{line}\n# " for line in notes(chains)), _text(columns, " ")]).encode()
 
 
 def _text(columns: Columns, separator: str) -> str:
@@ -113,7 +113,7 @@ def _text(columns: Columns, separator: str) -> str:
     return "\n".join([*lines, ""])
 
 
-def _notes(chains: list[str]) -> list[str]:
+def notes(chains: list[str]) -> list[str]:
     """What the numbers of chains stand for."""
     ways = (f"chain {number} is by way of mirrors {name}" for number, name in enumerate(chains))
     return ["points folded by mirrorfold, metres, z up", *ways]

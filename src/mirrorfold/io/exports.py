@@ -12,7 +12,7 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import plans, vtk
-from mirrorfold.io.clouds import WRITERS, cloud_file
+from mirrorfold.io.clouds import WRITERS, cloud_file, notes
 from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.io.netcdf import check_image, check_reconstruction
 
@@ -31,9 +31,9 @@ def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["
         A reconstruction; an image for VTI, or the volume of a raster scan for VTS.
     path : path
         Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
-        `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear in
-        the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers. Pictures:
-        ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. All in metres.
+        `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear
+        in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
+        Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. All in metres.
     what : {"points", "mirrors"}
         Of a VTP file.
 
@@ -108,7 +108,9 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
                 if name in mirrors.variables}  # fmt: skip
     typed = {name: values.astype("<i4") for name, values in columns.items()}
     return vtk.walls_file(
-        outlines, {**typed, "strength": np.tile(mirrors["strength"].values, 2).astype("<f4")}, mirror_chains(mirrors)
+        outlines,
+        {**typed, "strength": np.tile(mirrors["strength"].values, 2).astype("<f4")},
+        notes(mirror_chains(mirrors)),
     )
 
 

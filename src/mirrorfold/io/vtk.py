@@ -26,14 +26,14 @@ HEADER_LIMIT = 2**32
 Columns = Mapping[str, NDArray]
 
 
-def points_file(points: NDArray, columns: Columns, names: Sequence[str] = ()) -> bytes:
-    """A VTP file of points (n, 3) [m], with a value of each column for every one; `names` are field data, `chains`."""
+def points_file(points: NDArray, columns: Columns, notes: Sequence[str] = ()) -> bytes:
+    """A VTP file of points (n, 3) [m], with a value of each column for every one, and comments."""
     each = np.arange(len(points), dtype="<i8")
     cells = f"<Verts>{_array('connectivity', each)}{_array('offsets', each + 1)}</Verts>"
-    return _poly_data(points, f"<PointData>{_arrays(columns)}</PointData>", cells, names, verts=len(points))
+    return _poly_data(points, f"<PointData>{_arrays(columns)}</PointData>", cells, notes, verts=len(points))
 
 
-def walls_file(outlines: Sequence[Array], columns: Columns, names: Sequence[str] = ()) -> bytes:
+def walls_file(outlines: Sequence[Array], columns: Columns, notes: Sequence[str] = ()) -> bytes:
     """A VTP file of walls: lines of two points (2, 3) [m], or faces of more; with a value of each column for each."""
     corners = np.concatenate([np.empty((0, 3)), *outlines]).astype("<f4")
     each = np.arange(len(corners), dtype="<i8")
@@ -43,7 +43,7 @@ def walls_file(outlines: Sequence[Array], columns: Columns, names: Sequence[str]
     cells = f"<CellData>{_arrays(columns)}</CellData>"
     placed = f"<{kind}>{_array('connectivity', each)}{_array('offsets', ends)}</{kind}>"
     count = {"lines": len(outlines)} if flat else {"polys": len(outlines)}
-    return _poly_data(corners, cells, placed, names, **count)
+    return _poly_data(corners, cells, placed, notes, **count)
 
 
 def picture_file(pictures: Mapping[str, xr.DataArray]) -> bytes:
@@ -84,11 +84,9 @@ def _parts(title: str, picture: xr.DataArray) -> dict[str, NDArray]:
     return {f"{title}_amplitude": np.abs(values).astype("<f4"), f"{title}_phase": np.angle(values).astype("<f4")}
 
 
-def _poly_data(points: NDArray, data: str, cells: str, names: Sequence[str], **counts: int) -> bytes:
+def _poly_data(points: NDArray, data: str, cells: str, notes: Sequence[str], **counts: int) -> bytes:
     numbers = [f'NumberOf{kind.title()}="{counts.get(kind, 0)}"' for kind in ("verts", "lines", "strips", "polys")]
-    codes = " ".join(" ".join(str(byte) for byte in [*name.encode(), 0]) for name in names)
-    field = f'<DataArray type="String" Name="chains" NumberOfTuples="{len(names)}" format="ascii">{codes}</DataArray>'
-    piece = f"<FieldData>{field}</FieldData>" if names else ""
+    piece = "".join(f"<!-- {note} -->\n" for note in notes)
     piece += f'<Piece NumberOfPoints="{len(points)}" {" ".join(numbers)}>{data}'
     piece += f"<Points>{_array('Points', points.astype('<f4'))}</Points>{cells}</Piece>"
     return _file("PolyData", "", piece, [points])

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from mirrorfold.common.decibels import decibels
 from mirrorfold.describing.comparison import Changes, checked_pair, find_changes
-from mirrorfold.plotting.axes import Extent, draw_radar, halo, in_metres, mirror_lines, outer_edges, radar_of
+from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
-from mirrorfold.plotting.figures import COLOUR_MAP
+from mirrorfold.plotting.figures import COLOUR_MAP, mirrors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +23,9 @@ DIFFERENCE_DB = 12.0
 DIFFERENCE_MAP = "RdBu_r"
 GAINED, LOST, KEPT = "#D55E00", "#0072B2", "#7F7F7F"
 """Points of the second alone, of the first alone, and of both; apart for the colour-blind too."""
+
+NOTHING = "#E4E4E4"
+"""Where both are below the floor."""
 
 PANEL = 4.6
 """Largest width and height of a panel [inch]."""
@@ -56,8 +59,10 @@ def compare(
     extent = _extent(first, second, changes)
     width, height = extent[1] - extent[0], extent[3] - extent[2]
     scale = PANEL / max(width, height)
-    rows, columns = (2, 2) if isinstance(first, xr.DataTree) else (1, 3)
-    size = columns * (max(width * scale, 2.2) + 1.1), rows * (max(height * scale, 1.6) + 0.9)
+    count = 4 if isinstance(first, xr.DataTree) else 3
+    columns = 2 if count == 4 and width > height else count
+    rows = count // columns
+    size = columns * (max(width * scale, 2.2) + 1.0), rows * (max(height * scale, 1.6) + 0.9)
     figure = Figure(figsize=size, layout="constrained", dpi=150)
     axes: list[Axes] = list(np.ravel(figure.subplots(rows, columns)))
     edges = outer_edges(changes.first["x"].values) + outer_edges(changes.first["y"].values)
@@ -66,14 +71,13 @@ def compare(
         shown = ax.imshow(level, extent=edges, origin="lower", cmap=COLOUR_MAP, vmin=floor_db, vmax=0.0)
         ax.set_title(name, fontsize="medium")
         if isinstance(one, xr.DataTree):
-            for number, (ends, _) in enumerate(mirror_lines(one, folded=True)):
-                ax.plot(*ends.T, color=KEPT, linewidth=2.2, path_effects=halo(1.5))
-                ax.annotate(str(number), ends.mean(axis=0), path_effects=halo(2.0), fontweight="bold")
+            mirrors(one, ax, folded=True)
     figure.colorbar(shown, ax=axes[:2], label=f"amplitude [dB], floor {floor_db:g} dB", shrink=0.8)
     colours = {"cmap": DIFFERENCE_MAP, "vmin": -DIFFERENCE_DB, "vmax": DIFFERENCE_DB}
     drawn = axes[2].imshow(changes.difference, extent=edges, origin="lower", **colours)
     figure.colorbar(drawn, ax=axes[2], label="second over first [dB]", shrink=0.8, extend="both")
     axes[2].set_title("difference", fontsize="medium")
+    axes[2].set_facecolor(NOTHING)  # differences of nothing are white
     if isinstance(first, xr.DataTree):
         _points(axes[3], first, second, changes)
     for ax in axes:

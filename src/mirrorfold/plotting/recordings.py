@@ -59,10 +59,7 @@ def frames(reconstruction: xr.DataTree, ax: Axes | None = None, *, floor_db: flo
         ax.plot(*ends.T, color=scale.to_rgba(frame), linewidth=1.2, alpha=0.7)
     draw_radar(ax, radar_of(reconstruction))
     if isinstance(ax.figure, Figure):
-        label = "frame"
-        if "time" in reconstruction.dataset.coords:
-            first, last = np.asarray(reconstruction.dataset["time"].values)[[0, -1]]
-            label += f", from {first} to {last} {reconstruction.dataset['time'].attrs.get('units', '')}".rstrip()
-        ax.figure.colorbar(scale, ax=ax, label=label, shrink=0.7, pad=0.02)
+        ticks = np.unique(np.linspace(0, count - 1, min(count, 6)).round())
+        ax.figure.colorbar(scale, ax=ax, label="frame", ticks=ticks, shrink=0.7, pad=0.02)
     ax.set(xlim=extent[:2], ylim=extent[2:], title=f"corrected: {count} frames")
     return in_metres(ax)
