@@ -26,7 +26,7 @@ def recording():
     for number in range(3):
         wall = diffuse(*WALL, seed=1)
         start = np.array([-0.45 + 0.1 * number, 1.2])
-        body, amplitude = diffuse(start, start + [0.1, 0.05], seed=2 + number, strength=3.0)
+        body, amplitude = diffuse(start, start + np.array([0.1, 0.05]), seed=2 + number, strength=3.0)
         ghost = reflect(body, WALL[0], segment_normal(*WALL))
         seen = [(ghost, amplitude)] if number < 2 else [(body, amplitude)]
         frames.append(radar_image(*together(*([wall] if number < 2 else []), *seen), X, Y))
@@ -178,7 +178,7 @@ def test_every_verb_can_deal_with_a_recording(files, scene_file, capsys):
 def test_a_frame_that_cannot_be_folded_is_named(recording):
     broken = recording.copy()
     broken[1, 5, 5] = np.nan
-    with pytest.raises(mf.InputError, match="frame 1: .* not finite"):
+    with pytest.raises(mf.InputError, match=r"frame 1: .* not finite"):
         mf.fold(broken)
 
 

@@ -145,7 +145,8 @@ def test_the_command_line_exports_each_kind(reconstruction, image, sweep, tmp_pa
     assert main(["export", "s.nc", "-o", "scan", "--json"]) == 0
     assert check("export", capsys.readouterr().out).kind == "scan"
     for arguments, word in ((["r.nc", "-o", "x.stl"], "expected one of .ply"), (["i.nc", "-o", "x.ply"], ".vti"),
-                            (["r.nc", "-o", "x.ply", "--what", "mirrors"], ".vtp"), (["r.nc", "-o", "r.nc"], "input")):  # fmt: skip
+                            (["r.nc", "-o", "x.ply", "--what", "mirrors"], ".vtp"),
+                            (["r.nc", "-o", "r.nc"], "input")):  # fmt: skip
         assert main(["export", *arguments]) == 2
         assert word in capsys.readouterr().err
 

@@ -116,7 +116,7 @@ def show_summary(results: Sequence[SweepResult]) -> None:
     for heading in ("sweep", "mirrors", "points", "by mirrors", "result"):
         table.add_column(heading, justify="left" if heading in ("sweep", "result") else "right", overflow="fold")
     for one in results:
-        counts = (_number(count, "d") for count in (one.mirrors, one.points, one.hidden))
+        counts = ("-" if count is None else str(count) for count in (one.mirrors, one.points, one.hidden))
         place = os.path.dirname(one.files[0]) if one.files else "failed"
         table.add_row(one.sweep, *counts, place)
     _console().print(table)

@@ -33,7 +33,7 @@ def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["
         Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
         `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear
         in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
-        Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. All in metres.
+        Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. In metres.
     what : {"points", "mirrors"}
         Of a VTP file.
 
