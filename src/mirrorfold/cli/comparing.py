@@ -35,18 +35,18 @@ def compare(
         if output.suffix.lower() not in FORMATS:
             raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
         check_output(output, inputs=[first, second])
-    both = [read(path, "reconstruction", "image") for path in (first, second)]
+    a, b = (read(path, "reconstruction", "image") for path in (first, second))
     if frame is not None:
-        both = [mf.pick_frame(one, frame) for one in both]
+        a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)
     names = str(first), str(second)
-    found = mf.compare(*both, names=names)
+    found = mf.compare(a, b, names=names)
     if output is not None and output.suffix.lower() == ".html":
         from mirrorfold.reporting.comparison import write_comparison
 
-        write_comparison(*both, output, names=names)
+        write_comparison(a, b, output, names=names)
     elif output is not None:
         with written_whole(output) as temporary:
-            mf.plot.compare(*both, names=names).savefig(temporary, dpi=200)
+            mf.plot.compare(a, b, names=names).savefig(temporary, dpi=200)
     files = [] if output is None else [output]
     remark(found.remarks)
     if json:

@@ -79,6 +79,8 @@ def view(
     file: Path,
     *,
     scene: Path | None = None,
+    plan: FloorPlanFile = None,
+    frame: Frame = None,
     port: int = 0,
     no_open: bool = False,
     json: bool = False,
@@ -108,7 +110,7 @@ def view(
         sys.stdout.flush()
 
     with suppress(KeyboardInterrupt):
-        serve(file, scene=scene, port=port, open_browser=not no_open, announce=announce)
+        serve(file, scene=scene, plan=plan, frame=frame, port=port, open_browser=not no_open, announce=announce)
 
 
 def show(

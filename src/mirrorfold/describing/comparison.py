@@ -296,7 +296,7 @@ def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:
 def _faces(reconstruction: xr.DataTree) -> list[Face]:
     """The mirrors of a reconstruction at their true places, as what others can be compared with."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    if "folded_corner_x" in mirrors:
+    if "folded_center_x" in mirrors:
         outlines = np.stack([mirrors[f"folded_corner_{axis}"].values for axis in "xyz"], axis=-1).astype(float)
         faces = []
         for number, corners in enumerate(outlines):

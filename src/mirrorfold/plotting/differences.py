@@ -73,7 +73,7 @@ def compare(
         if isinstance(one, xr.DataTree):
             mirrors(one, ax, folded=True)
     figure.colorbar(shown, ax=axes[:2], label=f"amplitude [dB], floor {floor_db:g} dB", shrink=0.8)
-    colours = {"cmap": DIFFERENCE_MAP, "vmin": -DIFFERENCE_DB, "vmax": DIFFERENCE_DB}
+    colours: Any = {"cmap": DIFFERENCE_MAP, "vmin": -DIFFERENCE_DB, "vmax": DIFFERENCE_DB}
     drawn = axes[2].imshow(changes.difference, extent=edges, origin="lower", **colours)
     figure.colorbar(drawn, ax=axes[2], label="second over first [dB]", shrink=0.8, extend="both")
     axes[2].set_title("difference", fontsize="medium")
