@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import io
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import mirrorfold.plotting.differences as differences
 from mirrorfold.describing.comparison import Comparison, compare
 from mirrorfold.io.files import written_whole
-from mirrorfold.reporting.page import asset
+from mirrorfold.plotting import differences
 
 
 def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, str] | None = None) -> Path:
@@ -49,7 +49,8 @@ def comparison_page(found: Comparison, picture: bytes) -> str:
         parts.append(_table("mirrors", ("first", "second", "angle [deg]", "offset [m]"), rows))
     notes = "".join(f'<p class="notice">{escape(sentence)}</p>' for sentence in found.remarks)
     image = base64.b64encode(picture).decode("ascii")
-    style = asset("page.css") + "\nimg { max-width: 100%; height: auto; background: #fff; }\ntable { margin: 8px 0; }"
+    style = files("mirrorfold.reporting").joinpath("assets", "page.css").read_text(encoding="utf-8")
+    style += "\nimg { max-width: 100%; height: auto; background: #fff; }\ntable { margin: 8px 0; }"
     return f"""<!doctype html>
 <html lang="en">
 <head>

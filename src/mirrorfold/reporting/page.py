@@ -35,9 +35,9 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
     -------
     str
     """
-    style = "\n".join(asset(name) for name in STYLES)
+    style = "\n".join(_asset(name) for name in STYLES)
     names = (*PROGRAMS, *((LIVE,) if live is not None else ()), MAIN)
-    program = '"use strict";\n(() => {\n' + "\n".join(asset(name) for name in names) + "\n})();\n"
+    program = '"use strict";\n(() => {\n' + "\n".join(_asset(name) for name in names) + "\n})();\n"
     policy = "; ".join(
         (
             "default-src 'none'",
@@ -57,7 +57,7 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
         "live": to_json(live),
         "program": program,
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda mark: parts[mark[1]], asset("page.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda mark: parts[mark[1]], _asset("page.html"))
 
 
 def to_json(content: Any) -> str:
@@ -77,8 +77,7 @@ def _finite(value: Any) -> Any:
     return value.item() if hasattr(value, "item") else value
 
 
-def asset(name: str) -> str:
-    """The text of a file that pages are made of."""
+def _asset(name: str) -> str:
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8").strip("\n")
 
 
