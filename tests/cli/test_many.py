@@ -48,6 +48,21 @@ def test_the_summary_is_a_table(folder, capsys):
     assert lines[2].split()[-1] == "out/a"
 
 
+def test_an_interrupted_command_says_what_is_done(folder, capsys, monkeypatch):
+    real, calls = mf.reconstruct, []
+
+    def once(sweep, **given):
+        if calls:
+            raise KeyboardInterrupt
+        calls.append(1)
+        return real(sweep, **given)
+
+    monkeypatch.setattr(mf, "reconstruct", once)
+    assert main(["reconstruct", "a.nc", "b.nc", "-o", "out", *GRID]) == 130
+    assert "1 of 2 sweeps are done, in out" in capsys.readouterr().err
+    assert (folder / "out/a/report.html").is_file()
+
+
 def test_files_of_one_name_get_the_names_of_their_folders(folder):
     assert folder_names([Path("x/day 1/s.nc"), Path("x/day 2/s.nc")]) == ["day 1-s", "day 2-s"]
     assert folder_names([Path("x/s.nc"), Path("s.nc")]) == ["x-s", "s"]

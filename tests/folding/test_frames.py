@@ -134,6 +134,19 @@ def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path
     assert_same(result, on_disk(folded, "x.nc"))
 
 
+def test_reconstruct_writes_one_folder_for_a_recording(sweep, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    s = sweep["s"].values
+    mf.save(sweep.assign(s=(("frame", *sweep["s"].dims), np.stack([s, s]))), "recording.nc")
+    grid = ["--x", "-0.2:0.2:0.01", "--y", "0.2:0.55:0.01"]
+    assert main(["reconstruct", "recording.nc", "-o", "out", *grid, "--export", "all.vtp", "--json"]) == 0
+    found = check("reconstruct", capsys.readouterr().out)
+    assert len(found.points_by_frame) == 2
+    assert {"out/reconstruction.nc", "out/frames.png", "out/before_after.png", "out/report.html"} < set(found.files)
+    assert "point target frame 0" in (tmp_path / "out/report.html").read_text()
+    assert not (tmp_path / "out.frames").exists()
+
+
 def test_frames_of_other_settings_are_made_anew(recording, tmp_path, monkeypatch):
     from mirrorfold.io.frame_folder import FrameFolder
 

@@ -65,6 +65,9 @@ def reconstruct_many(
                 SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=str(error), files=[])
             )
             continue
+        except KeyboardInterrupt as interruption:
+            done = f"{sum(not result.error for result in results)} of {len(sweeps)} sweeps are done, in {output}"
+            raise KeyboardInterrupt("; ".join([str(interruption) or "interrupted", done])) from None
         found = mf.info(reconstruction)
         hidden = sum(count for bounces, count in found.points_by_bounces.items() if bounces != "0")
         results.append(

@@ -66,7 +66,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
         raise InputError(f"{asked}, but there are {found}; {remedy}")
     if not isinstance(obj, xr.DataTree):
         return obj.isel(frame=frame)
-    own = json.loads(str(obj.dataset["attributes"].values[frame]))
+    own = json.loads(str(obj.dataset["attributes"].values[frame])) if "attributes" in obj.dataset else {}
     nodes: dict[str, xr.Dataset] = {}
     for path, name in PICTURES:
         picture = _node(obj, path)[name].isel(frame=frame)
@@ -79,7 +79,9 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
         table = table.isel({dimension: chosen}).drop_vars("frame")
         if "parent" in table and chosen.size:
             parent = table["parent"]
-            table["parent"] = parent.copy(data=np.where(parent < 0, parent, parent - chosen[0]).astype(parent.dtype))
+            table["parent"] = parent.copy(
+                data=np.where(parent < 0, parent, np.searchsorted(chosen, parent)).astype(parent.dtype)
+            )
         nodes[f"/{group}"] = table
     return xr.DataTree.from_dict(nodes)
 
