@@ -20,8 +20,8 @@ def scene(frame: int):
     return parse_scene(
         {
             "name": "somebody walks",
-            "array": {"kind": "linear", "elements": 81, "pitch": 1e-3},
-            "band": {"start": 290e9, "stop": 300e9, "points": 251},
+            "array": {"kind": "linear", "elements": 61, "pitch": 0.5e-3},
+            "band": {"start": 290e9, "stop": 300e9, "points": 201},
             "surface": [
                 {"name": "wall", "kind": "segment", "start": [0.9, 0.9], "end": [0.25, 2.0],
                  "roughness": {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}},
@@ -39,7 +39,7 @@ def main() -> None:
     sweeps = [mf.simulate(scene(frame), seed=0) for frame in range(FRAMES)]
     recording = sweeps[0].assign(s=xr.concat([sweep["s"] for sweep in sweeps], "frame"))
     result = mf.reconstruct(recording, x=X, y=Y)
-    mf.plot.frames(result).figure.savefig(HERE / "onward-frames.png", dpi=110)
+    mf.plot.frames(result).figure.savefig(HERE / "onward-frames.png", dpi=110, bbox_inches="tight")
     first, last = mf.pick_frame(result, 0), mf.pick_frame(result, FRAMES - 1)
     figure = mf.plot.compare(first, last, names=("frame 0", f"frame {FRAMES - 1}"))
     figure.savefig(HERE / "onward-compare.png", dpi=110)

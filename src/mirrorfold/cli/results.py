@@ -95,7 +95,7 @@ def write_results(
     names = [RECONSTRUCTION, PICTURE]
     if frame_count(reconstruction) is not None:
         figure: Any = mf.plot.frames(reconstruction).figure
-        figure.savefig(directory / FRAMES)
+        figure.savefig(directory / FRAMES, bbox_inches="tight")
         names.append(FRAMES)
         reconstruction = mf.pick_frame(reconstruction, 0)
         reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
