@@ -20,10 +20,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
     from mirrorfold import plotting as plot
+    from mirrorfold.describing.comparison import compare
     from mirrorfold.describing.info import info
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
+    from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
@@ -46,6 +48,7 @@ _HOME = {
     "Scene3D": "scenes.solids",
     "add_noise": "sweep",
     "check_sweep": "sweep",
+    "compare": "describing.comparison",
     "export": "io",
     "focus": "focusing",
     "fold": "reconstruction",
@@ -58,6 +61,7 @@ _HOME = {
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "pick_frame": "folding.frames",
     "plan": "describing.planning",
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
@@ -100,7 +104,9 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "fold",
     "FoldPlan",
     "reconstruct",
+    "pick_frame",
     "score",
+    "compare",
     "export",
     "report",
     "view",

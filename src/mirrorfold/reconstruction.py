@@ -13,30 +13,35 @@ changes, in `find_tree`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Mask, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.known_mirrors import check_mirrors
+from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
+from mirrorfold.detection.plan_mirrors import mirrors_of_plan
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
+from mirrorfold.folding.frames import each_frame, frame_count, pick_frame
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
+from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import assign_echoes
 from mirrorfold.tree.directions import of_mixed_paths
@@ -59,8 +64,9 @@ def reconstruct(
     sweep: xr.Dataset,
     *,
     tolerance: float = TOLERANCE_TO_FOLD,
-    mirrors: ArrayLike | None = None,
+    mirrors: ArrayLike | FloorPlan | str | Path | None = None,
     preset: str = "default",
+    finished: MutableMapping[int, xr.DataTree] | None = None,
     progress: Progress | None = None,
     **given: Any,
 ) -> xr.DataTree:
@@ -69,10 +75,11 @@ def reconstruct(
     Parameters
     ----------
     sweep : xarray.Dataset
-        MIMO or synthetic-aperture Sweep, or that of a raster scan.
+        MIMO or synthetic-aperture Sweep, or that of a raster scan. Of a recording, with a dimension `frame`, each frame
+        gives what it gives alone; all are focused by one plan.
     tolerance : float
         Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
-    mirrors, preset
+    mirrors, preset, finished
         As for `fold`.
     progress : callable (done, total), optional
     **given
@@ -80,13 +87,21 @@ def reconstruct(
     Returns
     -------
     xarray.DataTree
-        The Reconstruction.
+        The Reconstruction; of a recording that of all frames, see `fold`.
 
     Raises
     ------
     InputError
         If the sweep or a setting cannot be used.
     """
+    if frame_count(sweep) is not None:
+        recording = check_sweep(sweep)
+
+        def one(number: int) -> xr.DataTree:  # `focus` keeps its plan from one frame to the next
+            frame = pick_frame(recording, number)
+            return reconstruct(frame, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
+
+        return each_frame(recording, one, finished, progress)
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
     image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
@@ -98,8 +113,9 @@ def fold(
     image: xr.DataArray | xr.DataTree,
     *,
     sweep: xr.Dataset | None = None,
-    mirrors: ArrayLike | None = None,
+    mirrors: ArrayLike | FloorPlan | str | Path | None = None,
     preset: str = "default",
+    finished: MutableMapping[int, xr.DataTree] | None = None,
     progress: Progress | None = None,
     **given: Any,
 ) -> xr.DataTree:
@@ -109,28 +125,47 @@ def fold(
     ----------
     image : (y, x), (z, y, x) or (range, azimuth, elevation) DataArray, or DataTree
         Complex or amplitude. Of voxels (z, y, x) the plan view is folded. The initial image of a Reconstruction is
-        folded again.
+        folded again. Of a recording, with a leading dimension `frame`, each frame is folded by itself.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
-    mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
+    mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], FloorPlan or path, optional
         Mirrors in the unfolded image, where they are known or drawn: the two ends of each line, or in a volume the
-        four corners of each plane. No others are looked for.
+        four corners of each plane, or a file of them (JSON). Of a floor plan (DXF, GeoJSON) the walls that the radar
+        sees, directly or by way of others. No others are looked for.
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     **given
+    finished : mutable mapping of int to xarray.DataTree, optional
+        Of a recording: frames that are done are put into it, and those that are in it already are not made again. With
+        a dict an interrupted call can be repeated from where it was; `mirrorfold.io.frame_folder` keeps them on disk.
     progress : callable (done, total), optional
 
     Returns
     -------
     xarray.DataTree
-        The Reconstruction. Without any mirror it is the unfolded image, and its attr `remark` says so.
+        The Reconstruction. Without any mirror it is the unfolded image, and its attr `remark` says so. That of a
+        recording has pictures (frame, y, x), and tables whose column `frame` says which frame a row belongs to;
+        `mf.pick_frame` gives one frame as it would be alone.
 
     Raises
     ------
     InputError
         If the image or a setting cannot be used.
     """
+    if frame_count(image) is not None:
+        if sweep is not None and frame_count(sweep) != frame_count(image):
+            raise InputError(
+                f"sweep: has {frame_count(sweep)} frames and the image {frame_count(image)}; give the sweep that the "
+                "image was focused from"
+            )
+
+        def one(number: int) -> xr.DataTree:
+            measured = None if sweep is None else pick_frame(sweep, number)
+            frame: Any = pick_frame(cast("xr.DataArray", image), number)
+            return fold(frame, sweep=measured, mirrors=mirrors, preset=preset, **given)
+
+        return each_frame(image, one, finished, progress)
     return FoldPlan(image, sweep=sweep).fold(mirrors=mirrors, preset=preset, progress=progress, **given)
 
 
@@ -162,7 +197,7 @@ class FoldPlan:
     def fold(
         self,
         *,
-        mirrors: ArrayLike | None = None,
+        mirrors: ArrayLike | FloorPlan | str | Path | None = None,
         preset: str = "default",
         grid: Grid | None = None,
         progress: Progress | None = None,
@@ -192,19 +227,24 @@ class FoldPlan:
         if preset not in PRESETS:
             raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
         chosen = PRESETS[preset].with_given(**given)
-        known = None if mirrors is None else check_mirrors(mirrors)
+        if isinstance(mirrors, str | Path):
+            mirrors = read_plan(mirrors) if is_plan(mirrors) else read_mirrors(mirrors)
+        if mirrors is not None and not isinstance(mirrors, FloorPlan):
+            mirrors = check_mirrors(mirrors)
         report = progress or (lambda done, total: None)
         view, echoes = self._seen(chosen)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
-        found = find_tree(view, echoes, settings, known=known, mixed_paths=self._mixed_paths(view, settings))
+        if isinstance(mirrors, FloorPlan):
+            mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
+        found = find_tree(view, echoes, settings, known=mirrors, mixed_paths=self._mixed_paths(view, settings))
         report(2, 3)
         result = collect(
             self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
             mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
             grid=grid,
         )  # fmt: skip
-        result.attrs |= {"preset": preset, "mirrors_given": known is not None}
+        result.attrs |= {"preset": preset, "mirrors_given": mirrors is not None}
         report(3, 3)
         return result
 

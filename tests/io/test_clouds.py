@@ -12,7 +12,7 @@ from scans import ball, panel, scene
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.io.clouds import export
+from mirrorfold.io.exports import export
 from mirrorfold.plotting import volumes as plot_volume
 
 
@@ -54,7 +54,7 @@ def test_vtp_holds_the_points(reconstruction, tmp_path):
 
 def test_other_formats_are_refused(reconstruction, tmp_path):
     with pytest.raises(mf.InputError, match=r"expected one of \.ply, \.pcd, \.vtp"):
-        export(reconstruction, tmp_path / "cloud.xyz")
+        export(reconstruction, tmp_path / "cloud.stl")
 
 
 SCENE = """
@@ -113,8 +113,8 @@ def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     assert main(["fold", "volume.nc", "-o", "x.nc", "--generations", "-1"]) == 2
     assert "generations" in capsys.readouterr().err
-    assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.xyz"]) == 2
-    assert ".xyz" in capsys.readouterr().err
+    assert main(["fold", "volume.nc", "-o", "folded.nc", "--export", "cloud.stl"]) == 2
+    assert ".stl" in capsys.readouterr().err
     few = SCENE.replace("points = 701", "points = 301")
     (tmp_path / "few.toml").write_text(few, encoding="utf-8")
     assert main(["simulate", "few.toml", "-o", "few.nc"]) == 2

@@ -42,8 +42,8 @@ VERBS = {
         "mirrorfold import scan/ --positions positions.csv -o sweep.nc",
     ),
     "export": Verb(
-        "Write a sweep as a folder of Touchstone files with a table of positions.",
-        "mirrorfold export sweep.nc -o scan",
+        "Write results for ParaView, CAD and others, or a sweep as a folder of Touchstone files.",
+        "mirrorfold export out/reconstruction.nc -o points.vtp",
     ),
     "calibrate": Verb(
         "Remove what the instrument did to a sweep: background, cables, delays of elements, classic mistakes.",
@@ -60,6 +60,10 @@ VERBS = {
     "reconstruct": Verb(
         "Go from a sweep to the corrected picture in one command.",
         "mirrorfold reconstruct sweep.nc -o out",
+    ),
+    "compare": Verb(
+        "Lay two results side by side: levels, points gained and lost, mirrors moved.",
+        "mirrorfold compare before/reconstruction.nc after/reconstruction.nc -o compare.html",
     ),
     "score": Verb(
         "Measure how far a reconstruction is from the truth.",

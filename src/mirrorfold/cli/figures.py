@@ -7,21 +7,27 @@ from typing import Any
 import xarray as xr
 
 import mirrorfold as mf
+from mirrorfold.common.plans import FloorPlan
 from mirrorfold.errors import InputError
+from mirrorfold.folding.frames import frame_count
 
 
-def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str) -> tuple[str, Any]:
+def draw(
+    found: Any, what: str | None, truth: Any, floor_db: float, source: str, plan: FloorPlan | None = None
+) -> tuple[str, Any]:
     """Draw a file: the name of what was drawn, and the figure.
 
     Parameters
     ----------
-    found : sweep, image, reconstruction or scene
+    found : sweep, image, reconstruction, scene or floor plan
     what : str, optional
         Which picture of a reconstruction, as ``--what`` names it.
     truth : Scene or Scene3D, optional
     floor_db : float [dB]
     source : str
         Names the file in messages.
+    plan : FloorPlan, optional
+        Known walls, drawn thin.
 
     Raises
     ------
@@ -29,13 +35,18 @@ def draw(found: Any, what: str | None, truth: Any, floor_db: float, source: str)
         If the file does not hold what is to be drawn.
     """
     if isinstance(found, xr.DataTree):
-        return _reconstruction(found, what, truth, floor_db, source)
+        return _reconstruction(found, what, truth, floor_db, source, plan)
     if what is not None:
         raise InputError(f"--what is {what!r}, but {source} is no reconstruction; leave it out")
     if isinstance(found, xr.Dataset):
         return "sweep", mf.plot.sweep(found)
     if isinstance(found, xr.DataArray):
-        return "image", _image(found, truth, floor_db, source).figure
+        axes = _image(mf.pick_frame(found), truth, floor_db, source)
+        if plan is not None:
+            mf.plot.plan(plan, axes)
+        return "image", axes.figure
+    if isinstance(found, FloorPlan):
+        return "plan", mf.plot.plan(found).figure
     if found.dimensions == 3:
         return "scene", mf.plot_volume.scene(found).figure
     return "scene", mf.plot.scene(found).figure
@@ -60,9 +71,18 @@ def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any
     return axes
 
 
-def _reconstruction(found: xr.DataTree, what: str | None, truth: Any, floor_db: float, source: str) -> tuple[str, Any]:
+def _reconstruction(
+    found: xr.DataTree, what: str | None, truth: Any, floor_db: float, source: str, plan: FloorPlan | None
+) -> tuple[str, Any]:
     volume = "z" in found.children["objects"].variables
-    what = what or ("space" if volume else "before-after")
+    recording = frame_count(found) is not None
+    what = what or ("frames" if recording else "space" if volume else "before-after")
+    if what == "frames":
+        axes = mf.plot.frames(found, floor_db=floor_db)
+        if plan is not None:
+            mf.plot.plan(plan, axes)
+        return what, axes.figure
+    found = mf.pick_frame(found)
     if what in ("space", "body"):
         if what == "space":
             return what, mf.plot_volume.space(found, truth)
@@ -77,8 +97,8 @@ def _reconstruction(found: xr.DataTree, what: str | None, truth: Any, floor_db: 
         _flat(truth, source)
     flat_truth = None if volume else truth
     if what == "before-after":
-        return what, mf.plot.before_after(found, flat_truth, floor_db=floor_db)
-    extent = mf.plot.content_extent(found, flat_truth, folded=what == "corrected")
+        return what, mf.plot.before_after(found, flat_truth, plan=plan, floor_db=floor_db)
+    extent = mf.plot.content_extent(found, flat_truth, plan, folded=what == "corrected")
     if what == "corrected":
         axes = mf.plot.corrected(found, floor_db=floor_db, extent=extent)
     else:
@@ -89,6 +109,8 @@ def _reconstruction(found: xr.DataTree, what: str | None, truth: Any, floor_db: 
             mf.plot.mirrors(found, axes)
     if flat_truth is not None:
         mf.plot.scene(flat_truth, axes)
+    if plan is not None:
+        mf.plot.plan(plan, axes)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     return what, axes.figure
 

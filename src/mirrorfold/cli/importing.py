@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import mirrorfold as mf
-from mirrorfold.cli.options import OptionalOutput, Output, command
+from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
@@ -29,6 +29,14 @@ class MappingProposal(Record):
     missing: list[str] = fact("what could not be found")
     works: str | None = fact("what the mapping makes of the file; null if something is missing")
     mapping: str = fact("the text (TOML)")
+    files: list[str] = fact("what was written")
+
+
+class Exported(Record):
+    """A file for other programs."""
+
+    kind: Literal["export"]
+    format: str = fact("its suffix, such as vtp")
     files: list[str] = fact("what was written")
 
 
@@ -165,24 +173,46 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
     show_files(written)
 
 
-def export(sweep: Path, *, output: Output, json: bool = False) -> None:
-    """Export a sweep.
+def export(
+    file: Path,
+    *,
+    output: Output,
+    what: Literal["points", "mirrors"] = "points",
+    frame: Frame = None,
+    json: bool = False,
+) -> None:
+    """Export a file.
 
     Parameters
     ----------
-    sweep
-        Sweep to read (netCDF).
+    file
+        Sweep, image or reconstruction (netCDF).
     output
-        Folder to write to: a Touchstone file for each position, and a table of the positions.
+        Of a sweep, a folder: a Touchstone file for each position, and a table of the positions. Of a reconstruction, a
+        file: points (.ply, .pcd, .csv, .xyz, .vtp), pictures (.vti), floor plan (.dxf, .geojson). Of an image .vti, of
+        the volume of a raster scan .vts.
+    what
+        What of a reconstruction a .vtp file holds: its points, or its mirrors as walls, with their images.
     json
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
-    from mirrorfold.io.files import check_output_directory
+    from mirrorfold.io.files import check_output, check_output_directory
 
-    check_output_directory(output, names=(), inputs=[sweep])
+    found = read(file, "sweep", "image", "reconstruction")
+    if frame is not None:
+        found = mf.pick_frame(found, frame)
+    if not hasattr(found, "s"):
+        check_output(output, inputs=[file])
+        mf.export(found, output, what=what)
+        if json:
+            show_json(Exported(kind="export", format=output.suffix.lower().lstrip("."), files=[str(output)]))
+            return
+        show_files([output])
+        return
+    check_output_directory(output, names=(), inputs=[file])
     with progress("writing the scan") as report:
-        positions = mf.save_touchstone(read(sweep, "sweep"), output, progress=report)
+        positions = mf.save_touchstone(found, output, progress=report)
     if json:
         show_json(TouchstoneScan(kind="scan", positions=str(positions), files=[str(output)]))
         return

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import mirrorfold as mf
+from mirrorfold.cli.options import Frame
 from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import progress, show_info, show_json, show_score
 from mirrorfold.errors import InputError
 
 
-def score(reconstruction: Path, scene: Path, *, json: bool = False) -> None:
+def score(reconstruction: Path, scene: Path, *, frame: Frame = None, json: bool = False) -> None:
     """Score a reconstruction.
 
     Parameters
@@ -23,7 +24,7 @@ def score(reconstruction: Path, scene: Path, *, json: bool = False) -> None:
         Print the score as one JSON object.
     """
     truth = mf.load_scene(scene)
-    result = mf.score(read(reconstruction, "reconstruction"), truth)
+    result = mf.score(mf.pick_frame(read(reconstruction, "reconstruction"), frame), truth)
     if json:
         show_json(result)
     else:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import mirrorfold as mf
-from mirrorfold.cli.options import Output
-from mirrorfold.cli.results import read
+from mirrorfold.cli.options import FloorPlanFile, Frame, Output
+from mirrorfold.cli.results import given_plan, read
 from mirrorfold.cli.terminal import show_files, show_json
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
@@ -41,7 +41,15 @@ class Figure(Record):
     files: list[str] = fact("what was written")
 
 
-def report(reconstruction: Path, *, output: Output, scene: Path | None = None, json: bool = False) -> None:
+def report(
+    reconstruction: Path,
+    *,
+    output: Output,
+    scene: Path | None = None,
+    plan: FloorPlanFile = None,
+    frame: Frame = None,
+    json: bool = False,
+) -> None:
     """Write a report.
 
     Parameters
@@ -57,9 +65,10 @@ def report(reconstruction: Path, *, output: Output, scene: Path | None = None, j
     """
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[path for path in (reconstruction, scene) if path is not None])
+    check_output(output, inputs=[path for path in (reconstruction, scene, plan) if path is not None])
     truth = None if scene is None else mf.load_scene(scene)
-    mf.report(read(reconstruction, "reconstruction"), output, scene=truth)
+    found = mf.pick_frame(read(reconstruction, "reconstruction"), frame)
+    mf.report(found, output, scene=truth, plan=given_plan(plan))
     if json:
         show_json(Report(kind="report", bytes=output.stat().st_size, files=[str(output)]))
         return
@@ -70,6 +79,8 @@ def view(
     file: Path,
     *,
     scene: Path | None = None,
+    plan: FloorPlanFile = None,
+    frame: Frame = None,
     port: int = 0,
     no_open: bool = False,
     json: bool = False,
@@ -99,15 +110,18 @@ def view(
         sys.stdout.flush()
 
     with suppress(KeyboardInterrupt):
-        serve(file, scene=scene, port=port, open_browser=not no_open, announce=announce)
+        serve(file, scene=scene, plan=plan, frame=frame, port=port, open_browser=not no_open, announce=announce)
 
 
 def show(
     file: Path,
     *,
     output: Output,
-    what: Literal["before-after", "initial", "corrected", "mirrors", "tree", "space", "body", "score"] | None = None,
+    what: Literal["before-after", "initial", "corrected", "mirrors", "tree", "space", "body", "score", "frames"]
+    | None = None,
     scene: Path | None = None,
+    plan: FloorPlanFile = None,
+    frame: Frame = None,
     floor_db: float = -40.0,
     dpi: int = 300,
     json: bool = False,
@@ -121,7 +135,7 @@ def show(
     output
         Figure to write (.png, .pdf or .svg).
     what
-        Which picture of a reconstruction; by default before-after, for a folded scan space.
+        Which picture of a reconstruction; by default before-after, for a folded scan space, for a recording frames.
     scene
         Scene file with the truth (TOML), drawn thin; needed for score.
     floor_db
@@ -138,9 +152,12 @@ def show(
         raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
     if not 10 <= dpi <= 2400:
         raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
-    check_output(output, inputs=[path for path in (file, scene) if path is not None])
+    check_output(output, inputs=[path for path in (file, scene, plan) if path is not None])
     truth = None if scene is None else mf.load_scene(scene)
-    drawn, figure = draw(mf.load(file), what, truth, floor_db, str(file))
+    found: Any = mf.load(file)
+    if frame is not None:
+        found = mf.pick_frame(found, frame)
+    drawn, figure = draw(found, what, truth, floor_db, str(file), given_plan(plan))
     with written_whole(output) as temporary:
         figure.savefig(temporary, dpi=dpi, bbox_inches="tight")
     if json:

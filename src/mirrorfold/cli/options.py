@@ -42,9 +42,17 @@ Preset = Annotated[
     ),
 ]
 Mirrors = Annotated[
-    Path | None, Parameter(help="Mirrors that are known or drawn (JSON); found in the image by default.")
+    Path | None,
+    Parameter(
+        help="Mirrors that are known or drawn (JSON), or a floor plan (DXF, GeoJSON), of which those walls are mirrors "
+        "that the radar sees; found in the image by default."
+    ),
 ]
-Export = Annotated[Path | None, Parameter(help="Point cloud to write too (.ply, .pcd or .vtp).")]
+FloorPlanFile = Annotated[
+    Path | None, Parameter(name="--plan", help="Known floor plan (DXF, GeoJSON) to lay over the pictures.")
+]
+Frame = Annotated[int | None, Parameter(help="Which frame of a recording, from 0.")]
+Export = Annotated[Path | None, Parameter(help="File for other programs to write too: see `mirrorfold export --help`.")]
 
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""

@@ -11,6 +11,7 @@ from cyclopts import CycloptsError
 from mirrorfold.cli import (
     VERBS,
     calibration,
+    comparing,
     importing,
     judging,
     looking,
@@ -27,6 +28,7 @@ from mirrorfold.errors import InputError
 FUNCTIONS = (
     *(simulating.demo, simulating.simulate),
     *(reconstructing.focus, reconstructing.fold, reconstructing.reconstruct, judging.score, judging.info),
+    comparing.compare,
     *(importing.import_, importing.export, calibration.calibrate, planning.plan),
     *(looking.report, looking.view, looking.show, shell.completion, outputs.schema),
 )

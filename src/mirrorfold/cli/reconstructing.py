@@ -8,21 +8,26 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
-from mirrorfold.cli.options import CrossRanges, Export, Heights, Mirrors, Output, Preset, Ranges, command
+from mirrorfold.cli.many import reconstruct_many
+from mirrorfold.cli.options import CrossRanges, Export, FloorPlanFile, Heights, Mirrors, Output, Preset, Ranges, command
 from mirrorfold.cli.results import (
     BODY,
+    FRAMES,
     PICTURE,
     RECONSTRUCTION,
     REPORT,
     SPACE,
     check_export,
+    frames_kept,
+    given_mirrors,
+    given_plan,
     parse_grid,
     read,
     report_reconstruction,
-    write_cloud,
+    write_export,
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_files, show_json
@@ -30,6 +35,12 @@ from mirrorfold.common.settings import takes
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.settings import FoldSettings
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NAMES = (RECONSTRUCTION, PICTURE, FRAMES, BODY, SPACE, REPORT)
+"""Files that may be written to the directory of a reconstruction."""
 
 
 @takes(FocusSettings, options=True)
@@ -112,25 +123,26 @@ def fold(
     json
         Print mirrors and counts as one JSON object.
     """
-    from mirrorfold.detection.known_mirrors import read_mirrors
     from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
+    inputs = [path for path in (image, sweep, mirrors) if path is not None]
+    check_output(output, inputs=inputs)
     check_export(export)
-    lines = None if mirrors is None else read_mirrors(mirrors)
+    known = given_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
-    with progress("folding") as report:
-        reconstruction = mf.fold(focused, sweep=measured, mirrors=lines, preset=preset, progress=report, **given)
-    reconstruction.attrs["command"] = command.get()
-    mf.save(reconstruction, output)
-    report_reconstruction(reconstruction, [output, *write_cloud(reconstruction, export)], json=json)
+    chosen = {"preset": preset, **given}
+    with frames_kept(focused, output, inputs, chosen) as kept:
+        with progress("folding") as report:
+            reconstruction = mf.fold(focused, sweep=measured, mirrors=known, progress=report, **kept, **chosen)
+        reconstruction.attrs["command"] = command.get()
+        mf.save(reconstruction, output)
+    report_reconstruction(reconstruction, [output, *write_export(reconstruction, export)], json=json)
 
 
 @takes(FocusSettings, FoldSettings, options=True)
 def reconstruct(
-    sweep: Path,
-    *,
+    *sweep: Path,
     output: Output,
     x: CrossRanges = None,
     y: Ranges = None,
@@ -138,6 +150,7 @@ def reconstruct(
     tolerance: float = TOLERANCE_TO_FOLD,
     mirrors: Mirrors = None,
     preset: Preset = "default",
+    plan: FloorPlanFile = None,
     export: Export = None,
     json: bool = False,
     **given: Any,
@@ -147,29 +160,50 @@ def reconstruct(
     Parameters
     ----------
     sweep
-        Sweep to read (netCDF).
+        Sweep to read (netCDF). Of several, each gets a folder of its own in the output, and a line in the summary.
     output
-        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too.
+        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too,
+        of a recording frames.png.
     tolerance
         Largest relative L2 error of the image; folding needs no better one.
     **given
     json
-        Print mirrors, counts and files as one JSON object.
+        Print mirrors, counts and files as one JSON object; of several sweeps the summary.
     """
-    from mirrorfold.detection.known_mirrors import read_mirrors
-    from mirrorfold.io.files import check_output_directory, directory_written_whole
+    from mirrorfold.io.files import check_output_directory
 
-    given |= {"tolerance": tolerance, **parse_grid(x=x, y=y, z=z)}
-    inputs = [path for path in (sweep, mirrors) if path is not None]
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=inputs)
+    if not sweep:
+        raise InputError("no sweep is given; name the file to reconstruct, for example sweep.nc")
+    given |= {"tolerance": tolerance, "preset": preset, **parse_grid(x=x, y=y, z=z)}
+    extra = [path for path in (mirrors, plan) if path is not None]
+    check_output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
     check_export(export)
-    lines = None if mirrors is None else read_mirrors(mirrors)
-    measured = read(sweep, "sweep")
+    known, walls = given_mirrors(mirrors), given_plan(plan)
+
+    def work(path: Path, folder: Path) -> tuple[xr.DataTree, list[Path]]:
+        return _reconstruct_file(path, folder, given, mirrors=known, plan=walls, inputs=extra)
+
+    if len(sweep) == 1:
+        reconstruction, files = work(sweep[0], output)
+        report_reconstruction(reconstruction, [*files, *write_export(reconstruction, export)], json=json)
+        return
+    if export is not None:
+        raise InputError("--export names one file and there are several sweeps; export each with mirrorfold export")
+    reconstruct_many(sweep, output, work, json=json)
+
+
+def _reconstruct_file(
+    path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
+) -> tuple[xr.DataTree, list[Path]]:
+    """Reconstruct one file; returns the reconstruction and the files that were written to the directory `output`."""
+    from mirrorfold.io.files import directory_written_whole
+
+    measured = read(path, "sweep")
     remark(mf.info(measured).remarks)
-    with progress("reconstructing") as report:
-        reconstruction = mf.reconstruct(measured, mirrors=lines, preset=preset, progress=report, **given)
-    reconstruction.attrs["command"] = command.get()
-    with directory_written_whole(output) as directory:
-        results = write_results(reconstruction, directory)
-    files = [*(output / name for name in results), *write_cloud(reconstruction, export)]
-    report_reconstruction(reconstruction, files, json=json)
+    with frames_kept(measured, output, [path, *inputs], given) as kept:
+        with progress(f"reconstructing {path.name}") as report:
+            reconstruction = mf.reconstruct(measured, mirrors=mirrors, progress=report, **kept, **given)
+        reconstruction.attrs["command"] = command.get()
+        with directory_written_whole(output) as directory:
+            results = write_results(reconstruction, directory, plan=plan)
+    return reconstruction, [output / name for name in results]

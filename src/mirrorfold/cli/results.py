@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
-from mirrorfold.cli.terminal import remark, show_files, show_json, show_mirrors
+from mirrorfold.cli.terminal import remark, show_files, show_frames, show_json, show_mirrors
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.common.records import Record
 
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
-REPORT = "report.html"
+REPORT, FRAMES = "report.html", "frames.png"
 
 
 def available_cores() -> int:
@@ -83,39 +85,86 @@ def parse_axis(text: str, name: str) -> Any:
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
 
-def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> list[str]:
-    """Write a reconstruction and its pictures to a directory; returns the files' names."""
+def write_results(
+    reconstruction: xr.DataTree, directory: Path, scene: Any = None, plan: FloorPlan | None = None
+) -> list[str]:
+    """Write a reconstruction and its pictures, of a recording those of its first frame; returns the files' names."""
+    from mirrorfold.folding.frames import frame_count
+
     mf.save(reconstruction, directory / RECONSTRUCTION)
-    mf.report(reconstruction, directory / REPORT, scene=scene)
+    names = [RECONSTRUCTION, PICTURE]
+    if frame_count(reconstruction) is not None:
+        figure: Any = mf.plot.frames(reconstruction).figure
+        figure.savefig(directory / FRAMES, bbox_inches="tight")
+        names.append(FRAMES)
+        reconstruction = mf.pick_frame(reconstruction, 0)
+        reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
+    mf.report(reconstruction, directory / REPORT, scene=scene, plan=plan)
     if "z" not in reconstruction.children["objects"].variables:
-        mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
-        return [RECONSTRUCTION, PICTURE, REPORT]
+        mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
+        return [*names, REPORT]
     from mirrorfold.plotting import volumes as plot_volume
 
-    mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
+    mf.plot.before_after(reconstruction, plan=plan).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
-    names = [RECONSTRUCTION, PICTURE, SPACE, REPORT]
+    names += [SPACE, REPORT]
     if plot_volume.has_body(reconstruction):
         plot_volume.body(reconstruction).savefig(directory / BODY)
         names.append(BODY)
     return names
 
 
-def check_export(path: Path | None) -> None:
-    """Refuse a point cloud that could not be written, before the work begins."""
-    if path is not None:
-        from mirrorfold.io.clouds import check_cloud_path
+@contextmanager
+def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: Mapping[str, Any]) -> Iterator[Any]:
+    """The keyword with which a recording keeps its frames beside the output until the end, and goes on from them."""
+    from mirrorfold.folding.frames import frame_count
 
-        check_cloud_path(path)
+    if frame_count(recording) is None:
+        yield {}
+        return
+    from mirrorfold.io.frame_folder import FrameFolder
+
+    kept = FrameFolder(output.with_name(f"{output.name}.frames"), inputs, settings)
+    if len(kept):
+        remark([f"{len(kept)} frames were done before; going on from there"])
+    try:
+        yield {"finished": kept}
+    except KeyboardInterrupt:
+        done = f"the {len(kept)} frames that are done are kept in {kept.folder}, the same command goes on from there"
+        raise KeyboardInterrupt(f"interrupted; {done}" if len(kept) else "") from None
+    kept.remove()
 
 
-def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:
-    """Write the point cloud, if one is asked for; returns its path."""
+def given_mirrors(path: Path | None) -> Any:
+    """Mirrors of a file: an array, or a floor plan, whose walls are yet to be looked for in an image."""
+    from mirrorfold.detection.known_mirrors import read_mirrors
+    from mirrorfold.io.plans import is_plan, read_plan
+
     if path is None:
-        return []
-    from mirrorfold.io.clouds import export
+        return None
+    return read_plan(path) if is_plan(path) else read_mirrors(path)
 
-    return [export(reconstruction, path)]
+
+def given_plan(path: Path | None) -> Any:
+    """The floor plan of a file, if one is given."""
+    if path is None:
+        return None
+    from mirrorfold.io.plans import read_plan
+
+    return read_plan(path)
+
+
+def check_export(path: Path | None) -> None:
+    """Refuse a file for other programs that could not be written, before the work begins."""
+    if path is not None:
+        from mirrorfold.io.exports import check_export_path
+
+        check_export_path(path)
+
+
+def write_export(reconstruction: Any, path: Path | None) -> list[Path]:
+    """Write the file for other programs, if one is asked for; returns its path."""
+    return [] if path is None else [mf.export(reconstruction, path)]
 
 
 def write_json(result: Record, path: Path) -> None:
@@ -132,7 +181,10 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
     if json:
         show_json(found.but(files=list(map(str, files))))
         return
-    show_mirrors(found.mirrors)
+    if "points_by_frame" in found:
+        show_frames(found)
+    else:
+        show_mirrors(found.mirrors)
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
     print(f"{found.points} points, by bounces: {counts or 'none'}")
     show_files(files)

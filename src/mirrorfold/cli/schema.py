@@ -9,10 +9,12 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
 from mirrorfold.cli.calibration import Calibration
-from mirrorfold.cli.importing import MappingProposal, TouchstoneScan
+from mirrorfold.cli.importing import Exported, MappingProposal, TouchstoneScan
 from mirrorfold.cli.looking import Figure, Report, View
+from mirrorfold.cli.many import Summary
 from mirrorfold.cli.shell import Completion
 from mirrorfold.common.records import Record
+from mirrorfold.describing.comparison import Comparison
 from mirrorfold.describing.images import ImageFacts
 from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.reconstructions import ReconstructionFacts
@@ -28,11 +30,12 @@ OUTPUTS: dict[str, Any] = {
     "demo": PlanScore | VolumeScore,
     "simulate": UsableSweep | FullWaveEstimate | ScanEstimate,
     "import": UsableSweep | ImageFacts | MappingProposal,
-    "export": TouchstoneScan,
+    "export": TouchstoneScan | Exported,
     "calibrate": Calibration,
     "focus": ImageFacts,
     "fold": ReconstructionFacts,
-    "reconstruct": ReconstructionFacts,
+    "reconstruct": ReconstructionFacts | Summary,
+    "compare": Comparison,
     "score": PlanScore | VolumeScore,
     "report": Report,
     "view": View,

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
+    from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
-    from mirrorfold.describing.reconstructions import MirrorFacts
+    from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
     from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
+
+UNLISTED = ("remarks", "mirrors", "surfaces", "findings", "judged", "valid", "points_by_frame")
+"""Facts that have tables or lines of their own."""
 
 
 @contextmanager
@@ -63,14 +69,16 @@ def show_info(found: Mapping[str, Any]) -> None:
     """Print what `info` has found, as a table of names and values."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
-        if name in ("remarks", "mirrors", "surfaces", "findings", "judged", "valid") or value in (None, ""):
+        if name in UNLISTED or value in (None, ""):
             continue
         label, text = describe(name, value)
         table.add_row(label, text)
     for surface in found.get("surfaces", ()):
         table.add_row("surface", f"{surface['name']} ({surface['kind']}, {surface['material']})")
     _console().print(table)
-    if found.get("mirrors"):
+    if found.get("points_by_frame"):
+        show_frames(cast("ReconstructionFacts", found))
+    elif found.get("mirrors"):
         show_mirrors(found["mirrors"])
     for sentence in found["remarks"]:
         print(f"! {sentence}")
@@ -89,6 +97,53 @@ def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
             *(f"({', '.join(f'{part:.4f}' for part in end)})" for end in (mirror.start_m, mirror.end_m)),
             _number(mirror.strength, ".3g"),
         )
+    _console().print(table)
+
+
+def show_frames(found: ReconstructionFacts) -> None:
+    """Print how much was found in each frame of a recording."""
+    table = _table("frames")
+    for heading in ("frame", "mirrors", "points"):
+        table.add_column(heading, justify="right")
+    for frame, points in enumerate(found.points_by_frame):
+        table.add_row(str(frame), str(sum(mirror.frame == frame for mirror in found.mirrors)), str(points))
+    _console().print(table)
+
+
+def show_summary(results: Sequence[SweepResult]) -> None:
+    """Print what became of many sweeps, one in a line."""
+    table = _table("sweeps")
+    for heading in ("sweep", "mirrors", "points", "by mirrors", "result"):
+        table.add_column(heading, justify="left" if heading in ("sweep", "result") else "right", overflow="fold")
+    for one in results:
+        counts = ("-" if count is None else str(count) for count in (one.mirrors, one.points, one.hidden))
+        place = os.path.dirname(one.files[0]) if one.files else "failed"
+        table.add_row(one.sweep, *counts, place)
+    _console().print(table)
+
+
+def show_comparison(found: Comparison) -> None:
+    """Print how two results differ: levels, points, mirrors."""
+    levels = found.levels
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_row("first", found.first)
+    facts.add_row("second", found.second)
+    facts.add_row("level, second over first", f"{_number(levels.median_db, '+.2f')} dB (median)")
+    facts.add_row("difference", f"{_number(levels.rms_db, '.2f')} dB (rms over {levels.pixels} pixels)")
+    facts.add_row("correlation", _number(levels.correlation, ".4f"))
+    if "points" in found:
+        points = found.points
+        facts.add_row("points", f"{points.first} and {points.second}: {points.kept} kept, {points.gained} gained, "
+                                f"{points.lost} lost")  # fmt: skip
+    _console().print(facts)
+    if not found.get("mirrors"):
+        return
+    table = _table("mirrors, at their true places")
+    for heading in ("first", "second", "angle [deg]", "offset [mm]"):
+        table.add_column(heading, justify="right")
+    for pair in found.mirrors:
+        numbers = ("-" if number is None else str(number) for number in (pair.first, pair.second))
+        table.add_row(*numbers, _number(pair.angle_deg, ".3f"), _number(pair.offset_m, ".2f", 1e3))
     _console().print(table)
 
 

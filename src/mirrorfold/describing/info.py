@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import xarray as xr
 
@@ -82,6 +82,7 @@ def info(
 
 def _file(path: Path, diagnose: bool) -> Facts:
     """What a file holds; a sweep that is not valid is described as far as it can be."""
+    content: Any
     try:
         content = load(path)
     except InputError:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
+from mirrorfold.folding.frames import frame_count
 
 
 class MirrorFacts(Record):
@@ -20,6 +21,7 @@ class MirrorFacts(Record):
     start_m: list[float] = fact(min_length=2, max_length=3)
     end_m: list[float] = fact(min_length=2, max_length=3)
     strength: Number
+    frame: int = fact("of a recording", default=LEFT_OUT)
 
 
 class ReconstructionFacts(Sized):
@@ -28,6 +30,7 @@ class ReconstructionFacts(Sized):
     kind: Literal["reconstruction"]
     points: int
     points_by_bounces: dict[str, int]
+    points_by_frame: list[int] = fact("of a recording", default=LEFT_OUT)
     mirrors: list[MirrorFacts]
     remarks: list[str] = fact("sentences on what looks wrong")
     files: list[str] = fact("what was written", default=LEFT_OUT)
@@ -43,6 +46,9 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         remarks.append("No mirror was found; the image is unfolded.")
     if not objects.sizes.get("point", 0):
         remarks.append("No object was found.")
+    recording: dict[str, Any] = {}
+    if (frames := frame_count(reconstruction)) is not None:
+        recording = {"points_by_frame": np.bincount(objects["frame"].values, minlength=frames).tolist()}
     return ReconstructionFacts(
         kind="reconstruction",
         title=str(reconstruction.attrs.get("title", "")),
@@ -51,6 +57,7 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
         mirrors=mirrors,
         remarks=remarks,
+        **recording,
     )
 
 
@@ -66,6 +73,7 @@ def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:
             start_m=[float(mirror[f"folded_{axis}0"]) for axis in axes],
             end_m=[float(mirror[f"folded_{axis}1"]) for axis in axes],
             strength=float(mirror["strength"]),
+            **({"frame": int(mirror["frame"])} if "frame" in mirror.coords else {}),
         )
         for index in range(mirrors.sizes.get("mirror", 0))
         for mirror in [mirrors.isel(mirror=index)]

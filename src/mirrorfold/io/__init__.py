@@ -4,28 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
 
-def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D:
+def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | FloorPlan:
     """Read a sweep, an image, a reconstruction or a scene, checked and completely in memory.
 
     Parameters
     ----------
     path : path
-        A netCDF-4 file; a scene where the name ends in ``.toml``; an image or point cloud of another tool where it ends
-        in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see `import_image`).
+        A netCDF-4 file; a scene where the name ends in ``.toml``; a floor plan in ``.dxf`` or ``.geojson``; an image or
+        point cloud of another tool in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see
+        `import_image`).
 
     Returns
     -------
-    xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene or Scene3D
-        A sweep, an image, a reconstruction or a scene.
+    xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene, Scene3D or FloorPlan
+        A sweep, an image, a reconstruction, a scene or a floor plan.
 
     Raises
     ------
@@ -37,6 +39,10 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.scenes.floor_plan import load_scene
 
         return load_scene(path)
+    if path.suffix.lower() in (".dxf", ".geojson"):
+        from mirrorfold.io.plans import read_plan
+
+        return read_plan(path)
     _prepare_to_read(path)
     from mirrorfold.io.netcdf import is_foreign, read
 
@@ -96,11 +102,11 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, Path(path))
 
 
-def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
-    """Write the folded points of a reconstruction for other programs: see `mirrorfold.io.clouds.export`."""
-    from mirrorfold.io import clouds
+def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
+    """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.export`."""
+    from mirrorfold.io import exports
 
-    return clouds.export(reconstruction, path)
+    return exports.export(obj, path, what=what)
 
 
 def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:

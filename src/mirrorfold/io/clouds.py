@@ -1,17 +1,15 @@
-"""Point clouds for other programs: PLY, PCD and VTP files of a reconstruction's points."""
+"""Point clouds for other programs: PLY, PCD, VTP, CSV and XYZ files of a reconstruction's points."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.errors import InputError
-from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.common.chains import mirror_chains
+from mirrorfold.io.vtk import points_file
 
 Columns = dict[str, NDArray]
 
@@ -19,25 +17,22 @@ COLOURS = np.array([[0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233
 """Red, green and blue by number of bounces, as in the pictures (Okabe and Ito, 2008)."""
 
 
-def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
-    """Write the points of a reconstruction, folded, to a file that other programs read.
+def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
+    """The points of a reconstruction, folded, as a file that other programs read.
 
-    Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `bounces`, `confidence`, `mirror`
-    (1 on the face of a mirror, 0 on an object) and, in PLY files, a colour by its number of bounces.
+    Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`,
+    `mirror` (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by
+    its number of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was
+    seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name the whole chains.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    path : path
-        Its suffix says the format: ``.ply``, ``.pcd`` or ``.vtp``.
-
-    Raises
-    ------
-    InputError
-        If the suffix is none of these, or nothing can be written there.
+    suffix : str
+        One of `WRITERS`.
     """
-    path = check_cloud_path(path)
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     size = objects.sizes.get("point", 0)
     columns: Columns = {
         name: np.asarray(objects[name].values, dtype="<f4") if name in objects.variables else np.zeros(size, "<f4")
@@ -46,23 +41,15 @@ def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
     columns["bounces"] = objects["bounces"].values.astype("<i4")
     surface = objects["surface"].values if "surface" in objects else np.full(size, "object")
     columns["mirror"] = (surface == "mirror").astype("<i4")
-    with written_whole(path) as temporary:
-        temporary.write_bytes(WRITERS[path.suffix.lower()](columns))
-    return path
-
-
-def check_cloud_path(path: str | Path) -> Path:
-    """The path, if a point cloud can be written there.
-
-    Raises
-    ------
-    InputError
-        If its suffix names no format that is known, or its directory cannot be written to.
-    """
-    path = check_output(path)
-    if path.suffix.lower() not in WRITERS:
-        raise InputError(f"{path}: ends in {path.suffix!r}, expected one of {', '.join(WRITERS)}")
-    return path
+    chains = mirror_chains(mirrors)
+    frames = [table["frame"].values if "frame" in table.variables else np.zeros(count, dtype=int)
+              for table, count in ((mirrors, len(chains)), (objects, size))]  # fmt: skip
+    number = {key: i for i, key in enumerate(zip(frames[0].tolist(), chains, strict=True))}
+    seen = zip(frames[1].tolist(), objects["chain"].values.astype(str).tolist(), strict=True)
+    columns["chain"] = np.array([number.get(key, -1) for key in seen], dtype="<i4")
+    if "frame" in objects.variables:
+        columns["frame"] = frames[1].astype("<i4")
+    return WRITERS[suffix](columns, chains)
 
 
 def _table(columns: Columns) -> bytes:
@@ -74,21 +61,22 @@ def _table(columns: Columns) -> bytes:
     return table.tobytes()
 
 
-def _ply(columns: Columns) -> bytes:
+def _ply(columns: Columns, chains: list[str]) -> bytes:
     colour = COLOURS[np.minimum(columns["bounces"], len(COLOURS) - 1)].astype("u1")
     columns = columns | {name: colour[:, i] for i, name in enumerate(("red", "green", "blue"))}
     kinds = {"f": "float", "i": "int", "u": "uchar"}
-    lines = ["ply", "format binary_little_endian 1.0", "comment points folded by mirrorfold, metres, z up"]
+    lines = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in notes(chains))]
     lines.append(f"element vertex {len(columns['x'])}")
     lines += [f"property {kinds[column.dtype.kind]} {name}" for name, column in columns.items()]
     return "\n".join([*lines, "end_header", ""]).encode() + _table(columns)
 
 
-def _pcd(columns: Columns) -> bytes:
+def _pcd(columns: Columns, chains: list[str]) -> bytes:
     columns = {("intensity" if name == "amplitude" else name): column for name, column in columns.items()}
     size = len(columns["x"])
     lines = [
-        "# .PCD v0.7 - points folded by mirrorfold, metres, z up",
+        "# .PCD v0.7",
+        *(f"# {line}" for line in notes(chains)),
         "VERSION 0.7",
         "FIELDS " + " ".join(columns),
         "SIZE " + " ".join(str(column.itemsize) for column in columns.values()),
@@ -104,32 +92,34 @@ def _pcd(columns: Columns) -> bytes:
     return "\n".join(lines).encode() + _table(columns)
 
 
-def _vtp(columns: Columns) -> bytes:
-    size = len(columns["x"])
-    points = np.stack([columns.pop(axis) for axis in "xyz"], axis=-1)
-    kinds = {"<f4": "Float32", "<i4": "Int32", "<i8": "Int64"}
-
-    def array(name: str, values: NDArray, components: int = 1) -> str:
-        raw = np.ascontiguousarray(values).tobytes()
-        text = base64.b64encode(np.uint32(len(raw)).tobytes() + raw).decode()
-        kind = kinds[values.dtype.str]
-        head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">'
-        return f"{head}{text}</DataArray>"
-
-    each = np.arange(size, dtype="<i8")
-    parts = [
-        '<?xml version="1.0"?>',
-        '<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian" header_type="UInt32"><PolyData>',
-        f'<Piece NumberOfPoints="{size}" NumberOfVerts="{size}" NumberOfLines="0" NumberOfStrips="0"'
-        ' NumberOfPolys="0">',
-        f"<PointData>{''.join(array(name, column) for name, column in columns.items())}</PointData>",
-        f"<Points>{array('Points', points, 3)}</Points>",
-        f"<Verts>{array('connectivity', each)}{array('offsets', each + 1)}</Verts>",
-        "</Piece></PolyData></VTKFile>",
-        "",
-    ]
-    return "\n".join(parts).encode()
+def _vtp(columns: Columns, chains: list[str]) -> bytes:
+    points = np.stack([columns[axis] for axis in "xyz"], axis=-1)
+    return points_file(points, {name: column for name, column in columns.items() if name not in "xyz"}, notes(chains))
 
 
-WRITERS: dict[str, Callable[[Columns], bytes]] = {".ply": _ply, ".pcd": _pcd, ".vtp": _vtp}
+def _csv(columns: Columns, chains: list[str]) -> bytes:
+    return _text(columns, ",").encode()
+
+
+def _xyz(columns: Columns, chains: list[str]) -> bytes:
+    return "".join(["# ", *(f"{line}\n# " for line in notes(chains)), _text(columns, " ")]).encode()
+
+
+def _text(columns: Columns, separator: str) -> str:
+    """A line of headings, and one for each point."""
+    rows = zip(*(column.tolist() if column.dtype.kind != "f" else [f"{value:.7g}" for value in column]
+                 for column in columns.values()), strict=True)  # fmt: skip
+    lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
+    return "\n".join([*lines, ""])
+
+
+def notes(chains: list[str]) -> list[str]:
+    """What the numbers of chains stand for."""
+    ways = (f"chain {number} is by way of mirrors {name}" for number, name in enumerate(chains))
+    return ["points folded by mirrorfold, metres, z up", *ways]
+
+
+WRITERS: dict[str, Callable[[Columns, list[str]], bytes]] = {
+    ".ply": _ply, ".pcd": _pcd, ".vtp": _vtp, ".csv": _csv, ".xyz": _xyz
+}  # fmt: skip
 """The formats, by suffix."""

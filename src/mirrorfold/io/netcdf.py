@@ -192,8 +192,8 @@ def image_axes(image: xr.DataArray) -> tuple[str, ...]:
 def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
     """The reconstruction, or a plain word on what is wrong with it.
 
-    The places of the objects are made coordinates where they are not: as variables they would be hidden behind the
-    x and y of the pixels, which groups inherit from the root.
+    The places of the objects, and the frames of tables, are made coordinates where they are not: as variables they
+    would be hidden behind those of the pixels, which groups inherit from the root.
 
     Raises
     ------
@@ -204,21 +204,26 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
     if kind != "reconstruction":
         raise InputError(f"{source}: mirrorfold_kind is {kind!r}, expected 'reconstruction'; give the result of fold")
     nodes = {node.path: node for node in reconstruction.subtree}
+    recording = "frame" in reconstruction.dims
     for group, names in RECONSTRUCTION.items():
         if group not in nodes:
             raise InputError(f"{source}: the group {group} is missing from the reconstruction; fold the image again")
         held = nodes[group].to_dataset(inherit=False)
+        if recording and group in ("/objects", "/mirrors"):
+            names = {**names, "frame": next(iter(names.values()))}
         for name, dimensions in names.items():
             if name not in held.variables:
                 raise InputError(f"{source}: {name!r} is missing from the group {group}; fold the image again")
-            if held[name].dims != dimensions:
+            leading = ("frame",) if recording and dimensions == ("y", "x") else ()
+            if held[name].dims != (*leading, *dimensions):
                 raise InputError(
                     f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
                 )
-    objects = nodes["/objects"].to_dataset(inherit=False)
-    if not {"x", "y"} <= set(objects.coords):
-        reconstruction = reconstruction.copy()
-        reconstruction["/objects"] = xr.DataTree(objects.set_coords(["x", "y"]))
+    for group, hidden in (("/objects", {"x", "y", "frame"}), ("/mirrors", {"frame"})):
+        table = nodes[group].to_dataset(inherit=False)
+        if hidden & set(table.data_vars):
+            reconstruction = reconstruction.copy()
+            reconstruction[group] = xr.DataTree(table.set_coords(list(hidden & set(table.data_vars))))
     return reconstruction
 
 

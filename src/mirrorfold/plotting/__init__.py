@@ -1,16 +1,21 @@
 """Pictures of sweeps, images, reconstructions, scenes, scores and plans; ``mf.plot`` is this package."""
 
 from mirrorfold.plotting.comparison import before_after, content_extent
-from mirrorfold.plotting.figures import corrected, image, mirrors, scene, shadows
+from mirrorfold.plotting.differences import compare
+from mirrorfold.plotting.figures import corrected, image, mirrors, plan, scene, shadows
 from mirrorfold.plotting.measurements import channel_map, range_profile, score, sweep, tree
+from mirrorfold.plotting.recordings import frames
 
 __all__ = [
     "before_after",
     "channel_map",
+    "compare",
     "content_extent",
     "corrected",
+    "frames",
     "image",
     "mirrors",
+    "plan",
     "range_profile",
     "scene",
     "score",

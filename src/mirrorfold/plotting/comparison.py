@@ -11,13 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.plotting.axes import CURVE_STEP, Extent, colour_of, draw_radar, mirror_lines, radar_of
 from mirrorfold.plotting.figures import corrected, image, mirrors, shadows
+from mirrorfold.plotting.figures import plan as draw_plan
 from mirrorfold.plotting.figures import scene as draw_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.scenes.floor_plan import Scene
 
 MARGIN = 0.06
@@ -31,6 +34,7 @@ def before_after(
     reconstruction: xr.DataTree,
     scene: Scene | None = None,
     *,
+    plan: FloorPlan | None = None,
     floor_db: float = -40.0,
     axes: Sequence[Axes] | None = None,
 ) -> Figure:
@@ -41,6 +45,8 @@ def before_after(
     reconstruction : xarray.DataTree
     scene : Scene, optional
         The truth, drawn thin in both.
+    plan : FloorPlan, optional
+        Known walls, drawn like the truth.
     floor_db : float [dB], default -40
     axes : two of matplotlib.axes.Axes, optional
         To draw into, of one figure; without colour bar and legend then. New ones by default.
@@ -50,9 +56,10 @@ def before_after(
     matplotlib.figure.Figure
         Not registered with pyplot; ``figure.savefig(path)`` writes it.
     """
+    reconstruction = pick_frame(reconstruction)
     radar = radar_of(reconstruction)
-    before = content_extent(reconstruction, scene, folded=False)
-    after = content_extent(reconstruction, scene, folded=True)
+    before = content_extent(reconstruction, scene, plan, folded=False)
+    after = content_extent(reconstruction, scene, plan, folded=True)
     bottom, top = min(before[2], after[2]), max(before[3], after[3])
     before, after = (*before[:2], bottom, top), (*after[:2], bottom, top)
     if axes is None:
@@ -75,23 +82,28 @@ def before_after(
         draw_scene(scene, left, alpha=0.45)
         draw_scene(scene, right, alpha=1.0)
     for panel in (left, right):
+        if plan is not None:
+            draw_plan(plan, panel)
         panel.locator_params(axis="x", nbins=6)
     if bar is None:
         return figure
     right.set(ylabel="", yticklabels=[])
     figure.colorbar(right.images[0], cax=bar, label=f"amplitude [dB], floor {floor_db:g} dB")
-    figure.legend(handles=_legend(reconstruction, scene), loc="lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend(reconstruction, scene, plan), loc="lower center", ncols=6, frameon=False)
     return figure
 
 
-def content_extent(reconstruction: xr.DataTree, scene: Scene | None = None, *, folded: bool) -> Extent:
+def content_extent(
+    reconstruction: xr.DataTree, scene: Scene | None = None, plan: FloorPlan | None = None, *, folded: bool
+) -> Extent:
     """The part of the floor plan that holds something, with a margin.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
     scene : Scene, optional
-        Its surfaces count too.
+    plan : FloorPlan, optional
+        Its surfaces, or walls, count too.
     folded : bool
         Of the corrected image; else of the initial one.
 
@@ -106,6 +118,8 @@ def content_extent(reconstruction: xr.DataTree, scene: Scene | None = None, *, f
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
     if scene is not None:
         points += [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
+    if plan is not None:
+        points += plan.lines
     found = np.concatenate(points)
     if len(found) == 1:
         grid = reconstruction.children["initial"].dataset
@@ -129,7 +143,7 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
     return figure, axes
 
 
-def _legend(reconstruction: xr.DataTree, scene: Scene | None) -> list[Line2D]:
+def _legend(reconstruction: xr.DataTree, scene: Scene | None, plan: FloorPlan | None) -> list[Line2D]:
     """One entry for each colour in the picture, and one for the truth."""
     bounces = {int(count) for count in np.unique(reconstruction.children["objects"].dataset["bounces"].values)}
     bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}
@@ -137,6 +151,7 @@ def _legend(reconstruction: xr.DataTree, scene: Scene | None) -> list[Line2D]:
         Line2D([], [], color=colour_of(count), linewidth=2.5, marker="o", markersize=4, label=bounce_label(count))
         for count in sorted(bounces)
     ]
-    if scene is not None:
-        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.9, label="truth"))
+    for known, label in ((scene, "truth"), (plan, "floor plan")):
+        if known is not None:
+            handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.9, label=label))
     return handles

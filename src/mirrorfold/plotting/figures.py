@@ -33,6 +33,7 @@ from mirrorfold.plotting.axes import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.scenes.floor_plan import Scene
 
 COLOUR_MAP = "gray_r"
@@ -195,6 +196,28 @@ def scene(scene: Scene, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
             ax.plot(*piece.T, color=TRUTH_COLOUR, linewidth=0.9, alpha=alpha)
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))
     draw_radar(ax, radar[:2])
+    return in_metres(ax)
+
+
+def plan(plan: FloorPlan, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
+    """Draw the lines of a known floor plan, thin.
+
+    Parameters
+    ----------
+    plan : FloorPlan
+        As `mirrorfold.load` reads one from a DXF or GeoJSON file.
+    ax : matplotlib.axes.Axes, optional
+        New ones by default.
+    alpha : float, default 1
+        Opacity.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = axes_or_new(ax)
+    for line in plan.lines:
+        ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=0.9, alpha=alpha)
     return in_metres(ax)
 
 

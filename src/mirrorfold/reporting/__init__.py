@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 if TYPE_CHECKING:
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
@@ -20,6 +21,7 @@ def report(
     path: str | Path,
     *,
     scene: Scene | Scene3D | str | Path | None = None,
+    plan: FloorPlan | str | Path | None = None,
 ) -> Path:
     """Write a page that shows a reconstruction and answers questions about it.
 
@@ -30,6 +32,8 @@ def report(
         The HTML file to write.
     scene : Scene, Scene3D or path of a scene file, optional
         The truth: drawn thin, and the result scored against it.
+    plan : FloorPlan or path of a DXF or GeoJSON file, optional
+        Known walls, drawn like the truth.
 
     Returns
     -------
@@ -41,18 +45,21 @@ def report(
     InputError
         If the reconstruction or the scene cannot be used, or nothing can be written there.
     """
+    from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io.files import written_whole
     from mirrorfold.io.netcdf import check_reconstruction
+    from mirrorfold.io.plans import read_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
     from mirrorfold.scenes.floor_plan import load_scene
 
     path = Path(path)
-    checked = check_reconstruction(reconstruction)
+    checked = pick_frame(check_reconstruction(reconstruction))
+    walls = read_plan(plan) if isinstance(plan, str | Path) else plan
     truth = load_scene(scene) if isinstance(scene, str | Path) else scene
     limit = LARGEST_IMAGE
     while True:
-        page = to_html(to_document(checked, truth, largest_image=limit), title=title_of(checked, truth))
+        page = to_html(to_document(checked, truth, largest_image=limit, plan=walls), title=title_of(checked, truth))
         if len(page) <= LARGEST_PAGE or limit < LARGEST_IMAGE // 64:
             break
         limit //= 2

@@ -16,7 +16,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold import __version__
+from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
+from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
 from mirrorfold.describing.settings import recorded_settings
 
@@ -54,6 +56,7 @@ def to_document(
     effort: int = 9,
     images: Sequence[str] = ("initial", "corrected"),
     scored: bool = True,
+    plan: FloorPlan | None = None,
 ) -> dict[str, Any]:
     """Everything to show of a reconstruction.
 
@@ -75,6 +78,8 @@ def to_document(
         Which of the two pictures the document is to hold.
     scored : bool
         Whether to score the result, where the truth is known.
+    plan : FloorPlan, optional
+        Known walls: drawn like the truth.
 
     Returns
     -------
@@ -89,6 +94,8 @@ def to_document(
     axes = "xyz"[:dimensions]
     mirrors = mirror_rows(reconstruction)
     truth = [] if scene is None else truth_lines(scene)
+    if plan is not None:
+        truth += [np.round(line, 4).tolist() for line in plan.lines]
     if extent is None:
         extent = shown_extent(reconstruction, truth)
     shown = {
@@ -144,13 +151,9 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
     volume = "corner_x" in held
     axes = "xyz" if "z0" in held else "xy"
     rows: list[dict[str, Any]] = []
-    siblings: dict[int, int] = {}
+    chains = mirror_chains(held)
     for i in range(held.sizes.get("mirror", 0)):
         one = held.isel(mirror=i)
-        parent = int(one["parent"])
-        place = siblings.setdefault(parent, 0)
-        siblings[parent] += 1
-        chain = str(place) if parent < 0 or parent >= i else f"{rows[parent]['chain']}/{place}"
         ends = {
             prefix: [[float(one[f"{prefix}{axis}{end}"]) for axis in axes] for end in (0, 1)]
             for prefix in ("", "folded_")
@@ -158,9 +161,9 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
         way = np.subtract(ends["folded_"][1], ends["folded_"][0])
         row: dict[str, Any] = {
             "number": i,
-            "parent": parent,
+            "parent": int(one["parent"]),
             "generation": int(one["generation"]),
-            "chain": str(one["chain"].values) if "chain" in held else chain,
+            "chain": chains[i],
             "ends": ends[""],
             "folded_ends": ends["folded_"],
             "length": float(np.linalg.norm(way)),

@@ -15,6 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, load_scene
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.figures import Figures, figures, thin
@@ -124,6 +125,7 @@ def score(
     """
     if not isinstance(reconstruction, xr.DataTree) or "objects" not in reconstruction.children:
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
+    reconstruction = pick_frame(reconstruction)
     scene = load_scene(scene) if isinstance(scene, str | Path) else scene
     objects = reconstruction.children["objects"].dataset
     flat = "z" not in objects.variables

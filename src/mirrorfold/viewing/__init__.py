@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mirrorfold.common.plans import FloorPlan
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
@@ -19,6 +20,8 @@ def view(
     path: str | Path,
     *,
     scene: Scene | Scene3D | str | Path | None = None,
+    plan: FloorPlan | str | Path | None = None,
+    frame: int | None = None,
     port: int = 0,
     open_browser: bool = True,
     announce: Callable[[str], None] | None = None,
@@ -31,6 +34,10 @@ def view(
         Sweep, image or reconstruction (netCDF). A file that cannot be read is told of in the page.
     scene : Scene, Scene3D or path of a scene file, optional
         The truth, drawn thin; the result is scored against it.
+    plan : FloorPlan or path of a DXF or GeoJSON file, optional
+        Known walls, drawn like the truth.
+    frame : int, optional
+        Which frame of a recording.
     port : int
         0 for any that is free.
     open_browser : bool
@@ -44,6 +51,7 @@ def view(
         If there is no such file, the port cannot be had, or the scene is wrong.
     """
     from mirrorfold.errors import InputError
+    from mirrorfold.io.plans import read_plan
     from mirrorfold.scenes.floor_plan import load_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
@@ -51,7 +59,8 @@ def view(
     if not Path(path).is_file():
         raise InputError(f"{path}: is no file; give a sweep, an image or a reconstruction (netCDF)")
     truth = load_scene(scene) if isinstance(scene, str | Path) else scene
-    with Server(Session(path, truth), port) as server:
+    walls = read_plan(plan) if isinstance(plan, str | Path) else plan
+    with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
         if announce is not None:
             announce(server.address)
         if open_browser:

@@ -8,18 +8,20 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
 from mirrorfold.detection.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, FoldSettings
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.reconstruction import FoldPlan, fold, initial_image
@@ -50,10 +52,22 @@ class Session:
         Sweep, image or reconstruction.
     scene : Scene or Scene3D, optional
         The truth.
+    frame : int, optional
+        Which frame of a recording.
+    plan : FloorPlan, optional
+        Known walls, drawn like the truth.
     """
 
-    def __init__(self, path: str | Path, scene: Scene | Scene3D | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        scene: Scene | Scene3D | None = None,
+        *,
+        frame: int | None = None,
+        plan: FloorPlan | None = None,
+    ) -> None:
         self.path = Path(path)
+        self.frame, self.plan = frame, plan
         self.scene = scene
         self._lock = threading.Lock()
         self._state: dict[str, Any] = {}
@@ -74,7 +88,7 @@ class Session:
     def _open(self) -> None:
         try:
             with self._lock:
-                document = self._first(load(self.path))
+                document = self._first(pick_frame(cast(Any, load(self.path)), self.frame))
             self._state = {"status": "ready", "document": document}
         except InputError as error:
             self._state = {"status": "failed", "message": str(error)}
@@ -128,8 +142,11 @@ class Session:
         self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
         self._lines: Array | None = None
         truth = [] if self.scene is None else truth_lines(self.scene)
+        truth += [] if self.plan is None else [line.tolist() for line in self.plan.lines]
         self._extent = shown_extent(reconstruction, truth)
-        document = to_document(reconstruction, self.scene, largest_image=LIVE_PIXELS, extent=self._extent, effort=1)
+        document = to_document(
+            reconstruction, self.scene, largest_image=LIVE_PIXELS, extent=self._extent, effort=1, plan=self.plan
+        )
         self._zero_db = document["zero_db"]
         if self.editable:
             if isinstance(source, xr.DataTree):
@@ -185,6 +202,7 @@ class Session:
             extent=self._extent,
             zero_db=self._zero_db,
             effort=1,
+            plan=self.plan,
             images=("corrected",),
             scored=request.get("score") is True,
         )

@@ -1,0 +1,56 @@
+"""The verb that lays two results side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mirrorfold as mf
+from mirrorfold.cli.options import Frame, OptionalOutput
+from mirrorfold.cli.results import read
+from mirrorfold.cli.terminal import remark, show_comparison, show_files, show_json
+from mirrorfold.errors import InputError
+
+FORMATS = (".html", ".png", ".pdf", ".svg")
+
+
+def compare(
+    first: Path, second: Path, *, output: OptionalOutput = None, frame: Frame = None, json: bool = False
+) -> None:
+    """Compare two results.
+
+    Parameters
+    ----------
+    first
+        Reconstruction or image to read (netCDF).
+    second
+        Another of the same kind.
+    output
+        Figure (.png, .pdf or .svg), or page with the figure and the numbers (.html), to write.
+    json
+        Print the comparison as one JSON object.
+    """
+    from mirrorfold.io.files import check_output, written_whole
+
+    if output is not None:
+        if output.suffix.lower() not in FORMATS:
+            raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
+        check_output(output, inputs=[first, second])
+    a, b = (read(path, "reconstruction", "image") for path in (first, second))
+    if frame is not None:
+        a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)
+    names = str(first), str(second)
+    found = mf.compare(a, b, names=names)
+    if output is not None and output.suffix.lower() == ".html":
+        from mirrorfold.reporting.comparison import write_comparison
+
+        write_comparison(a, b, output, names=names)
+    elif output is not None:
+        with written_whole(output) as temporary:
+            mf.plot.compare(a, b, names=names).savefig(temporary, dpi=200)
+    files = [] if output is None else [output]
+    remark(found.remarks)
+    if json:
+        show_json(found.but(files=list(map(str, files))))
+        return
+    show_comparison(found)
+    show_files(files)

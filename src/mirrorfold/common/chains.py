@@ -1,0 +1,25 @@
+"""Names of the ways by which something was seen."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+
+def mirror_chains(mirrors: xr.Dataset) -> list[str]:
+    """The chain of every mirror of a table, such as "1/0": its own number among those seen by the same way last.
+
+    Parameters
+    ----------
+    mirrors : xarray.Dataset
+        The group `mirrors` of a Reconstruction; older ones hold only the `parent` of each.
+    """
+    if "chain" in mirrors:
+        return [str(chain) for chain in mirrors["chain"].values]
+    names: list[str] = []
+    frames = mirrors["frame"].values.tolist() if "frame" in mirrors.variables else [0] * mirrors.sizes.get("mirror", 0)
+    siblings: dict[tuple[int, int], int] = {}
+    for frame, parent in zip(frames, mirrors["parent"].values.astype(int).tolist(), strict=True):
+        place = siblings.setdefault((frame, parent), 0)
+        siblings[frame, parent] += 1
+        names.append(f"{names[parent]}/{place}" if 0 <= parent < len(names) else str(place))
+    return names

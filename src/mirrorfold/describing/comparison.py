@@ -1,0 +1,311 @@
+"""Two results side by side: how their levels differ, which points came and went, how far mirrors moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.decibels import reference
+from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.finding import see
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.range_profiles import plan_view
+from mirrorfold.folding.frames import pick_frame
+from mirrorfold.io.netcdf import check_image, check_reconstruction
+from mirrorfold.reconstruction import initial_image
+from mirrorfold.scoring.mirrors import Face, mirror_errors
+
+WITHIN_CELLS = 1.5
+"""A point is still there where the other result has one within so many resolution cells."""
+
+FLOOR_DB = -40.0
+"""Below the brighter of both results, levels count as nothing: there, noise would differ by many decibels."""
+
+PIXELS_A_CELL = 2.0
+"""Of results that do not say what they resolve."""
+
+APART = 1e6
+"""Cost of a pair of mirrors that cannot be the same."""
+
+
+class LevelChange(Record):
+    """How the levels of two pictures differ, second over first, where one of them is above the floor."""
+
+    pixels: int = fact("that were compared")
+    floor_db: float = fact("level below the brighter of both, at which both are cut off")
+    median_db: Number = fact("[dB]")
+    rms_db: Number = fact("root mean square [dB]")
+    largest_db: Number = fact("without sign [dB]")
+    correlation: Number = fact("of the amplitudes, 1 where one is a multiple of the other")
+
+
+class PointChange(Record):
+    """Which points are in one result only."""
+
+    first: int = fact("points of the first")
+    second: int
+    kept: int = fact("points of the second, near to one of the first")
+    gained: int = fact("points of the second, near to none of the first")
+    lost: int = fact("points of the first, near to none of the second")
+    within_cells: float = fact("what is near: distance in resolution cells")
+    cell_m: Number = fact("a resolution cell at the median distance of the points")
+
+
+class MirrorPair(Record):
+    """A mirror of the first and of the second result that are the same; null where the other has none."""
+
+    first: int | None
+    second: int | None
+    angle_deg: Number = fact("between them [degree]")
+    offset_m: Number = fact("of the second's middle from the first's line or plane")
+
+
+class Comparison(Record):
+    """Two results side by side."""
+
+    kind: Literal["comparison"]
+    compared: Literal["reconstructions", "images"]
+    first: str = fact("file or title")
+    second: str
+    levels: LevelChange
+    points: PointChange = fact(default=LEFT_OUT)
+    mirrors: list[MirrorPair] = fact(default=LEFT_OUT)
+    remarks: list[str] = fact("sentences on what deserves attention")
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What is drawn of a comparison.
+
+    Attributes
+    ----------
+    first, second : (y, x) DataArray
+        Linear amplitudes on one grid.
+    difference : (y, x) DataArray [dB]
+        Second over first, NaN where both are below the floor.
+    lost, gained : bool arrays
+        Which points of the first, and of the second, have none near to them in the other.
+    """
+
+    first: xr.DataArray
+    second: xr.DataArray
+    difference: xr.DataArray
+    lost: Mask
+    gained: Mask
+
+
+def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) -> Comparison:
+    """Compare two reconstructions, or two images.
+
+    Parameters
+    ----------
+    first, second : xarray.DataTree or xarray.DataArray
+        Two reconstructions or two images. Where their grids differ, the second is interpolated on the first's.
+    names : two of str, optional
+        What to call them; their titles by default.
+
+    Returns
+    -------
+    Comparison
+        `levels`: how the corrected pictures, or the images, differ in decibels. Of reconstructions also `points`,
+        gained and lost, where a point is kept that has one within 1.5 resolution cells in the other, and `mirrors`,
+        matched one to one at their true places with the angle and the offset between them.
+
+    Raises
+    ------
+    InputError
+        If they are not of one kind, have not the same dimensions, or no pixel in common.
+    """
+    first, second = checked_pair(first, second)
+    changes = find_changes(first, second)
+    called = names or tuple(str(one.attrs.get("title") or name) for one, name in ((first, "first"), (second, "second")))
+    remarks: list[str] = []
+    if not changes.difference.notnull().any():
+        remarks.append("Every pixel of both is zero; there is nothing to compare.")
+    record = Comparison(
+        kind="comparison",
+        compared="images" if isinstance(first, xr.DataArray) else "reconstructions",
+        first=called[0],
+        second=called[1],
+        levels=_levels(changes),
+        remarks=remarks,
+    )
+    if isinstance(first, xr.DataArray):
+        return record
+    counts = changes.lost.size, changes.gained.size
+    distances = np.concatenate([_reach(first), _reach(second)])
+    cell = float(cells(first, np.array([np.median(distances)]))[0]) if distances.size else None
+    pairs = match_mirrors(first, second)
+    lost = sum(pair.second is None for pair in pairs), sum(pair.first is None for pair in pairs)
+    for count, of in zip(lost, called, strict=True):
+        if count:
+            remarks.append(f"{count} {'mirror is' if count == 1 else 'mirrors are'} in {of} only.")
+    return record.but(
+        remarks=remarks,
+        points=PointChange(
+            first=counts[0], second=counts[1], kept=int((~changes.gained).sum()), gained=int(changes.gained.sum()),
+            lost=int(changes.lost.sum()), within_cells=WITHIN_CELLS, cell_m=cell,
+        ),
+        mirrors=pairs,
+    )  # fmt: skip
+
+
+def checked_pair(first: Any, second: Any) -> tuple[Any, Any]:
+    """Both, checked; of recordings they are single frames.
+
+    Raises
+    ------
+    InputError
+        If they cannot be compared.
+    """
+    both: list[Any] = []
+    for one, name in ((first, "first"), (second, "second")):
+        if isinstance(one, xr.DataTree):
+            both.append(pick_frame(check_reconstruction(one, name)))
+        elif isinstance(one, xr.DataArray):
+            image = pick_frame(check_image(one, name))
+            both.append(image)
+        else:
+            raise InputError(f"{name}: is a {type(one).__name__}, expected a reconstruction or an image")
+    if type(both[0]) is not type(both[1]):
+        raise InputError("compare: one is a reconstruction and the other an image; give two of one kind")
+    if isinstance(both[0], xr.DataTree):
+        spaces = ["z" in one.children["objects"].variables for one in both]
+        if spaces[0] != spaces[1]:
+            raise InputError("compare: one is a floor plan and the other has heights; give two of one kind")
+    elif both[0].dims != both[1].dims:
+        raise InputError(f"compare: the images have dimensions {both[0].dims} and {both[1].dims}; give two of one kind")
+    return both[0], both[1]
+
+
+def find_changes(first: Any, second: Any) -> Changes:
+    """Pictures of both on one grid, the difference of their levels, and the points that came and went."""
+    a, b = _picture(first), _picture(second)
+    if not all(np.array_equal(a[name], b[name]) for name in "yx"):
+        inside = {name: a[name][(a[name] >= b[name].min()) & (a[name] <= b[name].max())] for name in "yx"}
+        if not all(axis.size for axis in inside.values()):
+            raise InputError("compare: the two have no pixel in common; focus both on one grid")
+        a, b = a.sel(inside), b.interp(inside)
+    zero = max(reference(a.values), reference(b.values))
+    floor = zero * 10.0 ** (FLOOR_DB / 20.0)
+    with np.errstate(divide="ignore"):
+        difference = 20.0 * np.log10(np.maximum(b, floor) / np.maximum(a, floor))
+    difference = difference.where((a > floor) | (b > floor))
+    lost, gained = (np.zeros(0, dtype=bool),) * 2
+    if isinstance(first, xr.DataTree):
+        lost, gained = _apart(first, second), _apart(second, first)
+    return Changes(a, b, difference, lost, gained)
+
+
+def match_mirrors(first: xr.DataTree, second: xr.DataTree) -> list[MirrorPair]:
+    """Mirrors of both at their true places, matched one to one so that offsets and angles are least."""
+    faces = _faces(first)
+    count = second.children["mirrors"].sizes.get("mirror", 0)
+    found = [mirror_errors(second, [face]) for face in faces]
+    cost = np.full((len(faces), count), APART)
+    for i, row in enumerate(found):
+        for j, error in enumerate(row):
+            if error.surface is not None:
+                cost[i, j] = (error.offset_error_mm or 0.0) + (error.angle_error_deg or 0.0)
+    pairs = [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(cost), strict=True) if cost[i, j] < APART]
+    matched = [
+        MirrorPair(
+            first=i,
+            second=j,
+            angle_deg=found[i][j].angle_error_deg,
+            offset_m=1e-3 * (found[i][j].offset_error_mm or 0.0),
+        )
+        for i, j in pairs
+    ]
+    alone = [MirrorPair(first=i, second=None, angle_deg=None, offset_m=None)
+             for i in range(len(faces)) if i not in {i for i, _ in pairs}]  # fmt: skip
+    new = [MirrorPair(first=None, second=j, angle_deg=None, offset_m=None)
+           for j in range(count) if j not in {j for _, j in pairs}]  # fmt: skip
+    return [*matched, *alone, *new]
+
+
+def cells(reconstruction: xr.DataTree, distance: Array) -> Array:
+    """Size of the resolution cell [m] of a reconstruction at distances [m] from the radar, along the way."""
+    attrs = reconstruction.attrs
+    if "z" not in reconstruction.children["objects"].variables:
+        return np.asarray(see(initial_image(reconstruction)).cell(distance))
+    known = [attrs.get(f"image_{name}") for name in ("spot_radius", "focus_distance", "frequency_start", "wave_speed")]
+    pixel = float(np.diff(reconstruction.dataset["x"].values[:2])[0])
+    if any(value is None for value in known):
+        return np.full(np.shape(distance), PIXELS_A_CELL * pixel)
+    spot, focus, frequency, speed = map(float, known)  # type: ignore[arg-type]
+    width = 2.0 * beam_radius(distance, spot_radius=spot, focus_distance=focus, wavelength=speed / frequency)
+    return np.asarray(np.hypot(2.0 * float(attrs.get("image_range_resolution", 0.0)), width))
+
+
+def _picture(obj: Any) -> xr.DataArray:
+    """The amplitude of an image, or of the corrected picture, (y, x)."""
+    if isinstance(obj, xr.DataTree):
+        return obj.dataset["intensity"].astype(float)
+    if obj.dims == ("range", "azimuth", "elevation"):
+        obj = plan_view(obj)
+    picture = np.abs(obj).astype(float)
+    return picture.max("z") if "z" in picture.dims else picture
+
+
+def _levels(changes: Changes) -> LevelChange:
+    values = changes.difference.values[np.isfinite(changes.difference.values)]
+    a, b = changes.first.values.ravel(), changes.second.values.ravel()
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return LevelChange(
+        pixels=int(values.size),
+        floor_db=FLOOR_DB,
+        median_db=float(np.median(values)) if values.size else None,
+        rms_db=float(np.sqrt(np.mean(values**2))) if values.size else None,
+        largest_db=float(np.abs(values).max()) if values.size else None,
+        correlation=float(a @ b) / norm if norm > 0.0 else None,
+    )
+
+
+def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
+    """Points of a reconstruction (n, d) [m]."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    axes = [axis for axis in "xyz" if axis in objects.variables]
+    return np.stack([objects[f"{axis}{suffix}"].values.astype(float) for axis in axes], axis=-1)
+
+
+def _reach(reconstruction: xr.DataTree) -> Array:
+    """How long the way from the radar to each point is [m]: folding keeps it."""
+    initial = _places(reconstruction, "_initial")
+    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"[: initial.shape[1]]]
+    return np.asarray(np.linalg.norm(initial - radar, axis=1))
+
+
+def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:
+    """Which points have none of the other result near to them."""
+    points, others = _places(of), _places(other)
+    if not len(points) or not len(others):
+        return np.ones(len(points), dtype=bool)
+    return np.asarray(cKDTree(others).query(points)[0] > WITHIN_CELLS * cells(of, _reach(of)))
+
+
+def _faces(reconstruction: xr.DataTree) -> list[Face]:
+    """The mirrors of a reconstruction at their true places, as what others can be compared with."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    if "folded_center_x" in mirrors:
+        outlines = np.stack([mirrors[f"folded_corner_{axis}"].values for axis in "xyz"], axis=-1).astype(float)
+        faces = []
+        for number, corners in enumerate(outlines):
+            right, up = corners[1] - corners[0], corners[2] - corners[1]
+            normal = np.cross(right, up) / np.linalg.norm(np.cross(right, up))
+            faces.append(Face(str(number), corners.mean(axis=0), normal, 0.5 * np.stack([right, up])))
+        return faces
+    ends = np.stack([mirrors[f"folded_{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
+    return [
+        Face(str(number), pair.mean(axis=0), segment_normal(*pair), 0.5 * (pair[1] - pair[0])[None])
+        for number, pair in enumerate(ends)
+    ]

@@ -1,0 +1,188 @@
+"""Recordings: the Reconstructions of all frames as one, and one frame of it again.
+
+In the Reconstruction of a recording the pictures have a leading dimension `frame`, the tables of points and mirrors a
+column `frame`, and `parent` counts the mirrors of all frames. The pictures share one grid; they are NaN where that
+of a frame alone ends. Attributes that all frames have in common are its attributes; the others stand, as JSON, in the
+variable `attributes(frame)`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, MutableMapping, Sequence
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.types import Array, Progress
+from mirrorfold.errors import InputError
+
+Framed = TypeVar("Framed", xr.Dataset, xr.DataArray, xr.DataTree)
+
+PICTURES = (("/", "intensity"), ("/initial", "initial"))
+TABLES = (("objects", "point"), ("mirrors", "mirror"))
+
+
+def frame_count(obj: Any) -> int | None:
+    """Number of frames of a sweep, an image or a Reconstruction; None where it is no recording."""
+    held = obj.dataset if isinstance(obj, xr.DataTree) else obj
+    if isinstance(held, xr.Dataset):
+        held = held.get("intensity" if isinstance(obj, xr.DataTree) else "s")
+    return int(held.sizes["frame"]) if isinstance(held, xr.DataArray) and "frame" in held.dims else None
+
+
+def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
+    """One frame of a recording, as it would be alone.
+
+    Parameters
+    ----------
+    obj : xarray.Dataset, xarray.DataArray or xarray.DataTree
+        A sweep, an image or a Reconstruction.
+    frame : int, optional
+        Its number, from 0. May be left out where there is no choice.
+
+    Returns
+    -------
+    The same kind of object, without the dimension `frame`; the object itself if it is no recording.
+
+    Raises
+    ------
+    InputError
+        If there is no such frame, or there are several and none is named.
+    """
+    count = frame_count(obj)
+    if count is None and frame in (None, 0):
+        return obj
+    if frame is None and count == 1:
+        frame = 0
+    if count is None or not isinstance(frame, int | np.integer) or not 0 <= frame < count:
+        found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
+        remedy = (
+            "leave --frame out" if count is None else "choose one with --frame N, in Python with mf.pick_frame(x, N)"
+        )
+        asked = "a frame is needed" if frame is None else f"frame is {frame!r}"
+        raise InputError(f"{asked}, but there are {found}; {remedy}")
+    if not isinstance(obj, xr.DataTree):
+        return obj.isel(frame=frame)
+    own = json.loads(str(obj.dataset["attributes"].values[frame])) if "attributes" in obj.dataset else {}
+    nodes: dict[str, xr.Dataset] = {}
+    for path, name in PICTURES:
+        picture = _node(obj, path)[name].isel(frame=frame)
+        part = picture.dropna("y", how="all").dropna("x", how="all")
+        nodes[path] = part.drop_vars([key for key in part.coords if key not in part.dims]).to_dataset()
+    nodes["/"].attrs = {**obj.attrs, **own}
+    for group, dimension in TABLES:
+        table = obj.children[group].to_dataset(inherit=False)
+        chosen = np.flatnonzero(table["frame"].values == frame)
+        table = table.isel({dimension: chosen}).drop_vars("frame")
+        if "parent" in table and chosen.size:
+            parent = table["parent"]
+            table["parent"] = parent.copy(
+                data=np.where(parent < 0, parent, np.searchsorted(chosen, parent)).astype(parent.dtype)
+            )
+        nodes[f"/{group}"] = table
+    return xr.DataTree.from_dict(nodes)
+
+
+def each_frame(
+    recording: xr.Dataset | xr.DataArray | xr.DataTree,
+    work: Callable[[int], xr.DataTree],
+    finished: MutableMapping[int, xr.DataTree] | None,
+    progress: Progress | None,
+) -> xr.DataTree:
+    """The Reconstruction of a recording, frame by frame.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset, xarray.DataArray or xarray.DataTree
+        A sweep, an image or a Reconstruction with frames. What it says of each frame, such as `time`, is kept.
+    work : callable
+        Makes the Reconstruction of a frame, by number.
+    finished : mutable mapping of int to xarray.DataTree, optional
+        Each frame is put into it as soon as it is done, and taken from it where it is there already.
+    progress : callable (done, total), optional
+    """
+    count = frame_count(recording)
+    assert count is not None  # whoever asks has a recording
+    kept = {} if finished is None else finished
+    for number in range(count):
+        if number not in kept:
+            try:
+                kept[number] = work(number)
+            except InputError as error:
+                raise InputError(f"frame {number}: {error}") from None
+        if progress is not None:
+            progress(number + 1, count)
+    held = recording.dataset if isinstance(recording, xr.DataTree) else recording
+    return join_frames(
+        [kept[number] for number in range(count)],
+        {str(name): value.variable for name, value in held.coords.items() if value.dims == ("frame",)},
+    )
+
+
+def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) -> xr.DataTree:
+    """The Reconstructions of all frames as one.
+
+    Parameters
+    ----------
+    parts : sequence of xarray.DataTree
+        In the order of the frames, of one scene and at least one.
+    coords : dict of xarray.Variable
+        What is known of each frame, over the dimension `frame`.
+    """
+    told = [{name: json.dumps(value, default=lambda held: held.tolist()) for name, value in part.attrs.items()}
+            for part in parts]  # fmt: skip
+    shared = {name for name, text in told[0].items() if all(one.get(name) == text for one in told)}
+    own = [json.dumps({name: json.loads(text) for name, text in one.items() if name not in shared}) for one in told]
+    axes = {name: _joined([part.dataset[name].values for part in parts]) for name in ("y", "x")}
+    nodes: dict[str, xr.Dataset] = {}
+    for path, name in PICTURES:
+        pictures = [_on(_node(part, path)[name], axes) for part in parts]
+        nodes[path] = xr.concat(pictures, "frame", combine_attrs="override").rename(name).to_dataset()
+    nodes["/"] = nodes["/"].assign_coords(coords).assign(attributes=("frame", np.array(own, dtype=str)))
+    nodes["/"].attrs = {name: value for name, value in parts[0].attrs.items() if name in shared}
+    for group, dimension in TABLES:
+        tables, before = [], 0
+        for number, part in enumerate(parts):
+            table = part.children[group].to_dataset(inherit=False)
+            size = table.sizes.get(dimension, 0)
+            if "parent" in table:
+                parent = table["parent"]
+                table["parent"] = parent.copy(data=np.where(parent < 0, parent, parent + before).astype(parent.dtype))
+            tables.append(table.assign_coords(frame=(dimension, np.full(size, number, dtype=np.int32))))
+            before += size
+        nodes[f"/{group}"] = xr.concat(tables, dimension, combine_attrs="override")
+    return xr.DataTree.from_dict(nodes)
+
+
+def _node(tree: xr.DataTree, path: str) -> xr.Dataset:
+    """What one group of a tree holds, with the coordinates that it has from its parent."""
+    return (tree if path == "/" else tree.children[path.strip("/")]).to_dataset()
+
+
+def _on(picture: xr.DataArray, axes: dict[str, Array]) -> xr.DataArray:
+    """A picture on a larger grid, NaN where it has no pixels; pixels are moved by less than half of one."""
+    for name, axis in axes.items():
+        picture = picture.reindex({name: axis}, method="nearest", tolerance=0.5 * _step(axis))
+    return picture
+
+
+def _joined(axes: list[Array]) -> Array:
+    """Coordinates in equal steps, the largest of all, that reach over all those given; the given ones where they can.
+
+    Frames of one image have the same steps, and their coordinates stay as they are, to the last bit. The plan view of
+    a very large volume may have coarser ones.
+    """
+    step = max(map(_step, axes))
+    values = np.unique(np.concatenate(axes))
+    if min(map(_step, axes)) < (1.0 - 1e-6) * step:
+        return values[0] + step * np.arange(int(np.ceil((values[-1] - values[0]) / step)) + 1)
+    values = values[np.diff(values, prepend=-np.inf) > 0.5 * step]
+    between = [np.linspace(a, b, max(round((b - a) / step), 1), endpoint=False) for a, b in pairwise(values)]
+    return np.concatenate([*between, values[-1:]])
+
+
+def _step(axis: Array) -> float:
+    return float(np.diff(axis).mean()) if axis.size > 1 else 1.0

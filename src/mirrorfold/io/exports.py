@@ -1,0 +1,123 @@
+"""Results for other programs: point clouds, files of VTK, floor plans; the suffix says which."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.chains import mirror_chains
+from mirrorfold.errors import InputError
+from mirrorfold.folding.frames import pick_frame
+from mirrorfold.io import plans, vtk
+from mirrorfold.io.clouds import WRITERS, cloud_file, notes
+from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.netcdf import check_image, check_reconstruction
+
+PICTURES = (".vti", ".vts")
+
+FORMATS = (*WRITERS, *PICTURES, *plans.SUFFIXES)
+"""All suffixes."""
+
+
+def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
+    """Write a reconstruction, or an image, for other programs.
+
+    Parameters
+    ----------
+    obj : xarray.DataTree or xarray.DataArray
+        A reconstruction; an image for VTI, or the volume of a raster scan for VTS.
+    path : path
+        Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
+        `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear
+        in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
+        Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. In metres.
+    what : {"points", "mirrors"}
+        Of a VTP file.
+
+    Returns
+    -------
+    Path
+        Where it was written.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of these, the object has nothing for it, or nothing can be written there.
+    """
+    path = check_export_path(path)
+    suffix = path.suffix.lower()
+    if what not in ("points", "mirrors"):
+        raise InputError(f"what is {what!r}, expected points or mirrors")
+    if what == "mirrors" and suffix != ".vtp":
+        raise InputError(f"{path}: what is 'mirrors', which a VTP file alone may hold; give a name that ends in .vtp")
+    content: bytes | None = None
+    if isinstance(obj, xr.DataArray):
+        content = _image_file(check_image(obj), path)
+    elif not isinstance(obj, xr.DataTree):
+        raise InputError(f"export: got a {type(obj).__name__}, expected a reconstruction or an image")
+    else:
+        obj = check_reconstruction(obj)
+        if suffix == ".vti":
+            obj = pick_frame(obj)
+            pictures = {"corrected": obj.dataset["intensity"], "initial": obj.children["initial"].dataset["initial"]}
+            content = vtk.picture_file(pictures)
+        elif suffix == ".vts":
+            raise InputError(f"{path}: a reconstruction holds no volume of beams; give the image, or a name in .vti")
+        elif what == "mirrors":
+            content = mirrors_file(obj)
+        elif suffix in WRITERS:
+            content = cloud_file(obj, suffix)
+    with written_whole(path) as temporary:
+        if content is not None:
+            temporary.write_bytes(content)
+        elif isinstance(obj, xr.DataTree):
+            (plans.write_dxf if suffix == ".dxf" else plans.write_geojson)(obj, temporary)
+    return path
+
+
+def check_export_path(path: str | Path) -> Path:
+    """The path, if a file for other programs can be written there.
+
+    Raises
+    ------
+    InputError
+        If its suffix names no format that is known, or its directory cannot be written to.
+    """
+    path = check_output(path)
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: ends in {path.suffix!r}, expected one of {', '.join(FORMATS)}")
+    return path
+
+
+def mirrors_file(reconstruction: xr.DataTree) -> bytes:
+    """The mirrors of a reconstruction as a VTP file, lines or in space faces: the true ones, then their images."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    size = mirrors.sizes.get("mirror", 0)
+    outlines, columns = [], {"mirror": np.tile(np.arange(size), 2), "image": np.repeat([0, 1], size)}
+    for prefix in ("folded_", ""):
+        if "corner_x" in mirrors:
+            outlines += list(np.stack([mirrors[f"{prefix}corner_{axis}"].values for axis in "xyz"], axis=-1))
+            continue
+        ends = np.stack([mirrors[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1)
+        flat = ends.reshape(-1, 2, 2)
+        outlines += list(np.concatenate([flat, np.zeros((size, 2, 1))], axis=-1))
+    columns |= {name: np.tile(mirrors[name].values, 2) for name in ("parent", "generation", "frame")
+                if name in mirrors.variables}  # fmt: skip
+    typed = {name: values.astype("<i4") for name, values in columns.items()}
+    return vtk.walls_file(
+        outlines,
+        {**typed, "strength": np.tile(mirrors["strength"].values, 2).astype("<f4")},
+        notes(mirror_chains(mirrors)),
+    )
+
+
+def _image_file(image: xr.DataArray, path: Path) -> bytes:
+    image = pick_frame(image)
+    raster = image.dims == ("range", "azimuth", "elevation")
+    if (path.suffix.lower() == ".vts") != raster or path.suffix.lower() not in PICTURES:
+        held, expected = ("the volume of a raster scan", ".vts") if raster else ("an image", ".vti")
+        raise InputError(f"{path}: cannot hold {held}; give a name that ends in {expected}")
+    return vtk.volume_file(image) if raster else vtk.picture_file({"image": image})

@@ -1,0 +1,207 @@
+"""Floor plans for and from CAD and maps: DXF (with ezdxf, the extra ``mirrorfold[cad]``) and GeoJSON.
+
+All places are the radar's own, in metres: x to the right, y where it looks. GeoJSON means longitude and latitude by its
+standard (RFC 7946); plans of rooms do not, and neither do those read and written here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.chains import mirror_chains
+from mirrorfold.common.plans import FloorPlan
+from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
+
+SUFFIXES = (".dxf", ".geojson")
+
+MIRRORS, IMAGES, POINTS = "mirrors", "mirror-images", "points"
+"""Layers of a DXF file, and the property `layer` in GeoJSON: mirrors where they stand and where they appear in the
+unfolded image, and folded points."""
+
+SAGITTA = 1e-3
+"""How far the chords of arcs and splines may be off [m]: less than the wavelength of any radar that sees walls."""
+
+LARGEST_COUNT = 100_000
+"""More lines than this are no floor plan but a mistake, and would take hours to follow."""
+
+CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+
+
+def is_plan(path: str | Path) -> bool:
+    """Whether a file is a floor plan, by its name."""
+    return Path(path).suffix.lower() in SUFFIXES
+
+
+def read_plan(path: str | Path) -> FloorPlan:
+    """The lines of a floor plan.
+
+    Parameters
+    ----------
+    path : path
+        DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also inside of blocks, on layers
+        that are visible; `$INSUNITS` says the unit, metres where it says none. GeoJSON: lines and outlines of areas, in
+        metres.
+
+    Returns
+    -------
+    FloorPlan
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, holds no line, or ezdxf is absent.
+    """
+    path = Path(path)
+    if not is_plan(path):
+        raise InputError(f"{path}: ends in {path.suffix!r}, expected a floor plan, one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(
+            f"{path}: {'is a directory' if path.is_dir() else 'does not exist'}; give a DXF or GeoJSON file"
+        )
+    found = list((_dxf if path.suffix.lower() == ".dxf" else _geojson)(path))
+    if len(found) > LARGEST_COUNT:
+        raise InputError(f"{path}: holds {len(found)} lines, expected a floor plan of at most {LARGEST_COUNT}")
+    lines = tuple(line for layer, line in found if layer not in (IMAGES, POINTS))
+    images = [line[[0, -1]] for layer, line in found if layer == IMAGES]
+    if not lines:
+        raise InputError(f"{path}: holds no line or polyline, expected the walls of a floor plan")
+    for line in (*lines, *images):
+        if not np.isfinite(line).all():
+            raise InputError(f"{path}: a line has a coordinate that is not a finite number; draw it anew")
+    return FloorPlan(lines, np.array(images) if images else None, str(path))
+
+
+def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:
+    """Write the plan of a reconstruction as DXF, in metres: mirrors, their images and points, each on a layer."""
+    ezdxf = _ezdxf(path)
+    document = ezdxf.new("R2010", units=6)
+    for layer, colour in ((MIRRORS, 5), (IMAGES, 8), (POINTS, 3)):
+        document.layers.add(layer, color=colour)
+    document.appids.add("MIRRORFOLD")
+    space = document.modelspace()
+    for layer, place, facts in plan_features(reconstruction):
+        attribs = {"layer": layer}
+        drawn = space.add_point(place[0], attribs) if layer == POINTS else space.add_line(*place, attribs)
+        drawn.set_xdata("MIRRORFOLD", [(1000, f"{name}={value}") for name, value in facts.items()])
+    document.saveas(path)
+
+
+def write_geojson(reconstruction: xr.DataTree, path: Path) -> None:
+    """Write the plan of a reconstruction as GeoJSON in metres: a feature with properties for each mirror and point."""
+    features = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": place[0].tolist()} if layer == POINTS
+            else {"type": "LineString", "coordinates": place.tolist()},
+            "properties": {"layer": layer, **facts},
+        }
+        for layer, place, facts in plan_features(reconstruction)
+    ]  # fmt: skip
+    content = {"type": "FeatureCollection", "units": "m", "features": features}
+    path.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dict[str, Any]]]:
+    """Layer, place (1 or 2, d) [m] and facts of each mirror, of its image, and of each point of a reconstruction."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    axes = "xyz" if "z0" in mirrors else "xy"
+    chains = mirror_chains(mirrors)
+    for layer, prefix in ((MIRRORS, "folded_"), (IMAGES, "")):
+        for i in range(mirrors.sizes.get("mirror", 0)):
+            ends = np.array([[float(mirrors[f"{prefix}{axis}{end}"][i]) for axis in axes] for end in (0, 1)])
+            facts: dict[str, Any] = {"mirror": i, "chain": chains[i]}
+            facts |= {
+                name: int(mirrors[name].values[i]) for name in ("parent", "generation", "frame") if name in mirrors
+            }
+            strength = float(mirrors["strength"].values[i])
+            yield layer, ends, {**facts, "strength": strength if np.isfinite(strength) else None}
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    names = [
+        name
+        for name in ("amplitude", "bounces", "chain", "confidence", "surface", "frame")
+        if name in objects.variables
+    ]
+    places = np.stack([objects[axis].values for axis in axes if axis in objects.variables], axis=-1)
+    columns = [objects[name].values.tolist() for name in names]
+    for place, *values in zip(places, *columns, strict=True):
+        yield POINTS, place[None], dict(zip(names, values, strict=True))
+
+
+def _geojson(path: Path) -> Iterator[tuple[str, Array]]:
+    """Layer and place of every line of a GeoJSON file."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON ({str(error).splitlines()[0]}); export the plan again") from None
+    if not isinstance(content, dict) or "type" not in content:
+        raise InputError(f"{path}: is no GeoJSON, which is an object with a 'type'; export the plan as GeoJSON")
+    try:
+        for layer, line in _lines_of(content, ""):
+            yield layer, np.array([point[:2] for point in line], dtype=float).reshape(-1, 2)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise InputError(f"{path}: holds a geometry without proper coordinates; export the plan again") from None
+
+
+def _lines_of(item: dict[str, Any], layer: str) -> Iterator[tuple[str, Any]]:
+    """Layer and coordinates of all lines in a GeoJSON object."""
+    kind = item["type"]
+    if kind == "FeatureCollection":
+        for feature in item["features"]:
+            yield from _lines_of(feature, layer)
+    elif kind == "Feature" and item.get("geometry"):
+        yield from _lines_of(item["geometry"], str((item.get("properties") or {}).get("layer", "")))
+    elif kind == "GeometryCollection":
+        for geometry in item["geometries"]:
+            yield from _lines_of(geometry, layer)
+    elif kind == "LineString":
+        yield layer, item["coordinates"]
+    elif kind in ("MultiLineString", "Polygon"):
+        for line in item["coordinates"]:
+            yield layer, line
+    elif kind == "MultiPolygon":
+        for area in item["coordinates"]:
+            for line in area:
+                yield layer, line
+
+
+def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
+    """Layer and place of every line of a DXF file."""
+    ezdxf = _ezdxf(path)
+    from ezdxf import disassemble, units
+    from ezdxf import path as curves
+
+    try:
+        document = ezdxf.readfile(path)
+    except (OSError, ezdxf.DXFError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is no DXF file that can be read ({error}); export the plan again as DXF") from None
+    factor: Any = units.conversion_factor
+    unit = float(factor(document.units, units.M)) if document.units else 1.0
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
+    for entity in disassemble.recursive_decompose(document.modelspace()):
+        layer = str(entity.dxf.layer)
+        if entity.dxftype() in CURVES and layer.lower() not in hidden:
+            points = [(point.x, point.y) for point in curves.make_path(entity).flattening(SAGITTA / unit)]
+            if len(points) > 1:
+                yield layer, unit * np.array(points, dtype=float)
+
+
+def _ezdxf(path: Path) -> Any:
+    """The library for DXF files.
+
+    Raises
+    ------
+    InputError
+        If it is absent.
+    """
+    try:
+        import ezdxf
+    except ImportError:
+        raise InputError(f"{path}: DXF files need ezdxf; install it with: pip install 'mirrorfold[cad]'") from None
+    return ezdxf

@@ -1,0 +1,135 @@
+"""Floor plans of CAD programs and maps: read, laid over pictures, and given as mirrors."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.io.plans import read_plan
+
+ezdxf = pytest.importorskip("ezdxf", reason="the extra mirrorfold[cad] has ezdxf, which is absent")
+
+WALL = np.array([[0.4, 1.6], [0.6, 0.9]])
+
+
+def drawing(tmp_path, *, units=6, scale=1.0):
+    """A room: a wall as a line, a closed polyline, an arc, a block with a line, and a layer that is switched off."""
+    document = ezdxf.new("R2010", units=units)
+    space = document.modelspace()
+    space.add_line(*(WALL * scale))
+    space.add_lwpolyline(np.array([[0, 0], [1, 0], [1, 2]]) * scale, close=True)
+    space.add_arc((0, 0), radius=2.0 * scale, start_angle=0, end_angle=90)
+    block = document.blocks.new("door")
+    block.add_line((0, 0), (0.9 * scale, 0))
+    space.add_blockref("door", (1 * scale, 1 * scale), dxfattribs={"rotation": 90})
+    document.layers.add("furniture").off()
+    space.add_line((5, 5), (6, 6), {"layer": "furniture"})
+    space.add_text("room 1")
+    path = tmp_path / f"plan{units}.dxf"
+    document.saveas(path)
+    return path
+
+
+@pytest.mark.parametrize(("units", "scale"), [(6, 1.0), (4, 1e3), (5, 1e2), (1, 1 / 0.0254), (0, 1.0)])
+def test_lines_are_metres_whatever_the_drawing_has(tmp_path, units, scale):
+    line, outline, arc, door = read_plan(drawing(tmp_path, units=units, scale=scale)).lines
+    np.testing.assert_allclose(line, WALL, rtol=1e-9)  # ezdxf has an inch to that many digits
+    np.testing.assert_allclose(outline, [[0, 0], [1, 0], [1, 2], [0, 0]], atol=1e-12)
+    np.testing.assert_allclose(door, [[1, 1], [1, 1.9]], atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*arc.T), 2.0, atol=1e-3)
+    middle = 0.5 * (arc[1:] + arc[:-1])
+    assert 2.0 - np.hypot(*middle.T).min() < 2e-3
+
+
+def test_geojson_of_every_geometry(tmp_path):
+    content = {
+        "type": "FeatureCollection",
+        "features": [
+            {"type": "Feature", "properties": None, "geometry": {"type": "LineString", "coordinates": WALL.tolist()}},
+            {"type": "Feature", "properties": {}, "geometry": {"type": "GeometryCollection", "geometries": [
+                {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1], [0, 0]]]},
+                {"type": "MultiLineString", "coordinates": [[[2, 2, 9], [3, 3, 9]]]}]}},
+            {"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": [7, 7]}},
+            {"type": "Feature", "properties": {}, "geometry": None},
+        ],
+    }  # fmt: skip
+    path = tmp_path / "plan.geojson"
+    path.write_text(json.dumps(content))
+    plan = mf.load(path)
+    assert [len(line) for line in plan.lines] == [2, 4, 2]
+    np.testing.assert_array_equal(plan.lines[2], [[2, 2], [3, 3]])
+    assert plan.walls.shape == (5, 2, 2)
+
+
+@pytest.mark.parametrize("name", ["plan.dxf", "plan.geojson"])
+def test_the_plan_of_a_reconstruction_comes_back(reconstruction, tmp_path, name):
+    plan = read_plan(mf.export(reconstruction, tmp_path / name))
+    np.testing.assert_allclose(plan.lines, [WALL], rtol=1e-12)
+    np.testing.assert_allclose(plan.images, [WALL], rtol=1e-12)
+    again = mf.fold(reconstruction, mirrors=tmp_path / name)
+    ends = [again[f"mirrors/{key}"].item() for key in ("x0", "y0", "x1", "y1")]
+    np.testing.assert_allclose(ends, WALL.ravel(), rtol=1e-12)
+    assert again.attrs["mirrors_given"]
+
+
+def test_ezdxf_finds_layers_and_facts(reconstruction, tmp_path):
+    document = ezdxf.readfile(mf.export(reconstruction, tmp_path / "plan.dxf"))
+    assert document.units == 6
+    assert not document.audit().errors
+    count = {layer: len(document.modelspace().query(f'*[layer=="{layer}"]'))
+             for layer in ("mirrors", "mirror-images", "points")}  # fmt: skip
+    assert count == {"mirrors": 1, "mirror-images": 1, "points": 5}
+    facts = [value for _, value in document.modelspace().query("POINT")[4].get_xdata("MIRRORFOLD")]
+    assert "chain=0" in facts
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "word"),
+    [
+        ("a.dxf", "no drawing", "no DXF file"),
+        ("a.geojson", "{", "not JSON"),
+        ("a.geojson", "[]", "no GeoJSON"),
+        ("a.geojson", '{"type": "LineString"}', "without proper coordinates"),
+        ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [3]]}', "without proper coordinates"),
+        ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [NaN, 3]]}', "not a finite number"),
+        ("a.geojson", '{"type": "FeatureCollection", "features": []}', "holds no line"),
+    ],
+)
+def test_damaged_plans_are_named(tmp_path, name, content, word):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(mf.InputError, match=word):
+        read_plan(tmp_path / name)
+
+
+def test_a_missing_plan_or_library_is_named(tmp_path, monkeypatch):
+    import sys
+
+    with pytest.raises(mf.InputError, match="does not exist"):
+        read_plan(tmp_path / "none.dxf")
+    path = drawing(tmp_path)
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    with pytest.raises(mf.InputError, match=r"mirrorfold\[cad\]"):
+        read_plan(path)
+
+
+def test_plans_lie_over_report_and_figures(reconstruction, tmp_path, monkeypatch):
+    from mirrorfold.reporting.document import to_document
+
+    monkeypatch.chdir(tmp_path)
+    mf.save(reconstruction, "r.nc")
+    plan = read_plan(drawing(tmp_path))
+    assert to_document(reconstruction, plan=plan)["truth"][0] == WALL.tolist()
+    assert main(["report", "r.nc", "-o", "r.html", "--plan", "plan6.dxf"]) == 0
+    assert "[[0.4,1.6],[0.6,0.9]]" in (tmp_path / "r.html").read_text()
+    figure = mf.plot.before_after(reconstruction, plan=plan)
+    drawn = [line.get_xydata() for ax in figure.axes[:2] for line in ax.lines]
+    assert sum(np.array_equal(line, WALL) for line in drawn) >= 4  # the mirror and the wall of the plan, in both
+    assert "floor plan" in [text.get_text() for text in figure.legends[0].get_texts()]
+    for what in ("before-after", "corrected", "mirrors"):
+        assert main(["show", "r.nc", "-o", "f.png", "--dpi", "40", "--plan", "plan6.dxf", "--what", what]) == 0
+    assert main(["show", "plan6.dxf", "-o", "f.png", "--dpi", "40"]) == 0
+    assert main(["show", "r.nc", "-o", "f.png", "--plan", "none.dxf"]) == 2
