@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
@@ -32,10 +32,6 @@ COUPLING_WEIGHT = 0.9
 """What coupling counts against the reflector, in the sum of the logarithms of their powers over noise. Below one: where
 coupling was taken away, the reflector alone must not pass for it. Above the share by which the reflector's logarithm
 may lie below that of coupling, which in 60 dB over noise is 6 dB."""
-
-LEAST_RATIO = np.log(1.1)
-"""Logarithm of the ratio by which coupling must add up better along the straight ways than by way of the reflector; of
-an echo from elsewhere neither is true."""
 
 NO_CABLE = np.log(10.0)
 """An echo where the reflector would stand without any cable may have a tenth of the loudest one's power, and is still
@@ -117,12 +113,16 @@ def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, 
     first = -2.0 * largest_error - cell if largest_common is None else -largest_common
     last = first + period if largest_common is None else min(first + period, largest_common + cell)
     tried = np.arange(np.floor(first / cell), np.ceil(last / cell)).astype(int)
-    by_reflector = _heard(s, k, length)
-    straight = maximum_filter1d(_coupling(by_reflector, _heard(s, k, apart), (apart - length) / cell), 3, mode="wrap")
+    # Summed over three neighbours the power hardly depends on where between two steps of a cell an echo lies.
+    sharp = _power(s, k, length)
+    power = uniform_filter1d(np.stack([sharp, _power(s, k, apart)]), 3, axis=1, mode="wrap")
+    by_reflector, straight = np.log(np.maximum(power / (np.median(power) + np.finfo(float).tiny), 1.0))
+    straight = maximum_filter1d(_coupling(by_reflector, straight, (apart - length) / cell), 3, mode="wrap")
     score = (by_reflector + COUPLING_WEIGHT * straight)[tried % k.size]
     score += np.where(np.abs(tried * cell) <= 2.0 * largest_error + cell, NO_CABLE, 0.0)
     best = tried[score.argmax()]
-    common = float(best * cell)
+    neighbours = best + np.arange(-1, 2)
+    common = float(cell * np.average(neighbours, weights=sharp[neighbours % k.size]))
     if straight[best % k.size] > by_reflector[best % k.size]:
         reach = 2.0 * largest_error + COUPLING_CELLS * cell
         aligned = s * np.exp(1j * k[:, None, None] * (apart + common))
@@ -131,18 +131,18 @@ def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, 
 
 
 def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
-    """How loud coupling is at every common delay; none where the same echo adds up as well by way of the reflector.
+    """How loud coupling is at every common delay; none where the same echo adds up better by way of the reflector.
 
     Coupling comes `earlier` than the reflector's echo would, by a number of cells (tx, rx) below zero.
     """
     middle, half = 0.5 * (earlier.max() + earlier.min()), 0.5 * np.ptp(earlier) + COUPLING_CELLS
     around = maximum_filter1d(by_reflector, 2 * int(np.ceil(half)) + 1, mode="wrap")
     other = np.roll(around, -int(np.round(middle)))
-    return np.where(straight > other + LEAST_RATIO, straight, 0.0)
+    return np.where(straight > other, straight, 0.0)
 
 
-def _heard(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
-    """How loud echoes by way of a length of path (tx, rx) are at delays in steps of a cell: ln of power over noise."""
+def _power(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
+    """Power of echoes by way of a length of path (tx, rx), at delays in steps of a cell: of the part of rank one."""
     aligned = hann(k.size)[:, None, None] * s * np.exp(1j * k[:, None, None] * length)
     matrix = np.fft.ifft(aligned, axis=0).astype(np.complex64)
     vector = np.ones((len(matrix), matrix.shape[2], 1), dtype=np.complex64)
@@ -152,5 +152,4 @@ def _heard(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
         other = matrix @ vector
         power = np.sum(np.abs(other[..., 0]) ** 2, axis=1).astype(float)
         vector = np.conj(np.swapaxes(np.conj(np.swapaxes(other, 1, 2)) @ matrix, 1, 2))
-    noise = float(np.median(power)) + np.finfo(float).tiny
-    return np.asarray(np.log(np.maximum(power / noise, 1.0)))
+    return power
