@@ -55,8 +55,10 @@ def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     assert found["cable_length_m"] == pytest.approx(0.7 + delays.mean(axis=1).sum(), abs=1e-5)
     # Stated to a tenth it is the same, and then the sphere is not looked for elsewhere.
     assert main(["calibrate", "scene.nc", "-o", "again.nc", *given, "--cable-length", "0.65"]) == 0
-    assert "longer by any multiple of 2.99792 m" in capsys.readouterr().out
+    assert "(modulo 2.99792 m)" in capsys.readouterr().out
     np.testing.assert_allclose(mf.load("again.nc")["s"], mf.load("clean.nc")["s"], atol=1e-3)
+    assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given, "--find-displacement"]) == 0
+    assert "known modulo 2.99792 m" in capsys.readouterr().out
 
 
 def test_a_gate_and_the_displacement_are_applied(session):

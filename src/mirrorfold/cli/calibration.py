@@ -160,6 +160,8 @@ def calibrate(
 
     result = repaired(sweep)
     empty = repaired(background) if background else None
+    if background and empty is not None and not empty.attrs.get("title"):
+        empty = empty.assign_attrs(title=background.name)
     response = repaired(reference) if reference else None
 
     def prepared(one: xr.Dataset) -> xr.Dataset:
@@ -211,11 +213,8 @@ def calibrate(
         return
     for step in done.processing:
         print(step)
-    if done.cable_length_m is not None:
-        print(
-            f"cable: {done.cable_length_m:.6g} m, or longer by any multiple of {done.cable_period_m:.6g} m, "
-            "which a sweep of these frequencies cannot tell, and an image does not show"
-        )
+    if done.rx_displacement_m is not None:
+        print(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
     if done.elements_residual_m is not None:
         print(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
     show_files(files)
