@@ -11,9 +11,7 @@ from mirrorfold.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 
-BLOCK = re.compile(
-    r"^(?:```(console|python|csv|json|toml)\n(.*?)^```$|((?:^ {4}mirrorfold .*\n)+))", re.DOTALL | re.MULTILINE
-)
+BLOCK = re.compile(r"^(?:```(console|python)\n(.*?)^```$|((?:^ {4}mirrorfold [^\n]*\n)+))", re.DOTALL | re.MULTILINE)
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
