@@ -114,3 +114,17 @@ def test_a_stated_delay_is_looked_for_nearby_only():
         )
     with pytest.raises(mf.InputError, match="largest_common is -1"):
         mf.calibrate.estimate_elements(sphere, at=centre, largest_common=-1)
+
+
+def test_the_gate_of_a_reference_finds_it_behind_metres_of_cable():
+    """What stands elsewhere in the reference must not be divided by; where the reflector is, the cable decides."""
+    frequency = np.linspace(140e9, 150e9, 201)
+    tx, rx = line(9), line(9, centre=(0.0, 0.0, 0.015))
+    ones = np.ones(9)
+    instrument = Instrument(tx, rx, frequency, 3.21, 0.0 * ones, 0.0 * ones, ones, ones)
+    at, target = (0.0, 0.8), instrument.sphere((0.1, 0.6))
+    reference = instrument.measure(instrument.sphere(at) + 0.3 * instrument.sphere((0.2, 1.5)), 0)
+    measured = instrument.measure(target, 1)
+    found = mf.calibrate.normalise_by_reference(measured, reference, at=at, gate=0.2)["s"].values[20:-20]
+    share = abs(np.vdot(found, target[20:-20])) / np.linalg.norm(found) / np.linalg.norm(target[20:-20])
+    assert share > 0.99

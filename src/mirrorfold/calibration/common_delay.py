@@ -105,9 +105,50 @@ def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, 
     tx, rx = positions(sweep)
     k, s = wavenumber(sweep), sweep["s"].values
     length, apart = sphere_paths(tx, rx, centre, radius), np.linalg.norm(tx[:, None] - rx, axis=-1)
+    common, coupled = find_common_delay(s, k, length, apart, largest_error=largest_error, largest_common=largest_common)
+    if coupled:
+        period = 2.0 * ambiguous_range(sweep)
+        reach = 2.0 * largest_error + COUPLING_CELLS * period / k.size
+        aligned = s * np.exp(1j * k[:, None, None] * (apart + common))
+        s = s - gate_samples(aligned, period, -reach, reach) * np.exp(-1j * k[:, None, None] * (apart + common))
+    return fit_delays(s, k, length + common, largest_error=largest_error).later(common)
+
+
+def find_common_delay(
+    s: NDArray[np.complexfloating],
+    k: Array,
+    length: Array,
+    apart: Array,
+    *,
+    largest_error: float = 0.0,
+    largest_common: float | None = None,
+) -> tuple[float, bool]:
+    """The delay of all echoes of a reflector, to a fraction of a resolution cell.
+
+    Parameters
+    ----------
+    s : (frequencies, tx, rx) complex array
+    k : (frequencies,) array [rad/m]
+        Wavenumbers.
+    length, apart : (tx, rx) arrays [m]
+        The way over the reflector, and the straight one.
+    largest_error, largest_common : float [m]
+        See `fit_reflectors`.
+
+    Returns
+    -------
+    delay : float [m]
+    coupled : bool
+        Whether what goes straight from transmitters to receivers is louder than the reflector.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three frequencies.
+    """
     if k.size < 3:
         raise InputError(f"the sweep has {k.size} frequencies, expected three at least to measure delays")
-    period = 2.0 * ambiguous_range(sweep)
+    period = 2.0 * np.pi * (k.size - 1) / (k[-1] - k[0])
     cell = period / k.size
     # The mean of the elements' own delays may be negative, so the search begins a little below zero.
     first = -2.0 * largest_error - cell if largest_common is None else -largest_common
@@ -122,12 +163,10 @@ def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, 
     score += np.where(np.abs(tried * cell) <= 2.0 * largest_error + cell, NO_CABLE, 0.0)
     best = tried[score.argmax()]
     neighbours = best + np.arange(-1, 2)
-    common = float(cell * np.average(neighbours, weights=sharp[neighbours % k.size]))
-    if straight[best % k.size] > by_reflector[best % k.size]:
-        reach = 2.0 * largest_error + COUPLING_CELLS * cell
-        aligned = s * np.exp(1j * k[:, None, None] * (apart + common))
-        s = s - gate_samples(aligned, period, -reach, reach) * np.exp(-1j * k[:, None, None] * (apart + common))
-    return fit_delays(s, k, length + common, largest_error=largest_error).later(common)
+    weights = sharp[neighbours % k.size] + np.finfo(float).tiny
+    return float(cell * np.average(neighbours, weights=weights)), bool(
+        straight[best % k.size] > by_reflector[best % k.size]
+    )
 
 
 def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
