@@ -19,6 +19,7 @@ warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 
 import site_pages  # noqa: E402  the pages that are written by the code itself
 from site_gallery import figure_scraper  # noqa: E402
+from sphinx.application import Sphinx  # noqa: E402
 
 import mirrorfold  # noqa: E402
 
@@ -94,6 +95,7 @@ html_theme_options = {
 html_sidebars = {"quickstart": [], "index": [], "performance": []}
 
 
-def setup(app: object) -> None:
+def setup(app: Sphinx) -> None:
     """Write the pages that are made from the code, before Sphinx looks for sources."""
     site_pages.write(HERE)
+    app.connect("source-read", lambda app, name, source: source.append(site_pages.to_the_gallery(source.pop())))

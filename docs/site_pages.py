@@ -30,7 +30,7 @@ GROUPS = {
 """The flat face by topic; whatever is in none of them comes last."""
 
 
-SITE = ("index", "quickstart", "performance")
+SITE = ("index", "quickstart", "performance", "glossary")
 """Pages beside those of the topics."""
 
 ORDER = ("focusing", "folding", "raster", "fullwave", "plan", "import", "diagnose", "calibrate", "looking")
@@ -54,6 +54,12 @@ def write(folder: Path) -> None:
     _write(reference / "commands.md", command_reference())
     _write(reference / "json.md", json_reference())
     draw(folder / "development" / "dependencies.svg")
+
+
+def to_the_gallery(text: str) -> str:
+    """A page whose links to the examples, which are right in the repository, lead to their pages in the gallery."""
+    text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/(plot_\w+)\.py\)", r"](\1gallery/\2.rst)", text)
+    return re.sub(r"\]\(((?:\.\./)*)\.\./examples\)", r"](\1gallery/index.rst)", text)
 
 
 def topics(folder: Path) -> str:

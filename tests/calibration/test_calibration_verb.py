@@ -46,6 +46,21 @@ def test_a_session_from_raw_files_to_a_calibrated_sweep(session, capsys):
     np.testing.assert_allclose(mf.load("again.nc")["s"], clean["s"], atol=1e-5)
 
 
+def test_the_sphere_tells_the_cable_by_itself(session, capsys):
+    given = ["--background", "empty.nc", "--sphere", "sphere.nc", "--sphere-at", "0,0.8"]
+    assert main(["calibrate", "scene.nc", "-o", "clean.nc", *given, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["cable_period_m"] == pytest.approx(2.99792458)
+    delays = np.random.default_rng(0).uniform(-1e-3, 1e-3, (2, 15))
+    assert found["cable_length_m"] == pytest.approx(0.7 + delays.mean(axis=1).sum(), abs=1e-5)
+    # Stated to a tenth it is the same, and then the sphere is not looked for elsewhere.
+    assert main(["calibrate", "scene.nc", "-o", "again.nc", *given, "--cable-length", "0.65"]) == 0
+    assert "(modulo 2.99792 m)" in capsys.readouterr().out
+    np.testing.assert_allclose(mf.load("again.nc")["s"], mf.load("clean.nc")["s"], atol=1e-3)
+    assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given, "--find-displacement"]) == 0
+    assert "known modulo 2.99792 m" in capsys.readouterr().out
+
+
 def test_a_gate_and_the_displacement_are_applied(session):
     assert main(["calibrate", "scene.nc", "-o", "gated.nc", "--gate", "0.3:", "--rx-displacement", "0.001,0"]) == 0
     gated, raw = mf.load("gated.nc"), mf.load("scene.nc")
@@ -71,7 +86,7 @@ def test_a_gate_and_the_displacement_are_applied(session):
         (["--background", "scene.nc"], "nothing is left"),
         (["--position-unit", "parsec"], "parsec"),
         (["--cable-length", "nan"], "cable length"),
-        (["--sphere", "sphere.nc", "--sphere-at", "0,3"], "not heard"),
+        (["--sphere", "sphere.nc", "--sphere-at", "0,3", "--cable-length", "0.7"], "not heard"),
     ],
 )
 def test_wrong_options_are_one_sentence_and_leave_nothing(session, capsys, options, words):

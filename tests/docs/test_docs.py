@@ -11,17 +11,48 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)]
-MADE = ("gallery/", "dependencies.svg", "commands.md", "json.md", "python.rst", "reference/index.md")
-"""What is there only once the site is built."""
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md")),
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts),
+]
+"""Pages as they are read on a code host; those that a build of the site has left among them are left out below."""
+
+MADE = ("docs/gallery", "docs/explanation/index.md", "docs/reference/commands.md", "docs/reference/json.md")
+
+
+def anchors(page):
+    """Of the headings of a page, as code hosts make them."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    words = [re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"^#+ (.*?)\s*$", text, flags=re.MULTILINE)]
+    return {title.replace(" ", "-") for title in words}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_to_files(page):
+def test_links_lead_to_files_and_headings(page):
+    """Without Sphinx: what a build makes is not there on a code host."""
+    if str(page.relative_to(ROOT)).startswith(MADE):
+        pytest.skip("made by a build of the site")
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    for target in re.findall(r"\]\(([^)#\s]+)", text):
-        if not target.startswith(("http", "mailto")) and not any(part in target for part in MADE):
-            assert (page.parent / target).exists(), f"{page.name} leads to {target}"
+    for target in re.findall(r"\]\(([^)\s]+)", text):
+        if target.startswith(("http", "mailto")):
+            continue
+        path, _, anchor = target.partition("#")
+        led = (page.parent / path).resolve() if path else page
+        assert led.exists(), f"{page.name} leads to {target}"
+        assert not str(led.relative_to(ROOT)).startswith(MADE), f"{page.name} leads to {target}, which a build makes"
+        assert not anchor or anchor in anchors(led), f"{page.name} leads to {target}, and no heading is called so"
+
+
+def test_the_glossary_has_the_words_of_commands_and_files():
+    text = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
+    words = {
+        word for cell in re.findall(r"^\| \*\*(.*?)\*\* \|", text, flags=re.MULTILINE) for word in cell.split(", ")
+    }
+    assert words >= {
+        *("sweep", "fold", "chain", "strength", "fill", "range end", "cell", "generation", "mirror", "face", "echo"),
+        *("view", "parent", "bounce", "shadow", "ghost", "confidence", "pitch", "aperture", "background"),
+    }
+    assert "glossary.md" in (ROOT / "docs/index.md").read_text(encoding="utf-8")
 
 
 def test_the_readme_opens_with_the_picture_and_is_short():

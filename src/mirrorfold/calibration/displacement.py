@@ -8,13 +8,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.calibration.delays import fit_delays
+from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.elements import LARGEST_ERROR
 from mirrorfold.calibration.record import checked_pairs, millimetres, place, recorded
-from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.calibration.reflectors import positions
 from mirrorfold.common.types import Array
-from mirrorfold.errors import InputError
-from mirrorfold.sweep import wavenumber
 
 CONDITION = 1e-3
 """Combinations of displacement and cable length that the measured places tell apart worse than this, as a share of
@@ -27,6 +25,7 @@ def estimate_displacement(
     at: ArrayLike | Sequence[ArrayLike],
     radius: float = 0.0,
     largest: float = 4.0 * LARGEST_ERROR,
+    largest_common: float | None = None,
 ) -> tuple[Array, float]:
     """How far the receivers stand from where they are said to stand, all by the same vector.
 
@@ -43,6 +42,8 @@ def estimate_displacement(
         Of the sphere.
     largest : float [m], default 20 mm
         Largest displacement that is looked for.
+    largest_common : float [m], optional
+        Largest common delay; by default any, modulo the period ``c / df`` of the sweep.
 
     Returns
     -------
@@ -56,16 +57,9 @@ def estimate_displacement(
     InputError
         If the numbers of sweeps and places differ, or the reflector is not heard.
     """
-    sweeps = [sweep] if isinstance(sweep, xr.Dataset) else list(sweep)
-    places = [at] if np.ndim(at) == 1 else list(at)  # type: ignore[arg-type]
-    if not sweeps or len(sweeps) != len(places):
-        raise InputError(f"at: got {len(places)} places for {len(sweeps)} sweeps, expected one for each")
     rows, measured = [], []
-    for one, where in zip(sweeps, places, strict=True):
-        one = checked_pairs(one, "sweep")
-        tx, rx = positions(one)
-        centre = place(np.asarray(where), "at")
-        fit = fit_delays(one["s"].values, wavenumber(one), sphere_paths(tx, rx, centre, radius), largest_error=largest)
+    for one, centre, fit in fit_reflectors(sweep, at, radius, largest_error=largest, largest_common=largest_common):
+        rx = positions(one)[1]
         towards = (centre - rx) / np.linalg.norm(centre - rx, axis=1)[:, None]
         rows.append(np.column_stack([-towards, np.ones(len(rx))])[fit.rx_valid])
         measured.append((fit.rx_delay + fit.tx_delay[fit.tx_valid].mean())[fit.rx_valid])

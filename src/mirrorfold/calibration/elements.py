@@ -18,15 +18,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from mirrorfold.calibration.delays import Fit, fit_delays
-from mirrorfold.calibration.record import check_same_axes, checked_pairs, place, with_samples
-from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.calibration.common_delay import fit_reflectors
+from mirrorfold.calibration.delays import Fit
+from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.reflectors import positions
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import wavenumber
+from mirrorfold.sweep import ambiguous_range, wavenumber
 
 LARGEST_ERROR = 5e-3
-"""Largest delay of one element that is looked for [m], unless told otherwise."""
+"""Largest difference between one element's delay and the others' that is looked for [m], unless told otherwise."""
 
 OFFSET_CONDITION = 1e-3
 """Directions that the reflectors' places tell apart worse than this, as a share of the best, are left alone: there
@@ -40,13 +41,13 @@ class ElementCalibration:
     Attributes
     ----------
     tx_delay, rx_delay : (tx,) and (rx,) arrays [m]
-        Path length that the element adds on its one way.
+        Path length that the element adds on its one way; half of what all pairs share, such as cables, is in each.
     tx_gain, rx_gain : (tx,) and (rx,) complex arrays
         Relative to the median element.
     tx_offset, rx_offset : (tx, 3) and (rx, 3) arrays [m]
         Of the phase centre from the stated position; zero where one place of the reflector was measured.
     tx_valid, rx_valid : (tx,) and (rx,) arrays of bool
-        Whether the element heard the reflector; one that did not is left as it is.
+        Whether the element heard the reflector; one that did not has the mean delay of the others.
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
         The stated positions, to recognise the array by.
     residual : float [m]
@@ -65,6 +66,11 @@ class ElementCalibration:
     rx_position: Array
     residual: float
 
+    @property
+    def common_delay(self) -> float:
+        """Path length that all pairs share [m]: the cables. Known modulo the period ``c / df`` of the sweep."""
+        return float(self.tx_delay[self.tx_valid].mean() + self.rx_delay[self.rx_valid].mean())
+
 
 def estimate_elements(
     sweep: xr.Dataset | Sequence[xr.Dataset],
@@ -72,12 +78,14 @@ def estimate_elements(
     at: ArrayLike | Sequence[ArrayLike],
     radius: float = 0.0,
     largest_error: float = LARGEST_ERROR,
+    largest_common: float | None = None,
 ) -> ElementCalibration:
     """Delays, gains and phase-centre offsets of all elements, from a point-like reflector at known places.
 
-    Robust against single channels that are dead or wrong, and against other echoes that arrive more than a range cell
-    later: pairs vote by their medians first; then every element's delay is the one that adds up its samples best,
-    pairs that do not fit count less, and where the elements have no phases of their own the carrier refines the delay.
+    What all pairs share is found first, see `mirrorfold.calibration.common_delay`. Then pairs vote by their medians,
+    and every element's delay is the one that adds up its samples best; pairs that do not fit count less, and where the
+    elements have no phases of their own the carrier refines the delay. Single channels that are dead or wrong, and
+    other echoes that arrive more than a range cell later, do not matter.
 
     Parameters
     ----------
@@ -88,7 +96,10 @@ def estimate_elements(
     radius : float [m], default 0
         Of the sphere.
     largest_error : float [m], default 5 mm
-        Largest delay of an element.
+        Largest difference between the delay of an element and that of the others.
+    largest_common : float [m], optional
+        Largest delay that all elements share, such as what is left of cables. By default anything: metres of cable
+        are found too, modulo the period ``c / df`` of the sweep, which images do not show.
 
     Returns
     -------
@@ -99,29 +110,19 @@ def estimate_elements(
     InputError
         If the sweeps are not of the same array, or the reflector is not heard.
     """
-    sweeps = [sweep] if isinstance(sweep, xr.Dataset) else list(sweep)
-    places = [at] if np.ndim(at) == 1 else list(at)  # type: ignore[arg-type]
-    if not sweeps or len(sweeps) != len(places):
-        raise InputError(f"at: got {len(places)} places for {len(sweeps)} sweeps, expected one for each")
-    if not np.isfinite(largest_error) or largest_error <= 0:
-        raise InputError(f"largest_error is {largest_error!r}, expected a positive number of metres")
-    sweeps = [checked_pairs(one, "sweep") for one in sweeps]
-    for other in sweeps[1:]:
-        check_same_axes(sweeps[0], other, "the second sweep")
-    tx, rx = positions(sweeps[0])
-    centres = [place(np.asarray(one), "at") for one in places]
-    fits = []
-    for one, centre in zip(sweeps, centres, strict=True):
-        length = sphere_paths(tx, rx, centre, radius)
-        fits.append(fit_delays(one["s"].values, wavenumber(one), length, largest_error=largest_error))
+    found = fit_reflectors(sweep, at, radius, largest_error=largest_error, largest_common=largest_common)
+    for other, *_ in found[1:]:
+        check_same_axes(found[0][0], other, "the second sweep")
+    tx, rx = positions(found[0][0])
+    fits, centres = [fit for *_, fit in found], [centre for _, centre, _ in found]
     tx_valid = np.all([fit.tx_valid for fit in fits], axis=0)
     rx_valid = np.all([fit.rx_valid for fit in fits], axis=0)
     offsets = _resolve_offsets(fits, tx, rx, centres)
     tx_gain = np.mean([fit.tx_gain for fit in fits], axis=0)
     rx_gain = np.mean([fit.rx_gain for fit in fits], axis=0)
     return ElementCalibration(
-        tx_delay=np.where(tx_valid, offsets[0], 0.0),
-        rx_delay=np.where(rx_valid, offsets[1], 0.0),
+        tx_delay=np.where(tx_valid, offsets[0], offsets[0][tx_valid].mean()),
+        rx_delay=np.where(rx_valid, offsets[1], offsets[1][rx_valid].mean()),
         tx_gain=np.where(tx_valid, tx_gain, 1.0),
         rx_gain=np.where(rx_valid, rx_gain, 1.0),
         tx_offset=np.where(tx_valid[:, None], offsets[2], 0.0),
@@ -180,9 +181,12 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
             ("rx_position", rx, calibration.rx_offset),
         )
     }
-    largest = max(float(np.abs(d).max(initial=0.0)) for d in (calibration.tx_delay, calibration.rx_delay))
+    common = calibration.common_delay
+    sides = (calibration.tx_delay, calibration.tx_valid), (calibration.rx_delay, calibration.rx_valid)
+    largest = max(float(np.abs(delay - delay[valid].mean()).max(initial=0.0)) for delay, valid in sides)
     away = max(float(np.abs(o).max(initial=0.0)) for o in (calibration.tx_offset, calibration.rx_offset))
     step = f"delays{' and gains' if gains else ''} of the elements removed, up to {1e3 * largest:.4g} mm"
+    step += f", and {common:.6g} m of cable (modulo {2.0 * ambiguous_range(sweep):.6g} m)"
     step += f", phase centres moved by up to {1e3 * away:.4g} mm" if away > 0 else ""
     return with_samples(sweep.assign_coords(moved), s, step)
 

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mirrorfold.calibration.common_delay import find_common_delay
 from mirrorfold.calibration.gate import gate_samples
 from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
@@ -42,7 +43,8 @@ def normalise_by_reference(
     per_channel : bool, default False
         Divide each pair by its own response, which calibrates the elements too but needs a strong reference.
     gate : float [m], optional
-        Keep of the reference what arrives within this range before and behind the reflector; everything by default.
+        Keep of the reference what arrives within this range before and behind the reflector, however long the cables
+        are; everything by default.
 
     Returns
     -------
@@ -61,7 +63,9 @@ def normalise_by_reference(
     if gate is not None:
         if not np.isfinite(gate) or gate <= 0:
             raise InputError(f"gate is {gate!r}, expected a positive number of metres")
-        response = gate_samples(response, ambiguous_range(reference), -gate, gate)
+        apart = np.linalg.norm(tx[:, None] - rx, axis=-1)
+        late = 0.5 * find_common_delay(reference["s"].values, wavenumber(reference), length, apart)[0]
+        response = gate_samples(response, ambiguous_range(reference), late - gate, late + gate)
     if not per_channel:
         response = response.mean(axis=(1, 2), keepdims=True)
     level = np.abs(response)

@@ -47,7 +47,7 @@ VERBS = {
     ),
     "calibrate": Verb(
         "Remove what the instrument did to a sweep: background, cables, delays of elements, classic mistakes.",
-        "mirrorfold calibrate sweep.nc -o clean.nc --cable-length 1.2",
+        "mirrorfold calibrate sweep.nc -o clean.nc --background empty.nc --sphere sphere.nc --sphere-at 0.03,0.9",
     ),
     "focus": Verb(
         "Focus a sweep to an image, step 1 of the algorithm.",
@@ -87,7 +87,7 @@ VERBS = {
     ),
     "plan": Verb(
         "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
-        "mirrorfold plan --band 270e9:300e9 --points 401 --aperture 0.08 --pitch 0.5e-3 --range 4",
+        "mirrorfold plan --band 270e9:300e9 --points 2001 --aperture 0.08 --pitch 0.5e-3 --range 4",
     ),
     "completion": Verb(
         "Print a script that completes verbs and options in a shell.",

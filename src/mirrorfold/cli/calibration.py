@@ -17,13 +17,19 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+CABLE_ERROR = 0.1
+"""Share of a cable's stated length by which it may be wrong, where a sphere corrects it: the velocity factor of a
+catalogue, a metre measured by hand, or what `info` reads from the waves."""
+
+
 class Calibration(Record):
     """A calibrated sweep."""
 
     kind: Literal["sweep"]
     processing: list[str] = fact("every step so far")
     rx_displacement_m: list[float] | None = fact(default=LEFT_OUT)
-    cable_length_m: Number = fact(default=LEFT_OUT)
+    cable_length_m: Number = fact("electrical length that all pairs share, by the sphere", default=LEFT_OUT)
+    cable_period_m: Number = fact("length of cable that the sweep cannot tell from none, c / df", default=LEFT_OUT)
     elements_residual_m: Number = fact(default=LEFT_OUT)
     silent_tx: int | None = fact(default=LEFT_OUT)
     silent_rx: int | None = fact(default=LEFT_OUT)
@@ -83,7 +89,8 @@ def calibrate(
     mask
         Set bad channels to zero and fill in bad frequencies.
     background
-        Sweep to subtract: of the empty scene, or with the target turned.
+        Sweep to subtract from the sweep and from the sphere's: of the antennas before nothing, or before absorber.
+        What it shows is gone, so that a wall which is to serve as a mirror must not be in it.
     match_background
         Fit gain and phase of the background first.
     scan_mean
@@ -97,9 +104,10 @@ def calibrate(
     reference_per_channel
         Divide each pair by its own response.
     cable_length
-        Electrical length of cable to take away, there and back together [m].
+        Electrical length of cable to take away, there and back together [m]. A sphere tells it by itself, and where
+        it is given corrects it by a tenth at most.
     sphere
-        Sweep of a sphere, from which to calibrate the elements; several for several places.
+        Sweep of a sphere, from which to calibrate the elements and the cables; several for several places.
     sphere_at
         Middle of the sphere as X,Y or X,Y,Z [m], one for each sweep of it.
     sphere_radius
@@ -119,7 +127,10 @@ def calibrate(
     json
         Print the history and the files as one JSON object.
     """
+    from scipy.constants import speed_of_light
+
     from mirrorfold.io.files import check_output
+    from mirrorfold.sweep import ambiguous_range, wave_speed
 
     inputs = [sweep, *(path for path in (background, reference, elements) if path), *(sphere or [])]
     check_output(output, inputs=inputs)
@@ -149,6 +160,8 @@ def calibrate(
 
     result = repaired(sweep)
     empty = repaired(background) if background else None
+    if background and empty is not None and not empty.attrs.get("title"):
+        empty = empty.assign_attrs(title=background.name)
     response = repaired(reference) if reference else None
 
     def prepared(one: xr.Dataset) -> xr.Dataset:
@@ -165,15 +178,21 @@ def calibrate(
     result = prepared(result)
     facts: dict[str, Any] = {}
     with progress("calibrating") as report:
+        electrical = speed_of_light / wave_speed(result)  # lengths of cable are those of light in vacuum
+        known: dict[str, Any] = {"at": places, "radius": sphere_radius}
+        if cable_length:
+            known["largest_common"] = CABLE_ERROR * abs(cable_length) / electrical
+        if sphere:
+            spheres = [prepared(repaired(path)) for path in sphere]
+            facts["cable_period_m"] = 2.0 * ambiguous_range(result) * electrical
         if sphere and find_displacement:
-            spheres = [prepared(repaired(path)) for path in sphere]
-            vector, length = mf.calibrate.estimate_displacement(spheres, at=places, radius=sphere_radius)
-            facts |= {"rx_displacement_m": [float(part) for part in vector], "cable_length_m": length}
-            result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length)
+            vector, length = mf.calibrate.estimate_displacement(spheres, **known)
+            facts |= {"rx_displacement_m": [float(part) for part in vector], "cable_length_m": length * electrical}
+            result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length * electrical)
         elif sphere:
-            spheres = [prepared(repaired(path)) for path in sphere]
-            found = mf.calibrate.estimate_elements(spheres, at=places, radius=sphere_radius)
+            found = mf.calibrate.estimate_elements(spheres, **known)
             facts |= {
+                "cable_length_m": found.common_delay * electrical,
                 "elements_residual_m": found.residual,
                 "silent_tx": int((~found.tx_valid).sum()),
                 "silent_rx": int((~found.rx_valid).sum()),
@@ -194,8 +213,8 @@ def calibrate(
         return
     for step in done.processing:
         print(step)
-    if done.cable_length_m is not None:
-        print(f"common delay: {1e3 * done.cable_length_m:.4g} mm")
+    if done.rx_displacement_m is not None:
+        print(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
     if done.elements_residual_m is not None:
         print(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
     show_files(files)
