@@ -7,11 +7,9 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
+from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
-
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-"""Units that positions may have been given in, in metres."""
 
 
 def conjugate(sweep: xr.Dataset) -> xr.Dataset:
@@ -66,18 +64,18 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     Parameters
     ----------
     sweep : xarray.Dataset
-    unit : {"mm", "cm", "um", "in", "m"}
-        Of the positions as they stand.
+    unit : {"mm", "cm", "um", "inch", "m"}
+        Of the positions as they stand; any length of `mirrorfold.common.units`.
     """
-    if unit not in UNITS:
-        raise InputError(f"position unit is {unit!r}, expected one of: {', '.join(UNITS)}")
+    scale = KINDS["length"].get(unit_named(str(unit)) or "")
+    if scale is None:
+        raise InputError(f"position unit is {unit!r}, expected one of: {', '.join(KINDS['length'])}")
     sweep = check_sweep(sweep, source="scale_positions")
     if is_raster(sweep):
         raise InputError("scale_positions: a raster scan has no antenna positions; leave the position unit out")
     names = [name for name in ("tx_position", "rx_position", "antenna_position") if name in sweep.variables]
     scaled = {
-        name: (sweep[name].dims, sweep[name].values * UNITS[unit], {**sweep[name].attrs, "units": "m"})
-        for name in names
+        name: (sweep[name].dims, sweep[name].values * scale, {**sweep[name].attrs, "units": "m"}) for name in names
     }
     return recorded(sweep.assign_coords(scaled), f"positions taken for {unit}")
 

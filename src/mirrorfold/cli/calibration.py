@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 import mirrorfold as mf
-from mirrorfold.cli.options import Numbers, Output, command
+from mirrorfold.cli.options import Numbers, Output, command, parse_numbers
 from mirrorfold.cli.terminal import progress, show_files, show_json
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def calibrate(
     conjugate: bool = False,
     swap_iq: bool = False,
     reverse_frequency: bool = False,
-    position_unit: Literal["m", "cm", "mm", "um", "in"] | None = None,
+    position_unit: str | None = None,
     swap_tx_rx: bool = False,
     mask: bool = False,
     background: Path | None = None,
@@ -48,10 +49,10 @@ def calibrate(
     reference_at: Numbers = None,
     reference_normal: Numbers = None,
     reference_per_channel: bool = False,
-    cable_length: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
+    cable_length: Length | None = None,
     sphere: list[Path] | None = None,
     sphere_at: Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)] = None,
-    sphere_radius: float = 0.0,
+    sphere_radius: Length = 0.0,
     save_elements: Path | None = None,
     elements: Path | None = None,
     find_displacement: bool = False,
@@ -77,7 +78,7 @@ def calibrate(
     reverse_frequency
         Reverse the samples along frequency: they were stored from the highest to the lowest.
     position_unit
-        Unit that the positions were stored in; they are converted to metres.
+        Unit that the positions were stored in, such as mm; they are converted to metres.
     swap_tx_rx
         Exchange the positions of transmitters and receivers.
     mask
@@ -264,12 +265,10 @@ def parse_place(text: str, name: str) -> tuple[float, ...]:
     InputError
         If the text is not two or three numbers.
     """
-    try:
-        place = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        place = ()
+    form = "X,Y or X,Y,Z in metres or with units, for example 0,1.5 or 0,150cm"
+    place = tuple(parse_numbers(text, name, form, "length", mark=","))
     if len(place) not in (2, 3):
-        raise InputError(f"--{name} is {text!r}, expected X,Y or X,Y,Z in metres, for example 0,1.5")
+        raise InputError(f"--{name} is {text!r}, expected {form}")
     return place
 
 
@@ -281,9 +280,11 @@ def parse_gate(text: str) -> tuple[float | None, float | None]:
     InputError
         If the text is something else.
     """
-    parts = text.split(":")
-    try:
-        start, stop = (float(part) if part.strip() else None for part in parts)
-    except ValueError:
-        raise InputError(f"--gate is {text!r}, expected START:STOP in metres, for example 0.3:4 or 0.3:") from None
+    form = "START:STOP in metres or with units, for example 0.3:4 or 30cm:"
+    sides = text.split(":")
+    given = [side for side in sides if side.strip()]
+    numbers = parse_numbers(":".join(given), "gate", form, "length") if given else []
+    if len(sides) != 2:
+        raise InputError(f"--gate is {text!r}, expected {form}")
+    start, stop = (numbers.pop(0) if side.strip() else None for side in sides)
     return start, stop

@@ -10,6 +10,7 @@ import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
 from mirrorfold.common.records import Record, fact
+from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
 
@@ -56,7 +57,7 @@ def import_(
     order: str | None = None,
     unit: str = "m",
     decibel: bool = False,
-    cell: float | None = None,
+    cell: Length | None = None,
     json: bool = False,
 ) -> None:
     """Import measured data.

@@ -21,7 +21,7 @@ from mirrorfold.cli import (
     simulating,
 )
 from mirrorfold.cli.help import PlainHelp
-from mirrorfold.cli.options import app, command, with_opposites
+from mirrorfold.cli.options import app, command, completed
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
@@ -34,7 +34,7 @@ FUNCTIONS = (
 for function in FUNCTIONS:
     name = function.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
-        with_opposites(function),
+        completed(function),
         name=name,
         help=VERBS[name].purpose,
         help_epilogue=f"Example: {VERBS[name].example}\n",

@@ -17,6 +17,7 @@ from numbers import Real
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
+from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -25,7 +26,8 @@ LINE_WIDTH = 110
 """Of the generated docstrings."""
 
 OPTION_TYPES = {"bool": bool, "int": int, "float": float}
-"""What the command line reads for a setting of this kind; any other kind is text."""
+"""What the command line reads for a setting of this kind; any other kind is text. A number in a unit of
+`QUANTITIES` may be given in another one."""
 
 
 @dataclass(frozen=True)
@@ -249,6 +251,7 @@ def option_words(name: str, value: Any) -> list[str]:
 def _option_type(rule: Rule, default: Any) -> Any:
     """The type from which the command line learns how to read a setting."""
     kind = Literal[rule.choices] if rule.choices else OPTION_TYPES.get(rule.kind, str)
+    kind = QUANTITIES.get(rule.unit, kind) if kind is float else kind
     return kind | None if default is None else kind
 
 

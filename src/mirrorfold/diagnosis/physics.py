@@ -7,7 +7,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
-from mirrorfold.calibration.repairs import UNITS
+from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
@@ -115,7 +115,7 @@ def _far_apart(pairs: Pairs) -> list[Finding]:
     return [Finding("position-unit", what, SURE_OF_DISTANCE, "--position-unit mm")]
 
 
-_NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "in": "inches"}
+_NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "inch": "inches"}
 
 
 def _unit(pairs: Pairs) -> str | None:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import KINDS, UNITS, Places, Values
+from mirrorfold.io.mapping import Places, Values
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
-from mirrorfold.io.mapping import UNITS
+from mirrorfold.common.units import UNITS
 from mirrorfold.io.proposal import BESIDE, LISTED, Finding, Guess, plain, source
 from mirrorfold.io.readers import Contents, Variable
 from mirrorfold.io.spectral import STEP_TOLERANCE
