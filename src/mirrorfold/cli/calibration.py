@@ -10,6 +10,7 @@ from cyclopts import Parameter
 import mirrorfold as mf
 from mirrorfold.cli.options import Numbers, Output, command, parse_numbers
 from mirrorfold.cli.terminal import progress, show_files, show_json
+from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
@@ -120,12 +121,10 @@ def calibrate(
     json
         Print the history and the files as one JSON object.
     """
-    from mirrorfold.io.files import check_output
-
-    inputs = [sweep, *(path for path in (background, reference, elements) if path), *(sphere or [])]
-    check_output(output, inputs=inputs)
+    inputs = [sweep, background, reference, elements, *(sphere or [])]
+    output_file(output, inputs=inputs)
     if save_elements is not None:
-        check_output(save_elements, inputs=[*inputs, output])
+        output_file(save_elements, inputs=[*inputs, output])
     _check_options(locals())
     kept = parse_gate(gate) if gate is not None else None
     moved = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None

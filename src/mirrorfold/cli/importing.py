@@ -9,6 +9,7 @@ from typing import Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
+from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
@@ -100,12 +101,10 @@ def import_(
     json
         Print what was found as one JSON object.
     """
-    from mirrorfold.io.files import check_output
-
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
-        check_output(output, inputs=files)
+        output_file(output, inputs=files)
     if guess:
         _guess(list(files), output, reader, json=json)
         return
@@ -179,9 +178,8 @@ def export(sweep: Path, *, output: Output, json: bool = False) -> None:
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
-    from mirrorfold.io.files import check_output_directory
 
-    check_output_directory(output, names=(), inputs=[sweep])
+    output_directory(output, names=("positions.csv", "scan.toml"), inputs=[sweep])
     with progress("writing the scan") as report:
         positions = mf.save_touchstone(read(sweep, "sweep"), output, progress=report)
     if json:

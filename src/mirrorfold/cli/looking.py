@@ -11,6 +11,7 @@ import mirrorfold as mf
 from mirrorfold.cli.options import Output
 from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import show_files, show_json
+from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 
@@ -55,9 +56,9 @@ def report(reconstruction: Path, *, output: Output, scene: Path | None = None, j
     json
         Print what was written as one JSON object.
     """
-    from mirrorfold.io.files import check_output
+    from mirrorfold.reporting import PAGES
 
-    check_output(output, inputs=[path for path in (reconstruction, scene) if path is not None])
+    output_file(output, inputs=[reconstruction, scene], suffixes=PAGES)
     truth = None if scene is None else mf.load_scene(scene)
     mf.report(read(reconstruction, "reconstruction"), output, scene=truth)
     if json:
@@ -132,13 +133,11 @@ def show(
         Print what was drawn as one JSON object.
     """
     from mirrorfold.cli.figures import draw
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import written_whole
 
-    if output.suffix.lower() not in FORMATS:
-        raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
     if not 10 <= dpi <= 2400:
         raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
-    check_output(output, inputs=[path for path in (file, scene) if path is not None])
+    output_file(output, inputs=[file, scene], suffixes=FORMATS)
     truth = None if scene is None else mf.load_scene(scene)
     drawn, figure = draw(mf.load(file), what, truth, floor_db, str(file))
     with written_whole(output) as temporary:

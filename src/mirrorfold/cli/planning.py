@@ -9,6 +9,7 @@ from cyclopts import Parameter
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput, parse_numbers
 from mirrorfold.cli.terminal import show_files, show_info, show_json, show_plan
+from mirrorfold.cli.writing import output_file
 from mirrorfold.common.units import Frequency, Length, Time
 from mirrorfold.errors import InputError
 
@@ -84,12 +85,10 @@ def plan(
         Print all numbers as one JSON object.
     """
     from mirrorfold.describing.planning import Instrument
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import written_whole
 
     if output is not None:
-        check_output(output)
-        if output.suffix.lower() not in PICTURES:
-            raise InputError(f"--output is {str(output)!r}, expected a picture that ends in {', '.join(PICTURES)}")
+        output_file(output, suffixes=PICTURES)
     heights = parse_roughness(roughness)
     found = mf.plan(
         band=parse_band(band),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from inspect import signature
 
 from cyclopts import CycloptsError
 
@@ -22,6 +23,7 @@ from mirrorfold.cli import (
 )
 from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.options import app, command, completed
+from mirrorfold.cli.writing import with_no_clobber
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
@@ -32,9 +34,10 @@ FUNCTIONS = (
 )
 
 for function in FUNCTIONS:
+    writes = {"output", "out"}.intersection(signature(function).parameters)
     name = function.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
-        completed(function),
+        with_no_clobber(completed(function)) if writes else completed(function),
         name=name,
         help=VERBS[name].purpose,
         help_epilogue=f"Example: {VERBS[name].example}\n",

@@ -26,6 +26,7 @@ from mirrorfold.cli.results import (
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_files, show_json
+from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.settings import takes
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
@@ -57,10 +58,9 @@ def focus(
     """
     from mirrorfold.focusing import prepare
     from mirrorfold.io import load_geometry
-    from mirrorfold.io.files import check_output
 
     given |= parse_grid(x=x, y=y, z=z)
-    check_output(output, inputs=[sweep])
+    output_file(output, inputs=[sweep])
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
         geometry = load_geometry(sweep)
@@ -113,9 +113,8 @@ def fold(
         Print mirrors and counts as one JSON object.
     """
     from mirrorfold.detection.known_mirrors import read_mirrors
-    from mirrorfold.io.files import check_output
 
-    check_output(output, inputs=[path for path in (image, sweep, mirrors) if path is not None])
+    output_file(output, inputs=[image, sweep, mirrors])
     check_export(export)
     lines = None if mirrors is None else read_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
@@ -157,11 +156,11 @@ def reconstruct(
         Print mirrors, counts and files as one JSON object.
     """
     from mirrorfold.detection.known_mirrors import read_mirrors
-    from mirrorfold.io.files import check_output_directory, directory_written_whole
+    from mirrorfold.io.files import directory_written_whole
 
     given |= {"tolerance": tolerance, **parse_grid(x=x, y=y, z=z)}
-    inputs = [path for path in (sweep, mirrors) if path is not None]
-    check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=inputs)
+    names = (RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT)
+    output_directory(output, names=names, inputs=[sweep, mirrors])
     check_export(export)
     lines = None if mirrors is None else read_mirrors(mirrors)
     measured = read(sweep, "sweep")

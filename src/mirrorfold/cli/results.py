@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import mirrorfold as mf
 from mirrorfold.cli.options import parse_numbers
 from mirrorfold.cli.terminal import remark, show_files, show_json, show_mirrors
+from mirrorfold.cli.writing import announce
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ def check_export(path: Path | None) -> None:
         from mirrorfold.io.clouds import check_cloud_path
 
         check_cloud_path(path)
+        announce([path])
 
 
 def write_cloud(reconstruction: Any, path: Path | None) -> list[Path]:

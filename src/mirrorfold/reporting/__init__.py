@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
+PAGES = (".html", ".htm")
+"""Suffixes of a page."""
+
 LARGEST_PAGE = 6_000_000
 """Size of the file [bytes] up to which it can be sent as an attachment; larger pages get coarser pictures."""
 
@@ -41,13 +44,13 @@ def report(
     InputError
         If the reconstruction or the scene cannot be used, or nothing can be written there.
     """
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import check_output, written_whole
     from mirrorfold.io.netcdf import check_reconstruction
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
     from mirrorfold.scenes.floor_plan import load_scene
 
-    path = Path(path)
+    path = check_output(path, suffixes=PAGES)
     checked = check_reconstruction(reconstruction)
     truth = load_scene(scene) if isinstance(scene, str | Path) else scene
     limit = LARGEST_IMAGE
