@@ -72,7 +72,9 @@ def test_what_is_wrong_is_said_in_one_sentence(sweep, spoil, words):
 
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="shapes do not fit"):
-        make_sweep(np.ones((3, 2, 2)), frequency=[1, 2, 3], tx_position=np.zeros((5, 3)), rx_position=np.zeros((2, 3)))
+        make_sweep(
+            np.ones((3, 2, 2), complex), frequency=[1, 2, 3], tx_position=np.zeros((5, 3)), rx_position=np.zeros((2, 3))
+        )
 
 
 def test_the_other_time_convention_is_conjugated(sweep):

@@ -36,11 +36,14 @@ def calibrate(
     sweep: Path,
     *,
     output: Output,
+    frequency_unit: str | None = None,
     sort_frequencies: bool = False,
+    swap_axes: str | None = None,
     conjugate: bool = False,
     swap_iq: bool = False,
     reverse_frequency: bool = False,
     position_unit: str | None = None,
+    angle_unit: str | None = None,
     swap_tx_rx: bool = False,
     mask: bool = False,
     background: Path | None = None,
@@ -70,8 +73,12 @@ def calibrate(
         Sweep to read (netCDF).
     output
         Calibrated sweep to write; its history lists every step, in the order of these options.
+    frequency_unit
+        Unit that the frequencies were stored in, such as GHz; they are converted to hertz.
     sort_frequencies
         Put falling frequencies in rising order, samples and all.
+    swap_axes
+        Two axes of the samples to exchange, which were named the wrong way round, as frequency,tx.
     conjugate
         Conjugate the samples: they were stored with the time convention exp(-jwt).
     swap_iq
@@ -80,6 +87,8 @@ def calibrate(
         Reverse the samples along frequency: they were stored from the highest to the lowest.
     position_unit
         Unit that the positions were stored in, such as mm; they are converted to metres.
+    angle_unit
+        Unit that the directions of a raster scan were stored in, such as radian; they are converted to degrees.
     swap_tx_rx
         Exchange the positions of transmitters and receivers.
     mask
@@ -135,7 +144,9 @@ def calibrate(
     def repaired(path: Path) -> xr.Dataset:
         """A sweep with its mistakes put right; all sweeps that one session measured have the same mistakes."""
         found = read_as_is(path)
+        found = mf.calibrate.scale_frequencies(found, frequency_unit) if frequency_unit else found
         found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
+        found = mf.calibrate.swap_axes(found, tuple(swap_axes.split(","))) if swap_axes else found
         found = mf.calibrate.mask_bad(found) if mask else found
         found = mf.check_sweep(found, source=str(path))
         for wanted, repair in (
@@ -145,6 +156,7 @@ def calibrate(
             (swap_tx_rx, mf.calibrate.swap_tx_rx),
         ):
             found = repair(found) if wanted else found
+        found = mf.calibrate.scale_angles(found, angle_unit) if angle_unit else found
         return mf.calibrate.scale_positions(found, position_unit) if position_unit else found
 
     result = repaired(sweep)

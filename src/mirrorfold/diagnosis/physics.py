@@ -14,7 +14,7 @@ from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.pairs import Pairs, on_a_line, pairs_of
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
-from mirrorfold.sweep import wave_speed
+from mirrorfold.sweep import doubts, wave_speed
 
 COARSE_PITCH = 15.0
 """Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
@@ -57,7 +57,9 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         if unit is not None:
             found = [_unit_finding(unit)]
         else:
-            found = (_far_apart(pairs) or direct_findings(every)) if "rx" in sweep.dims else []
+            found = doubt_findings(sweep)
+            if not found and "rx" in sweep.dims:
+                found = _far_apart(pairs) or direct_findings(every)
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     found += _findings(explain(waves), speed_of_light / wave_speed(sweep))
@@ -91,6 +93,11 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
         )
         found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {cable:.2f}"))
     return found
+
+
+def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
+    """Positions or directions that are probably in another unit, by their size alone."""
+    return [Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option) for doubt in doubts(sweep)]
 
 
 def _unit_finding(unit: str) -> Finding:
