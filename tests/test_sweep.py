@@ -184,4 +184,4 @@ def test_a_moving_antenna_without_places_is_refused():
     with pytest.raises(InputError, match="antenna_position"):
         check_sweep(moving().drop_vars("antenna_position"))
     with pytest.raises(InputError, match="shapes"):
-        make_monostatic_sweep(np.ones((3, 4)), frequency=np.arange(1.0, 4.0), antenna_position=np.zeros((5, 3)))
+        make_monostatic_sweep(np.ones((3, 4), complex), frequency=[1.0, 2.0, 3.0], antenna_position=np.zeros((5, 3)))

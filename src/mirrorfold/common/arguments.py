@@ -34,6 +34,21 @@ def described(value: Any) -> str:
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
+def shown(value: Any) -> str:
+    """A value as a message shows it: as Python writes it where that is short, else what it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> shown(2.5), shown(np.zeros((2, 3)))
+    ('2.5', 'an array of shape (2, 3) and type float64')
+    """
+    if getattr(value, "shape", ()):
+        return described(value)
+    text = repr(value)
+    return text if len(text) <= LONGEST and "\n" not in text and " at 0x" not in text else described(value)
+
+
 def wrong_kind(name: str, value: Any, expected: str) -> InputError:
     """The error for an argument that is of another kind.
 

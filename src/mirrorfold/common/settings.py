@@ -17,6 +17,7 @@ from numbers import Real
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
@@ -73,12 +74,12 @@ class Rule:
         """
         if self.choices:
             if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{name} is {value!r}, expected one of {', '.join(self.choices)}")
+                raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(self.choices)}")
         elif self.kind == "bool":
             if not _is_bool(value):
-                raise InputError(f"{name} is {value!r}, expected True or False")
+                raise InputError(f"{name} is {shown(value)}, expected True or False")
         elif self.kind.startswith(("float", "int")) and not self._holds(value):
-            raise InputError(f"{name} is {value!r}, expected {self.expected()}; leave it out for the default")
+            raise InputError(f"{name} is {shown(value)}, expected {self.expected()}; leave it out for the default")
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is a number within the bounds."""

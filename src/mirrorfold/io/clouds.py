@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.netcdf import check_reconstruction
 
 Columns = dict[str, NDArray]
 
@@ -37,7 +38,7 @@ def export(reconstruction: xr.DataTree, path: str | Path) -> Path:
         If the suffix is none of these, or nothing can be written there.
     """
     path = check_cloud_path(path)
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = check_reconstruction(reconstruction).children["objects"].to_dataset(inherit=False)
     size = objects.sizes.get("point", 0)
     columns: Columns = {
         name: np.asarray(objects[name].values, dtype="<f4") if name in objects.variables else np.zeros(size, "<f4")

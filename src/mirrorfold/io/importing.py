@@ -8,6 +8,7 @@ from typing import Any
 
 import xarray as xr
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
@@ -59,7 +60,11 @@ def import_data(
         If a file cannot be read, or what is needed is missing or does not fit together: with the file, the line
         where there is one, and the remedy.
     """
-    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    given = [files] if isinstance(files, str | Path) or not isinstance(files, Sequence) else files
+    for one in given:
+        if not isinstance(one, str | Path):
+            raise wrong_kind("import_data", one, "the path of a file, or a list of them")
+    paths = [Path(one) for one in given]
     sweep = _import(paths, mapping, positions, parameter, reader, progress)
     return sweep if frame is None else _one_frame(sweep, frame)
 

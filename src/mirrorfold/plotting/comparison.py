@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
-from mirrorfold.plotting.axes import CURVE_STEP, Extent, colour_of, draw_radar, mirror_lines, radar_of
+from mirrorfold.plotting.axes import (
+    CURVE_STEP,
+    Extent,
+    colour_of,
+    draw_radar,
+    expect_reconstruction,
+    mirror_lines,
+    radar_of,
+)
 from mirrorfold.plotting.figures import corrected, image, mirrors, shadows
 from mirrorfold.plotting.figures import scene as draw_scene
 
@@ -50,6 +58,7 @@ def before_after(
     matplotlib.figure.Figure
         Not registered with pyplot; ``figure.savefig(path)`` writes it.
     """
+    expect_reconstruction("before_after", reconstruction)
     radar = radar_of(reconstruction)
     before = content_extent(reconstruction, scene, folded=False)
     after = content_extent(reconstruction, scene, folded=True)
@@ -100,6 +109,7 @@ def content_extent(reconstruction: xr.DataTree, scene: Scene | None = None, *, f
     (x0, x1, y0, y1) [m]
         The whole grid where nothing was found.
     """
+    expect_reconstruction("content_extent", reconstruction)
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]

@@ -48,11 +48,11 @@ def report(
     from mirrorfold.io.netcdf import check_reconstruction
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
-    from mirrorfold.scenes.floor_plan import load_scene
+    from mirrorfold.scenes.floor_plan import as_scene
 
     path = check_output(path, suffixes=PAGES)
     checked = check_reconstruction(reconstruction)
-    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    truth = None if scene is None else as_scene(scene)
     limit = LARGEST_IMAGE
     while True:
         page = to_html(to_document(checked, truth, largest_image=limit), title=title_of(checked, truth))

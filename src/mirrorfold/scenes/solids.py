@@ -31,6 +31,7 @@ from mirrorfold.scenes.arrays import (
     Positive,
     PositiveLength,
 )
+from mirrorfold.scenes.messages import say_plainly
 from mirrorfold.scenes.scanner import Leakage, Point3, Scanner, Steps
 from mirrorfold.scenes.surfaces import Roughness
 
@@ -359,3 +360,4 @@ FIELDS = sorted(
     }
 )
 """The kinds of surfaces, and all entries that a scene file may have."""
+say_plainly(Scene3D, KINDS, FIELDS)

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.horns import point_sources
 from mirrorfold.sweep import add_noise, make_sweep
 
@@ -107,7 +107,7 @@ def simulate(
     >>> round(float(abs(simulate(scene)["s"][0, 0, 0])), 2)
     0.71
     """
-    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    scene = as_scene(scene)
     if solver not in SOLVERS:
         raise InputError(f"solver is {solver!r}, expected one of: {', '.join(SOLVERS)}")
     for name, value in (("bounces", bounces), ("seed", seed)):
@@ -229,7 +229,7 @@ def estimate(
     InputError
         For two-dimensional scenes by rays, which take seconds.
     """
-    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    scene = as_scene(scene)
     if not isinstance(scene, Scene):
         from mirrorfold.simulation.raster import sweep as raster
 

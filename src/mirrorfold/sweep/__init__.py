@@ -20,7 +20,6 @@ from mirrorfold.sweep.facts import (
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
     TIME_CONVENTION,
-    add_noise,
     ambiguous_range,
     antenna_positions,
     frequency_step,
@@ -31,7 +30,7 @@ from mirrorfold.sweep.facts import (
     wave_speed,
     wavenumber,
 )
-from mirrorfold.sweep.making import make_monostatic_sweep, make_raster_sweep, make_sweep
+from mirrorfold.sweep.making import add_noise, make_monostatic_sweep, make_raster_sweep, make_sweep
 
 __all__ = [
     "AXES",

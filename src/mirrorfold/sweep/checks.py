@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import shown, wrong_kind
 from mirrorfold.common.plausible import extent, frequency_unit, length_unit, one_part, pitch, radians_for_degrees
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
@@ -173,7 +173,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
     """Refuse a wave speed or a centre of the scene that is none."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
-        raise refuse(f"attr wave_speed is {speed!r}, expected a positive number of metres per second")
+        raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
     centre = sweep.attrs.get("scene_center")
     if centre is None:
         return
@@ -182,7 +182,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
     except (TypeError, ValueError):
         place = np.empty(0)
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise refuse(f"attr scene_center is {centre!r}, expected three finite numbers in metres")
+        raise refuse(f"attr scene_center is {shown(centre)}, expected three finite numbers in metres")
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:

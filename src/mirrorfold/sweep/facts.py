@@ -21,12 +21,12 @@ RASTER_DIMENSIONS = ("frequency", "azimuth", "elevation")
 
 def is_raster(sweep: xr.Dataset) -> bool:
     """Whether a sweep is that of a raster scan."""
-    return "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
+    return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
 
 
 def is_monostatic(sweep: xr.Dataset) -> bool:
     """Whether a sweep is that of antennas that hear only themselves."""
-    return "s" in sweep and sweep["s"].dims[-2:] == MONOSTATIC_DIMENSIONS
+    return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-2:] == MONOSTATIC_DIMENSIONS
 
 
 def antenna_positions(sweep: xr.Dataset) -> tuple[Array, Array]:
@@ -68,26 +68,3 @@ def ambiguous_range(sweep: xr.Dataset) -> float:
 def range_resolution(sweep: xr.Dataset) -> float:
     """Range resolution [m], ``c / (2 B)`` with the bandwidth B of all samples."""
     return wave_speed(sweep) / (2.0 * frequency_step(sweep) * sweep.sizes["frequency"])
-
-
-def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
-    """The sweep with white complex Gaussian noise.
-
-    Parameters
-    ----------
-    sweep : xarray.Dataset
-    snr_db : float [dB]
-        Mean power of the samples over the power of the noise, per sample, before any focusing.
-    seed : int
-
-    Returns
-    -------
-    xarray.Dataset
-        With attr `snr_db`.
-    """
-    s = sweep["s"].values
-    power = float(np.mean(np.abs(s).astype(float) ** 2)) * 10.0 ** (-snr_db / 10.0)
-    generator = np.random.default_rng(seed)
-    noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
-    noisy = (s + np.sqrt(power / 2.0).astype(np.float32) * noise).astype(np.complex64)
-    return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=float(snr_db), noise_seed=int(seed))

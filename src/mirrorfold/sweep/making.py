@@ -174,7 +174,7 @@ def _made(
         f"sweep: the shapes do not fit together, s {values.shape}, {found}; expected s({', '.join(dims)}), with a "
         f"dimension of frames before these for a recording, and {expected}"
     )
-    if not len(dims) <= values.ndim <= len(dims) + 1:
+    if values.ndim - len(dims) not in ((0, 1) if time is None else (1,)):
         raise refusal
     try:
         sweep = xr.Dataset(
@@ -213,3 +213,26 @@ def _numbers(name: str, value: ArrayLike) -> Array:
     if found.dtype.kind == "c":
         raise wrong_kind(f"sweep: {name}", value, "real numbers")
     return found.astype(float)
+
+
+def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
+    """The sweep with white complex Gaussian noise.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    snr_db : float [dB]
+        Mean power of the samples over the power of the noise, per sample, before any focusing.
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        With attr `snr_db`.
+    """
+    s = check_sweep(sweep)["s"].values
+    power = float(np.mean(np.abs(s).astype(float) ** 2)) * 10.0 ** (-snr_db / 10.0)
+    generator = np.random.default_rng(seed)
+    noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    noisy = (s + np.sqrt(power / 2.0).astype(np.float32) * noise).astype(np.complex64)
+    return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=float(snr_db), noise_seed=int(seed))

@@ -44,13 +44,13 @@ def view(
         If there is no such file, the port cannot be had, or the scene is wrong.
     """
     from mirrorfold.errors import InputError
-    from mirrorfold.scenes.floor_plan import load_scene
+    from mirrorfold.scenes.floor_plan import as_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 
     if not Path(path).is_file():
         raise InputError(f"{path}: is no file; give a sweep, an image or a reconstruction (netCDF)")
-    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    truth = None if scene is None else as_scene(scene)
     with Server(Session(path, truth), port) as server:
         if announce is not None:
             announce(server.address)
