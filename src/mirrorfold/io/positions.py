@@ -94,7 +94,8 @@ class Scan(Strict):
     file : list of Entry
         Every file with its places; or `table`, a CSV beside the description; or `files`, a pattern of the names such
         as ``"scan_{tx}_{rx}.s2p"`` with the places `tx` and `rx` (or `antenna` for ``{position}``), or with the numbers
-        themselves, as in ``"beam_{azimuth}_{elevation}.s1p"``; or `ports`, the antennas of one file with all ports.
+        themselves, as in ``"beam_{azimuth}_{elevation}.s1p"``; or `ports`, the antennas of one file with all ports; or
+        `tx` and `rx` alone, the antennas of one table with all pairs.
     base : {0, 1}
         The number of the first place in file names.
     unit : str
@@ -133,6 +134,8 @@ class Scan(Strict):
     @model_validator(mode="after")
     def _one_source(self) -> Scan:
         given = [name for name in ("file", "table", "files", "ports") if getattr(self, name) is not None]
+        if not given and self.tx is not None and self.rx is not None:
+            return self
         if len(given) != 1:
             raise ValueError(f"give one of file, table, files and ports; found {', '.join(given) or 'none'}")
         return self
@@ -148,7 +151,7 @@ def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
     return {(name if key == found[0] else key): item for key, item in value.items()}
 
 
-def read_positions(path: Path) -> tuple[Scan, list[Line] | None]:
+def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None]:
     """The description of a scan, and its lines unless a pattern of file names makes them.
 
     Raises
@@ -156,8 +159,9 @@ def read_positions(path: Path) -> tuple[Scan, list[Line] | None]:
     InputError
         With the line or entry that is wrong.
     """
-    if path.suffix.lower() in (".toml", ".json"):
-        scan = validated(Scan, read_written(path), str(path))
+    if isinstance(path, dict) or path.suffix.lower() in (".toml", ".json"):
+        content, path = (path, Path("positions")) if isinstance(path, dict) else (read_written(path), path)
+        scan = validated(Scan, content, str(path))
         if scan.table is not None:
             return scan, _read_table(path.parent / scan.table)
         if scan.file is not None:
