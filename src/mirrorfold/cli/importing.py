@@ -127,6 +127,8 @@ def import_(
                 )  # fmt: skip
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
+    named = [finding.what for finding in facts.get("findings", ())]
+    notes = [one for one in notes if not any(one.startswith(what) for what in named)]  # said with its remedy below
     remarks = [*notes, *facts.remarks]
     remark(remarks)
     if json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
+from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.physics import doubt_findings, wave_findings
 from mirrorfold.diagnosis.quality import sample_findings
@@ -31,7 +32,8 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         other, judged = scan_findings(sweep)
         other = doubt_findings(sweep) or other
     else:
-        other, judged = wave_findings(sweep)
+        exchanged = axis_findings(sweep)
+        other, judged = (exchanged, {"waves": False, "exchange": True}) if exchanged else wave_findings(sweep)
     return sorted([*found, *other], key=lambda finding: -finding.sure), judged
 
 

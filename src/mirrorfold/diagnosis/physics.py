@@ -53,7 +53,7 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     if unit is not None:
         pairs = pairs.scaled(UNITS[unit])
     waves = wavefronts(pairs, exchange=exchange)
-    if waves is None or _in_phase(waves) < IN_PHASE:
+    if waves is None or in_phase(waves) < IN_PHASE:
         if unit is not None:
             found = [_unit_finding(unit)]
         else:
@@ -134,12 +134,12 @@ def _unit(pairs: Pairs) -> str | None:
     for unit in _NAMES:
         if FINE_PITCH[0] <= pitch * UNITS[unit] <= FINE_PITCH[1]:
             waves = wavefronts(on_a_line(pairs.scaled(UNITS[unit])), exchange=False)
-            if waves is not None and _in_phase(waves) >= IN_PHASE:
-                fitting[unit] = _in_phase(waves)
+            if waves is not None and in_phase(waves) >= IN_PHASE:
+                fitting[unit] = in_phase(waves)
     return max(fitting, key=fitting.__getitem__) if fitting else None
 
 
-def _in_phase(waves: Wavefronts) -> float:
+def in_phase(waves: Wavefronts) -> float:
     """Median coherence over that of random phases."""
     return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
@@ -26,13 +24,10 @@ from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
 from mirrorfold.io.spectral import STEP_TOLERANCE
 from mirrorfold.io.strict import validated
-from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep
+from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
 
 PLACE_DIGITS = 9
 """Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
-
-DOUBTFUL_PITCH = 100.0
-"""Antennas farther apart than so many wavelengths are probably given in another unit."""
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is meant where files hold several."""
@@ -92,15 +87,13 @@ def import_scan(
         sweep = xr.Dataset(
             {"s": (("frequency", "azimuth", "elevation"), full)}, coords, attrs | {"origin": np.array(scan.origin)}
         )
-        return check_sweep(sweep, source=str(table))
+        return _checked(sweep, table)
     coords["axis"] = list(AXES)
     if kind == "position":
-        _doubt(table, frequency, numbers, scan.wave_speed)
         coords["antenna_position"] = (("position", "axis"), numbers, {"units": "m"})
-        return check_sweep(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), source=str(table))
+        return _checked(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), table)
     tx, at_tx = _distinct(numbers[:, :3])
     rx, at_rx = _distinct(numbers[:, 3:])
-    _doubt(table, frequency, tx, scan.wave_speed)
     _once(lines, at_tx, at_rx)
     full, measured = fill_matrix(quantities, s, at_tx, at_rx, (len(tx), len(rx)), reciprocal=False)
     coords["tx_position"] = (("tx", "axis"), tx, {"units": "m"})
@@ -111,7 +104,7 @@ def import_scan(
             stacklevel=2,
         )
         coords["measured"] = (("tx", "rx"), measured)
-    return check_sweep(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), source=str(table))
+    return _checked(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), table)
 
 
 Files = dict[str, Path | Held]
@@ -252,19 +245,12 @@ def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> 
         seen[pair] = line
 
 
-def _doubt(table: Path, frequency: NDArray[np.float64], places: NDArray[np.float64], wave_speed: float | None) -> None:
-    """Say that the unit of the places looks wrong."""
-    distinct = np.unique(places, axis=0)
-    if len(distinct) < 2:
-        return
-    pitch = float(np.median(cKDTree(distinct).query(distinct, k=2)[0][:, 1]))
-    wavelengths = pitch * float(frequency[-1]) / (wave_speed or speed_of_light)
-    if wavelengths > DOUBTFUL_PITCH:
-        warnings.warn(
-            f"{table}: neighbouring places are {pitch:g} m apart, {wavelengths:.0f} wavelengths; if these are "
-            "millimetres, say so in the headings (tx_x_mm) or as unit",
-            stacklevel=3,
-        )
+def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
+    """A valid sweep; says where the unit of its places looks wrong."""
+    sweep = check_sweep(sweep, source=str(table))
+    for doubt in doubts(sweep):
+        warnings.warn(f"{doubt.what} Say so in the headings of {table}, as in tx_x_mm, or as unit.", stacklevel=3)
+    return sweep
 
 
 def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
