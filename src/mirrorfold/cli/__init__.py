@@ -85,7 +85,7 @@ VERBS = {
     ),
     "plan": Verb(
         "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
-        "mirrorfold plan --band 270e9:300e9 --points 401 --aperture 0.08 --pitch 0.5e-3 --range 4",
+        "mirrorfold plan --band 270GHz:300GHz --points 2001 --aperture 80mm --pitch 0.5mm --range 4m",
     ),
     "completion": Verb(
         "Print a script that completes verbs and options in a shell.",
