@@ -17,7 +17,7 @@ from mirrorfold.cli import VERBS
 
 GROUPS = {
     "Files": ("load", "save", "import_data", "import_image", "save_touchstone", "export"),
-    "Scenes and simulation": ("load_scene", "Scene", "Scene3D", "simulate", "near_field"),
+    "Scenes and simulation": ("load_scene", "parse_scene", "Scene", "Scene3D", "simulate", "near_field"),
     "Sweeps": ("make_sweep", "make_monostatic_sweep", "make_raster_sweep", "check_sweep", "add_noise"),
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
@@ -105,6 +105,13 @@ def command_reference() -> str:
     lines = ["# Command line", "", "Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130"]
     lines += ["interrupted. A wrong input gets one sentence, and nothing is left half-written. Progress goes to the"]
     lines += ["terminal alone; pipes and files get plain text, and `--json` prints [one JSON object](json.md)."]
+    lines += [
+        "",
+        "`-o` replaces a file, or the file that a link leads to, and says so; never a folder, a device, a pipe",
+    ]
+    lines += [
+        "or a socket. `--no-clobber` refuses to overwrite. Numbers may have [units](../units.md): `80mm`, `300GHz`."
+    ]
     for name, verb in VERBS.items():
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
@@ -127,6 +134,11 @@ def json_reference() -> str:
         "finite are `null`. Lengths end in `_m`, frequencies in `_hz`, angles in `_deg`, levels in `_db`, times in"
     ]
     lines += ["`_s`. `mirrorfold schema VERB` prints the JSON Schema of a verb's output."]
+    lines += ["", "A failure of any verb is one JSON object on stderr, in one line, with the exit code as always:"]
+    lines += [
+        "`error`, the sentence that people get; `exit_code`, 1 if the work failed, 2 if the arguments or the input"
+    ]
+    lines += ["are wrong, 130 if it was interrupted; `remarks`, what would have been noted on the way."]
     known: dict[type, list[str]] = {}
     for verb, output in outputs().items():
         for model in models(output):

@@ -72,7 +72,9 @@ def test_what_is_wrong_is_said_in_one_sentence(sweep, spoil, words):
 
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="shapes do not fit"):
-        make_sweep(np.ones((3, 2, 2)), frequency=[1, 2, 3], tx_position=np.zeros((5, 3)), rx_position=np.zeros((2, 3)))
+        make_sweep(
+            np.ones((3, 2, 2), complex), frequency=[1, 2, 3], tx_position=np.zeros((5, 3)), rx_position=np.zeros((2, 3))
+        )
 
 
 def test_the_other_time_convention_is_conjugated(sweep):
@@ -182,4 +184,4 @@ def test_a_moving_antenna_without_places_is_refused():
     with pytest.raises(InputError, match="antenna_position"):
         check_sweep(moving().drop_vars("antenna_position"))
     with pytest.raises(InputError, match="shapes"):
-        make_monostatic_sweep(np.ones((3, 4)), frequency=np.arange(1.0, 4.0), antenna_position=np.zeros((5, 3)))
+        make_monostatic_sweep(np.ones((3, 4), complex), frequency=[1.0, 2.0, 3.0], antenna_position=np.zeros((5, 3)))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
     from mirrorfold.reporting import report
-    from mirrorfold.scenes.floor_plan import Scene, load_scene
+    from mirrorfold.scenes.floor_plan import Scene, load_scene, parse_scene
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.scoring.score import score
     from mirrorfold.simulation import simulate
@@ -61,6 +61,7 @@ _HOME = {
     "make_raster_sweep": "sweep",
     "make_sweep": "sweep",
     "near_field": "simulation.fullwave.near_field",
+    "parse_scene": "scenes.floor_plan",
     "pick_frame": "folding.frames",
     "plan": "describing.planning",
     "plan_view": "focusing",
@@ -85,6 +86,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "import_image",
     "save_touchstone",
     "load_scene",
+    "parse_scene",
     "Scene",
     "Scene3D",
     "simulate",

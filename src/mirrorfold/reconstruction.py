@@ -24,6 +24,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Mask, Progress
@@ -181,6 +182,8 @@ class FoldPlan:
     """
 
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
+        if not isinstance(image, xr.DataArray | xr.DataTree):
+            raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
         self._ghosts = np.empty((0, 2))
         if isinstance(image, xr.DataTree) and sweep is None:

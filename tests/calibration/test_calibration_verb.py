@@ -85,7 +85,7 @@ def test_a_gate_and_the_displacement_are_applied(session):
         (["--background", "absent.nc"], "absent.nc: does not exist"),
         (["--background", "scene.nc"], "nothing is left"),
         (["--position-unit", "parsec"], "parsec"),
-        (["--cable-length", "nan"], "cable length"),
+        (["--cable-length", "nan"], "cable-length"),
         (["--sphere", "sphere.nc", "--sphere-at", "0,3", "--cable-length", "0.7"], "not heard"),
     ],
 )

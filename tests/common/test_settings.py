@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mirrorfold.common.settings import Settings, setting, takes
+from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
 
@@ -109,7 +110,7 @@ def test_an_unknown_keyword_is_refused_with_the_name_of_the_function():
 def test_options_of_the_command_line_have_types_that_it_can_read():
     parameters = inspect.signature(verb).parameters
     assert list(parameters) == ["image", "shape", "width", "strict", "level"]
-    assert parameters["width"].annotation is float
+    assert parameters["width"].annotation is Length
     assert parameters["strict"].annotation is bool
     assert parameters["level"].annotation == float | None
     assert verb("a", shape=5, width=1.0) == (5, {"width": 1.0})

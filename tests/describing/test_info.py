@@ -134,5 +134,5 @@ def test_a_scene_beyond_the_unambiguous_range_is_remarked(scene_file):
 
 
 def test_anything_else_is_refused():
-    with pytest.raises(mf.InputError, match="got a int"):
+    with pytest.raises(mf.InputError, match="got the number 3"):
         mf.info(3)

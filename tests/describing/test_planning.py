@@ -133,7 +133,7 @@ def test_the_verb_prints_and_draws(tmp_path, monkeypatch, capsys):
     [
         (["--band", "270e9"], "START:STOP"),
         (["--roughness", "a"], "--roughness"),
-        (["-o", "plan.txt"], "expected a picture"),
+        (["-o", "plan.txt"], "expected .png"),
         (["-o", "nowhere/plan.png"], "does not exist"),
         (["--if-bandwidth", "0"], "if_bandwidth"),
     ],

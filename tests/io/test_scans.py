@@ -267,7 +267,7 @@ def test_a_file_with_other_frequencies_is_named(scan, tmp_path):
 
 def test_millimetres_taken_for_metres_are_doubted(scan, tmp_path):
     (tmp_path / "p.csv").write_text("\n".join(table("file,tx_x,tx_z,rx_x,rx_z")))
-    with pytest.warns(UserWarning, match="wavelengths; if these are millimetres"):
+    with pytest.warns(UserWarning, match="wavelengths: their positions are probably in mm"):
         mf.import_data(scan[0], positions=tmp_path / "p.csv")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
@@ -88,7 +89,7 @@ def place(value: ArrayLike, name: str) -> Array:
         point = np.empty(0)
     if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
         raise InputError(
-            f"{name} is {value!r}, expected two or three finite coordinates in metres, for example (0, 1.5)"
+            f"{name} is {shown(value)}, expected two or three finite coordinates in metres, for example (0, 1.5)"
         )
     return np.array([*point, 0.0][:3])
 

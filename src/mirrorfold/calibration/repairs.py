@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
+from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
-
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-"""Units that positions may have been given in, in metres."""
 
 
 def conjugate(sweep: xr.Dataset) -> xr.Dataset:
@@ -66,20 +66,102 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     Parameters
     ----------
     sweep : xarray.Dataset
-    unit : {"mm", "cm", "um", "in", "m"}
-        Of the positions as they stand.
+    unit : {"mm", "cm", "um", "inch", "m"}
+        Of the positions as they stand; any length of `mirrorfold.common.units`.
     """
-    if unit not in UNITS:
-        raise InputError(f"position unit is {unit!r}, expected one of: {', '.join(UNITS)}")
+    scale = _factor("length", unit)
     sweep = check_sweep(sweep, source="scale_positions")
     if is_raster(sweep):
         raise InputError("scale_positions: a raster scan has no antenna positions; leave the position unit out")
     names = [name for name in ("tx_position", "rx_position", "antenna_position") if name in sweep.variables]
     scaled = {
-        name: (sweep[name].dims, sweep[name].values * UNITS[unit], {**sweep[name].attrs, "units": "m"})
-        for name in names
+        name: (sweep[name].dims, sweep[name].values * scale, {**sweep[name].attrs, "units": "m"}) for name in names
     }
     return recorded(sweep.assign_coords(scaled), f"positions taken for {unit}")
+
+
+def scale_frequencies(sweep: xr.Dataset, unit: str) -> xr.Dataset:
+    """The sweep with frequencies in hertz, that were given in another unit; need not be valid otherwise.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    unit : {"kHz", "MHz", "GHz", "THz"}
+        Of the frequencies as they stand.
+
+    Raises
+    ------
+    InputError
+        If that is no unit of frequencies, or the sweep has none.
+    """
+    if "frequency" not in sweep.variables:
+        raise InputError("scale_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
+    values = sweep["frequency"].values * _factor("frequency", unit)
+    scaled = sweep.assign_coords(frequency=("frequency", values, {**sweep["frequency"].attrs, "units": "Hz"}))
+    return recorded(scaled, f"frequencies taken for {unit}")
+
+
+def scale_angles(sweep: xr.Dataset, unit: str) -> xr.Dataset:
+    """The raster scan with directions in degrees, that were given in another unit.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    unit : {"radian", "mrad", "degree"}
+        Of azimuth and elevation as they stand.
+
+    Raises
+    ------
+    InputError
+        If that is no unit of angles, the sweep is no raster scan, or the directions then are none.
+    """
+    if not is_raster(sweep):
+        raise InputError("scale_angles: expected a raster scan, s(frequency, azimuth, elevation); leave the unit out")
+    factor = _factor("angle", unit)
+    scaled = {
+        name: (name, sweep[name].values * factor, {**sweep[name].attrs, "units": "degree"})
+        for name in ("azimuth", "elevation")
+    }
+    return recorded(check_sweep(sweep.assign_coords(scaled), source="scale_angles"), f"directions taken for {unit}")
+
+
+def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
+    """The sweep with two axes of the samples exchanged, which were named the wrong way round; need not be valid.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    axes : two str
+        Dimensions of `s` of equal length, such as ``("frequency", "tx")``.
+
+    Raises
+    ------
+    InputError
+        If the samples have no such dimensions, or these differ in length.
+    """
+    s = sweep["s"]
+    if len(axes) != 2 or not set(axes) <= set(s.dims) or s.sizes[axes[0]] != s.sizes[axes[1]]:
+        raise InputError(
+            f"swap_axes: {', '.join(map(str, axes))} are not two dimensions of equal length of s "
+            f"{dict(s.sizes)}; axes of different lengths are never exchanged"
+        )
+    at = [s.get_axis_num(name) for name in axes]
+    turned = s.copy(data=np.ascontiguousarray(np.swapaxes(s.values, at[0], at[1])))
+    return recorded(sweep.assign(s=turned), f"axes {axes[0]} and {axes[1]} of the samples exchanged")
+
+
+def _factor(kind: str, unit: str) -> float:
+    """What a number in a unit has to be multiplied with.
+
+    Raises
+    ------
+    InputError
+        If it is no unit of that kind.
+    """
+    factor = KINDS[kind].get(unit_named(str(unit)) or "")
+    if factor is None:
+        raise InputError(f"{kind} unit is {unit!r}, expected one of: {', '.join(KINDS[kind])}")
+    return factor
 
 
 def swap_tx_rx(sweep: xr.Dataset) -> xr.Dataset:

@@ -8,12 +8,14 @@ Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 1
 from __future__ import annotations
 
 import gc
+import json
 import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from typing import Any, NamedTuple
+from contextvars import ContextVar
+from typing import NamedTuple
 
 from mirrorfold import __version__
 from mirrorfold.errors import InputError
@@ -87,7 +89,7 @@ VERBS = {
     ),
     "plan": Verb(
         "Say what a measurement will show before it is made: resolution, mirrors, bounces, data, time.",
-        "mirrorfold plan --band 270e9:300e9 --points 2001 --aperture 0.08 --pitch 0.5e-3 --range 4",
+        "mirrorfold plan --band 270GHz:300GHz --points 2001 --aperture 80mm --pitch 0.5mm --range 4m",
     ),
     "completion": Verb(
         "Print a script that completes verbs and options in a shell.",
@@ -159,11 +161,22 @@ def _run(arguments: list[str]) -> int:
     if arguments[0] == "--version":
         print(__version__)
         return DONE
+    as_json = any(word == "--json" or word.startswith("--json=") for word in arguments)
+    kept = held_notes.set([] if as_json else None)
+    try:
+        return _attempt(arguments)
+    finally:
+        _release(held_notes.get())
+        held_notes.reset(kept)
+
+
+def _attempt(arguments: list[str]) -> int:
+    """Run one verb, and say in one line how it failed; returns the exit code."""
     try:
         from mirrorfold.cli.program import run
 
         with warnings.catch_warnings():
-            warnings.showwarning = _note
+            warnings.showwarning = lambda message, *_, **__: note(str(message))
             run(arguments)
         sys.stdout.flush()
     except InputError as error:
@@ -183,16 +196,32 @@ def _run(arguments: list[str]) -> int:
     return DONE
 
 
-def _note(message: Warning | str, *_: Any, **__: Any) -> None:
-    """Print a warning as a remark."""
-    print(f"mirrorfold: note: {message}", file=sys.stderr)
+held_notes: ContextVar[list[str] | None] = ContextVar("held_notes", default=None)
+"""With ``--json`` remarks wait for the end, because on failure stderr holds one JSON object and nothing else."""
+
+
+def note(sentence: str) -> None:
+    """Print a remark on stderr; the verb goes on."""
+    held = held_notes.get()
+    _release([sentence]) if held is None else held.append(sentence)
+
+
+def _release(sentences: list[str] | None) -> None:
+    """Print the remarks that were held back."""
+    for sentence in sentences or ():
+        print(f"mirrorfold: note: {sentence}", file=sys.stderr)
 
 
 def _complain(error: BaseException, sentence: str, code: int) -> int:
-    """Print one line; a traceback only for those who ask for it."""
+    """Print one line, or one JSON object for machines; a traceback only for those who ask for it."""
     if os.environ.get("MIRRORFOLD_DEBUG") == "1":
         raise error
-    print(f"mirrorfold: {' '.join(sentence.split())}", file=sys.stderr)
+    sentence, held = " ".join(sentence.split()), held_notes.get()
+    if held is None:
+        print(f"mirrorfold: {sentence}", file=sys.stderr)
+        return code
+    print(json.dumps({"error": sentence, "exit_code": code, "remarks": held}), file=sys.stderr)
+    held_notes.set(None)
     return code
 
 
@@ -202,5 +231,9 @@ def _help() -> str:
     lines += ["usage: mirrorfold VERB ...", ""]
     lines += [f"  {name:<13}{verb.purpose}" for name, verb in VERBS.items()]
     lines += ["", "`mirrorfold VERB --help` explains a verb and gives an example, `mirrorfold --version` the version."]
-    lines += ["Each verb takes --json to print one JSON object. Start with: mirrorfold demo"]
+    lines += [
+        "Each verb takes --json to print one JSON object, on failure one with `error` on stderr. Numbers may have"
+    ]
+    lines += ["units, as in 80mm, 300GHz or 50us; without one they are in m, Hz, s and degrees."]
+    lines += ["Start with: mirrorfold demo"]
     return "\n".join(lines)

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 import mirrorfold as mf
-from mirrorfold.cli.options import Numbers, Output, command
+from mirrorfold.cli.options import Numbers, Output, command, parse_numbers
 from mirrorfold.cli.terminal import progress, show_files, show_json
+from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,11 +42,14 @@ def calibrate(
     sweep: Path,
     *,
     output: Output,
+    frequency_unit: str | None = None,
     sort_frequencies: bool = False,
+    swap_axes: str | None = None,
     conjugate: bool = False,
     swap_iq: bool = False,
     reverse_frequency: bool = False,
-    position_unit: Literal["m", "cm", "mm", "um", "in"] | None = None,
+    position_unit: str | None = None,
+    angle_unit: str | None = None,
     swap_tx_rx: bool = False,
     mask: bool = False,
     background: Path | None = None,
@@ -54,10 +59,10 @@ def calibrate(
     reference_at: Numbers = None,
     reference_normal: Numbers = None,
     reference_per_channel: bool = False,
-    cable_length: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
+    cable_length: Length | None = None,
     sphere: list[Path] | None = None,
     sphere_at: Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)] = None,
-    sphere_radius: float = 0.0,
+    sphere_radius: Length = 0.0,
     save_elements: Path | None = None,
     elements: Path | None = None,
     find_displacement: bool = False,
@@ -74,8 +79,12 @@ def calibrate(
         Sweep to read (netCDF).
     output
         Calibrated sweep to write; its history lists every step, in the order of these options.
+    frequency_unit
+        Unit that the frequencies were stored in, such as GHz; they are converted to hertz.
     sort_frequencies
         Put falling frequencies in rising order, samples and all.
+    swap_axes
+        Two axes of the samples to exchange, which were named the wrong way round, as frequency,tx.
     conjugate
         Conjugate the samples: they were stored with the time convention exp(-jwt).
     swap_iq
@@ -83,7 +92,9 @@ def calibrate(
     reverse_frequency
         Reverse the samples along frequency: they were stored from the highest to the lowest.
     position_unit
-        Unit that the positions were stored in; they are converted to metres.
+        Unit that the positions were stored in, such as mm; they are converted to metres.
+    angle_unit
+        Unit that the directions of a raster scan were stored in, such as radian; they are converted to degrees.
     swap_tx_rx
         Exchange the positions of transmitters and receivers.
     mask
@@ -129,13 +140,12 @@ def calibrate(
     """
     from scipy.constants import speed_of_light
 
-    from mirrorfold.io.files import check_output
     from mirrorfold.sweep import ambiguous_range, wave_speed
 
-    inputs = [sweep, *(path for path in (background, reference, elements) if path), *(sphere or [])]
-    check_output(output, inputs=inputs)
+    inputs = [sweep, background, reference, elements, *(sphere or [])]
+    output_file(output, inputs=inputs)
     if save_elements is not None:
-        check_output(save_elements, inputs=[*inputs, output])
+        output_file(save_elements, inputs=[*inputs, output])
     _check_options(locals())
     kept = parse_gate(gate) if gate is not None else None
     moved = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None
@@ -146,7 +156,9 @@ def calibrate(
     def repaired(path: Path) -> xr.Dataset:
         """A sweep with its mistakes put right; all sweeps that one session measured have the same mistakes."""
         found = read_as_is(path)
+        found = mf.calibrate.scale_frequencies(found, frequency_unit) if frequency_unit else found
         found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
+        found = mf.calibrate.swap_axes(found, tuple(swap_axes.split(","))) if swap_axes else found
         found = mf.calibrate.mask_bad(found) if mask else found
         found = mf.check_sweep(found, source=str(path))
         for wanted, repair in (
@@ -156,6 +168,7 @@ def calibrate(
             (swap_tx_rx, mf.calibrate.swap_tx_rx),
         ):
             found = repair(found) if wanted else found
+        found = mf.calibrate.scale_angles(found, angle_unit) if angle_unit else found
         return mf.calibrate.scale_positions(found, position_unit) if position_unit else found
 
     result = repaired(sweep)
@@ -283,12 +296,10 @@ def parse_place(text: str, name: str) -> tuple[float, ...]:
     InputError
         If the text is not two or three numbers.
     """
-    try:
-        place = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        place = ()
+    form = "X,Y or X,Y,Z in metres or with units, for example 0,1.5 or 0,150cm"
+    place = tuple(parse_numbers(text, name, form, "length", mark=","))
     if len(place) not in (2, 3):
-        raise InputError(f"--{name} is {text!r}, expected X,Y or X,Y,Z in metres, for example 0,1.5")
+        raise InputError(f"--{name} is {text!r}, expected {form}")
     return place
 
 
@@ -300,9 +311,11 @@ def parse_gate(text: str) -> tuple[float | None, float | None]:
     InputError
         If the text is something else.
     """
-    parts = text.split(":")
-    try:
-        start, stop = (float(part) if part.strip() else None for part in parts)
-    except ValueError:
-        raise InputError(f"--gate is {text!r}, expected START:STOP in metres, for example 0.3:4 or 0.3:") from None
+    form = "START:STOP in metres or with units, for example 0.3:4 or 30cm:"
+    sides = text.split(":")
+    given = [side for side in sides if side.strip()]
+    numbers = parse_numbers(":".join(given), "gate", form, "length") if given else []
+    if len(sides) != 2:
+        raise InputError(f"--gate is {text!r}, expected {form}")
+    start, stop = (numbers.pop(0) if side.strip() else None for side in sides)
     return start, stop

@@ -8,7 +8,7 @@ import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput
 from mirrorfold.cli.results import read
 from mirrorfold.cli.terminal import remark, show_comparison, show_files, show_json
-from mirrorfold.errors import InputError
+from mirrorfold.cli.writing import output_file
 
 FORMATS = (".html", ".png", ".pdf", ".svg")
 
@@ -29,12 +29,10 @@ def compare(
     json
         Print the comparison as one JSON object.
     """
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import written_whole
 
     if output is not None:
-        if output.suffix.lower() not in FORMATS:
-            raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
-        check_output(output, inputs=[first, second])
+        output_file(output, inputs=[first, second], suffixes=FORMATS)
     a, b = (read(path, "reconstruction", "image") for path in (first, second))
     if frame is not None:
         a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)

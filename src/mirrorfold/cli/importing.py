@@ -9,7 +9,9 @@ from typing import Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
+from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Record, fact
+from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
 
@@ -64,7 +66,7 @@ def import_(
     order: str | None = None,
     unit: str = "m",
     decibel: bool = False,
-    cell: float | None = None,
+    cell: Length | None = None,
     json: bool = False,
 ) -> None:
     """Import measured data.
@@ -107,12 +109,10 @@ def import_(
     json
         Print what was found as one JSON object.
     """
-    from mirrorfold.io.files import check_output
-
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
-        check_output(output, inputs=files)
+        output_file(output, inputs=files)
     if guess:
         _guess(list(files), output, reader, json=json)
         return
@@ -135,6 +135,8 @@ def import_(
                 )  # fmt: skip
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
+    named = [finding.what for finding in facts.get("findings", ())]
+    notes = [one for one in notes if not any(one.startswith(what) for what in named)]  # said with its remedy below
     remarks = [*notes, *facts.remarks]
     remark(remarks)
     if json:
@@ -197,20 +199,19 @@ def export(
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
-    from mirrorfold.io.files import check_output, check_output_directory
 
     found = read(file, "sweep", "image", "reconstruction")
     if frame is not None:
         found = mf.pick_frame(found, frame)
     if not hasattr(found, "s"):
-        check_output(output, inputs=[file])
+        output_file(output, inputs=[file])
         mf.export(found, output, what=what)
         if json:
             show_json(Exported(kind="export", format=output.suffix.lower().lstrip("."), files=[str(output)]))
             return
         show_files([output])
         return
-    check_output_directory(output, names=(), inputs=[file])
+    output_directory(output, names=("positions.csv", "scan.toml"), inputs=[file])
     with progress("writing the scan") as report:
         positions = mf.save_touchstone(found, output, progress=report)
     if json:

@@ -11,6 +11,7 @@ import mirrorfold as mf
 from mirrorfold.cli.options import FloorPlanFile, Frame, Output
 from mirrorfold.cli.results import given_plan, read
 from mirrorfold.cli.terminal import show_files, show_json
+from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 
@@ -63,9 +64,9 @@ def report(
     json
         Print what was written as one JSON object.
     """
-    from mirrorfold.io.files import check_output
+    from mirrorfold.reporting import PAGES
 
-    check_output(output, inputs=[path for path in (reconstruction, scene, plan) if path is not None])
+    output_file(output, inputs=[reconstruction, scene, plan], suffixes=PAGES)
     truth = None if scene is None else mf.load_scene(scene)
     found = mf.pick_frame(read(reconstruction, "reconstruction"), frame)
     mf.report(found, output, scene=truth, plan=given_plan(plan))
@@ -146,13 +147,11 @@ def show(
         Print what was drawn as one JSON object.
     """
     from mirrorfold.cli.figures import draw
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import written_whole
 
-    if output.suffix.lower() not in FORMATS:
-        raise InputError(f"{output}: has the suffix {output.suffix!r}, expected one of {', '.join(FORMATS)}")
     if not 10 <= dpi <= 2400:
         raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
-    check_output(output, inputs=[path for path in (file, scene, plan) if path is not None])
+    output_file(output, inputs=[file, scene, plan], suffixes=FORMATS)
     truth = None if scene is None else mf.load_scene(scene)
     found: Any = mf.load(file)
     if frame is not None:

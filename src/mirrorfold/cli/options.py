@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 from cyclopts import App, Parameter
+
+from mirrorfold.common.units import Quantity, parse_quantities
+from mirrorfold.errors import InputError
 
 app = App(
     name="mirrorfold",
@@ -58,20 +61,54 @@ command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
 
 
-def with_opposites(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give every flag of a verb that is on by default an opposite, ``--no-NAME``; changes the function in place.
+def parse_numbers(
+    text: str, option: str, form: str, kind: str, *, mark: str = ":", unit: str | None = None
+) -> list[float]:
+    """The numbers of an option in SI units, with or without units; see `parse_quantities`.
 
-    A flag that is off by default, such as ``--json``, needs none: it is off where it is not given.
+    Raises
+    ------
+    InputError
+        With the option and the form that was expected, such as ``START:STOP in metres, for example 0.3:4``.
+    """
+    try:
+        return parse_quantities(text, kind, mark=mark, unit=unit)
+    except InputError as error:
+        raise InputError(f"--{option} is {text!r}, expected {form} ({error})") from None
+
+
+def completed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Complete the options of a verb; changes the function in place.
+
+    Every flag that is on by default gets an opposite, ``--no-NAME``; one that is off by default, such as ``--json``, is
+    off where it is not given. Every number with a unit (`Quantity`) may be written with another one, as in ``80mm``.
     """
     signature = inspect.signature(function)
-    switches = {
-        name: Annotated[bool, Parameter(negative=f"--no-{name.replace('_', '-')}")]
-        for name, parameter in signature.parameters.items()
-        if parameter.default is True
-    }
-    if switches:
-        parameters = [one.replace(annotation=switches.get(one.name, one.annotation))
+    hints = get_type_hints(function, include_extras=True)
+    changed: dict[str, Any] = {}
+    for name, parameter in signature.parameters.items():
+        if parameter.default is True:
+            changed[name] = Annotated[bool, Parameter(negative=f"--no-{name.replace('_', '-')}")]
+            continue
+        quantity = _quantity(hints.get(name))
+        if quantity is not None:
+            converter = Parameter(converter=_reader(quantity), allow_leading_hyphen=True)
+            changed[name] = Annotated[hints[name], converter]
+    if changed:
+        parameters = [one.replace(annotation=changed.get(one.name, one.annotation))
                       for one in signature.parameters.values()]  # fmt: skip
-        function.__annotations__ |= switches
+        function.__annotations__ |= changed
         function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return function
+
+
+def _quantity(hint: Any) -> Quantity | None:
+    """The kind of quantity that a type such as ``Length | None`` stands for."""
+    found = [item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Quantity)]
+    found += [inner for part in getattr(hint, "__args__", ()) if (inner := _quantity(part)) is not None]
+    return found[0] if found else None
+
+
+def _reader(quantity: Quantity) -> Callable[[Any, Sequence[Any]], Any]:
+    """What cyclopts calls with the type and the words of an option."""
+    return lambda _, tokens: quantity.read(tokens[0].value)

@@ -7,8 +7,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import mirrorfold as mf
-from mirrorfold.cli.options import OptionalOutput
+from mirrorfold.cli.options import OptionalOutput, parse_numbers
 from mirrorfold.cli.terminal import show_files, show_info, show_json, show_plan
+from mirrorfold.cli.writing import output_file
+from mirrorfold.common.units import Frequency, Length, Time
 from mirrorfold.errors import InputError
 
 Level = Annotated[float, Parameter(allow_leading_hyphen=True)]
@@ -18,22 +20,22 @@ def plan(
     *,
     band: str,
     points: int,
-    aperture: float,
-    pitch: float,
-    range: float,
-    rx_aperture: float | None = None,
-    rx_pitch: float | None = None,
+    aperture: Length,
+    pitch: Length,
+    range: Length,
+    rx_aperture: Length | None = None,
+    rx_pitch: Length | None = None,
     material: list[str] | None = None,
     roughness: str = "50",
     target: float = 1e-3,
-    leg: float | None = None,
+    leg: Length | None = None,
     detection_db: Level = 13.0,
     power_dbm: Level = 0.0,
     gain_dbi: Level = 20.0,
     noise_figure_db: Level = 20.0,
-    if_bandwidth: float = 1e4,
-    settling: float = 5e-5,
-    moving: float = 0.0,
+    if_bandwidth: Frequency = 1e4,
+    settling: Time = 5e-5,
+    moving: Time = 0.0,
     output: OptionalOutput = None,
     json: bool = False,
 ) -> None:
@@ -42,7 +44,7 @@ def plan(
     Parameters
     ----------
     band
-        Lowest and highest frequency as START:STOP [Hz].
+        Lowest and highest frequency as START:STOP [Hz], for example 270GHz:300GHz.
     points
         Number of frequencies.
     aperture
@@ -83,12 +85,10 @@ def plan(
         Print all numbers as one JSON object.
     """
     from mirrorfold.describing.planning import Instrument
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import written_whole
 
     if output is not None:
-        check_output(output)
-        if output.suffix.lower() not in PICTURES:
-            raise InputError(f"--output is {str(output)!r}, expected a picture that ends in {', '.join(PICTURES)}")
+        output_file(output, suffixes=PICTURES)
     heights = parse_roughness(roughness)
     found = mf.plan(
         band=parse_band(band),
@@ -131,32 +131,30 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def parse_band(text: str) -> tuple[float, float]:
-    """Two frequencies from START:STOP.
+    """Two frequencies [Hz] from START:STOP.
 
     Raises
     ------
     InputError
         If the text is something else.
     """
-    try:
-        start, stop = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise InputError(f"--band is {text!r}, expected START:STOP in hertz, for example 270e9:300e9") from None
-    return start, stop
+    form = "START:STOP in hertz or with units, for example 270GHz:300GHz"
+    numbers = parse_numbers(text, "band", form, "frequency")
+    if len(numbers) != 2:
+        raise InputError(f"--band is {text!r}, expected {form}")
+    return numbers[0], numbers[1]
 
 
 def parse_roughness(text: str) -> tuple[float, float | None]:
-    """Rms height and correlation length [m] from H or H,L in micrometres.
+    """Rms height and correlation length [m] from H or H,L, in micrometres unless they have units.
 
     Raises
     ------
     InputError
         If the text is something else.
     """
-    try:
-        numbers = [1e-6 * float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
+    form = "H or H,L in micrometres or with units, for example 50,200 or 0.05mm,0.2mm"
+    numbers = parse_numbers(text, "roughness", form, "length", mark=",", unit="um")
     if len(numbers) not in (1, 2):
-        raise InputError(f"--roughness is {text!r}, expected H or H,L in micrometres, for example 50,200")
+        raise InputError(f"--roughness is {text!r}, expected {form}")
     return numbers[0], numbers[1] if len(numbers) == 2 else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from inspect import signature
 
 from cyclopts import CycloptsError
 
@@ -22,7 +23,8 @@ from mirrorfold.cli import (
     simulating,
 )
 from mirrorfold.cli.help import PlainHelp
-from mirrorfold.cli.options import app, command, with_opposites
+from mirrorfold.cli.options import app, command, completed
+from mirrorfold.cli.writing import with_no_clobber
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
@@ -34,9 +36,10 @@ FUNCTIONS = (
 )
 
 for function in FUNCTIONS:
+    writes = {"output", "out"}.intersection(signature(function).parameters)
     name = function.__name__.rstrip("_")  # `import` is a word of the language
     app.command(
-        with_opposites(function),
+        with_no_clobber(completed(function)) if writes else completed(function),
         name=name,
         help=VERBS[name].purpose,
         help_epilogue=f"Example: {VERBS[name].example}\n",

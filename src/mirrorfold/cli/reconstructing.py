@@ -31,6 +31,7 @@ from mirrorfold.cli.results import (
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_files, show_json
+from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.settings import takes
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
@@ -68,10 +69,9 @@ def focus(
     """
     from mirrorfold.focusing import prepare
     from mirrorfold.io import load_geometry
-    from mirrorfold.io.files import check_output
 
     given |= parse_grid(x=x, y=y, z=z)
-    check_output(output, inputs=[sweep])
+    output_file(output, inputs=[sweep])
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
         geometry = load_geometry(sweep)
@@ -123,10 +123,8 @@ def fold(
     json
         Print mirrors and counts as one JSON object.
     """
-    from mirrorfold.io.files import check_output
-
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
-    check_output(output, inputs=inputs)
+    output_file(output, inputs=inputs)
     check_export(export)
     known = given_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
@@ -170,13 +168,11 @@ def reconstruct(
     json
         Print mirrors, counts and files as one JSON object; of several sweeps the summary.
     """
-    from mirrorfold.io.files import check_output_directory
-
     if not sweep:
         raise InputError("no sweep is given; name the file to reconstruct, for example sweep.nc")
     given |= {"tolerance": tolerance, "preset": preset, **parse_grid(x=x, y=y, z=z)}
     extra = [path for path in (mirrors, plan) if path is not None]
-    check_output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
+    output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
     check_export(export)
     known, walls = given_mirrors(mirrors), given_plan(plan)
 

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
+from mirrorfold.cli.options import parse_numbers
 from mirrorfold.cli.terminal import remark, show_files, show_frames, show_json, show_mirrors
+from mirrorfold.cli.writing import announce
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,12 +76,13 @@ def parse_axis(text: str, name: str) -> Any:
     """
     import numpy as np
 
-    try:
-        if ":" not in text and np.isfinite(float(text)):
-            return np.array([float(text)])
-        start, stop, step = map(float, text.split(":"))
-    except ValueError:
-        raise InputError(f"--{name} is {text!r}, expected START:STOP:STEP in metres, for example -2:2:0.005") from None
+    form = "START:STOP:STEP in metres or with units, for example -2:2:0.005 or -2m:2m:5mm"
+    numbers = parse_numbers(text, name, form, "length")
+    if len(numbers) == 1:
+        return np.array(numbers)
+    if len(numbers) != 3:
+        raise InputError(f"--{name} is {text!r}, expected {form}")
+    start, stop, step = numbers
     if not (np.isfinite([start, stop, step]).all() and step > 0 and stop > start):
         raise InputError(f"--{name} is {text!r}, expected finite numbers with STOP above START and a STEP above zero")
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
@@ -160,6 +163,7 @@ def check_export(path: Path | None) -> None:
         from mirrorfold.io.exports import check_export_path
 
         check_export_path(path)
+        announce([path])
 
 
 def write_export(reconstruction: Any, path: Path | None) -> list[Path]:

@@ -22,6 +22,7 @@ from mirrorfold.cli.results import (
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json, show_mirrors, show_score
+from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.errors import InputError
 
 DEMO_SCENES = {
@@ -54,10 +55,10 @@ def demo(
     """
     from importlib.resources import files as package_files
 
-    from mirrorfold.io.files import check_output_directory, directory_written_whole
+    from mirrorfold.io.files import directory_written_whole
 
     file = DEMO_SCENES[scene]
-    check_output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
+    output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
     text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
     with directory_written_whole(out) as directory:
         (directory / file).write_text(text, encoding="utf-8")
@@ -136,8 +137,6 @@ def simulate(
     json
         Print what was simulated as one JSON object.
     """
-    from mirrorfold.io.files import check_output
-
     truth = mf.load_scene(scene)
     if solver == "fullwave" and workers is None:
         workers = available_cores()
@@ -150,7 +149,7 @@ def simulate(
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
-    check_output(output, inputs=[scene])
+    output_file(output, inputs=[scene])
     results = output.with_name(f"{output.name}.frequencies")
     try:
         with progress("simulating the sweep") as report:

@@ -14,6 +14,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from mirrorfold.cli import note
+
 if TYPE_CHECKING:
     from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
@@ -46,7 +48,7 @@ def progress(description: str) -> Iterator[types.Progress | None]:
 def remark(sentences: Iterable[str]) -> None:
     """Print sentences that deserve attention on stderr; the verb goes on."""
     for sentence in sentences:
-        print(f"mirrorfold: note: {sentence}", file=sys.stderr)
+        note(sentence)
 
 
 def show_json(result: Mapping[str, Any]) -> None:

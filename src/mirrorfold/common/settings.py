@@ -17,6 +17,8 @@ from numbers import Real
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
+from mirrorfold.common.arguments import shown
+from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -25,7 +27,8 @@ LINE_WIDTH = 110
 """Of the generated docstrings."""
 
 OPTION_TYPES = {"bool": bool, "int": int, "float": float}
-"""What the command line reads for a setting of this kind; any other kind is text."""
+"""What the command line reads for a setting of this kind; any other kind is text. A number in a unit of
+`QUANTITIES` may be given in another one."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,12 @@ class Rule:
         """
         if self.choices:
             if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{name} is {value!r}, expected one of {', '.join(self.choices)}")
+                raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(self.choices)}")
         elif self.kind == "bool":
             if not _is_bool(value):
-                raise InputError(f"{name} is {value!r}, expected True or False")
+                raise InputError(f"{name} is {shown(value)}, expected True or False")
         elif self.kind.startswith(("float", "int")) and not self._holds(value):
-            raise InputError(f"{name} is {value!r}, expected {self.expected()}; leave it out for the default")
+            raise InputError(f"{name} is {shown(value)}, expected {self.expected()}; leave it out for the default")
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is a number within the bounds."""
@@ -249,6 +252,7 @@ def option_words(name: str, value: Any) -> list[str]:
 def _option_type(rule: Rule, default: Any) -> Any:
     """The type from which the command line learns how to read a setting."""
     kind = Literal[rule.choices] if rule.choices else OPTION_TYPES.get(rule.kind, str)
+    kind = QUANTITIES.get(rule.unit, kind) if kind is float else kind
     return kind | None if default is None else kind
 
 

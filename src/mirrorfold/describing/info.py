@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import xarray as xr
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.describing.images import ImageFacts, describe_image
 from mirrorfold.describing.reconstructions import ReconstructionFacts, describe_reconstruction
 from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts, describe_scene, describe_volume_scene
@@ -77,7 +78,7 @@ def info(
         return describe_scene(obj)
     if getattr(obj, "dimensions", None) == 3:
         return describe_volume_scene(obj)
-    raise InputError(f"info: got a {type(obj).__name__}, expected a sweep, an image, a reconstruction or a scene")
+    raise wrong_kind("info", obj, "a sweep, an image, a reconstruction, a scene, or the path of one")
 
 
 def _file(path: Path, diagnose: bool) -> Facts:

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
 
+from mirrorfold.common.arguments import shown
+from mirrorfold.common.plausible import frequency_unit, length_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
 from mirrorfold.describing.resolution import Arrays, resolution
@@ -303,6 +305,18 @@ def _check(
         if not np.isfinite(value) or value <= 0:
             unit = "square metres" if name == "target" else "metres"
             raise InputError(f"{name} is {value!r}, expected a number of {unit} above zero")
+    meant = frequency_unit(band[1], aperture, pitch, speed_of_light)
+    if meant is not None:
+        raise InputError(
+            f"band is {shown(band)} Hz, and an aperture of {aperture:g} m is {aperture * band[1] / speed_of_light:.1g} "
+            f"wavelengths there; probably {meant} were meant, as in {band[0]:g}{meant}:{band[1]:g}{meant}"
+        )
+    coarse = length_unit(pitch, speed_of_light / band[1])
+    if coarse is not None:
+        raise InputError(
+            f"pitch is {pitch:g} m, {pitch * band[1] / speed_of_light:.0f} wavelengths; probably {pitch:g}{coarse} was "
+            "meant"
+        )
     if not np.isfinite(leg) or leg < 0:
         raise InputError(f"leg is {leg!r}, expected a number of metres of at least zero")
     if not np.isfinite(detection_db):

@@ -9,6 +9,8 @@ import numpy as np
 from mirrorfold.common.records import Record, fact
 from mirrorfold.describing.contents import Described
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
+from mirrorfold.errors import InputError
+from mirrorfold.simulation.limits import check_extent
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -59,6 +61,7 @@ def describe_scene(scene: Scene) -> SceneFacts:
     surfaces = [
         SurfaceFacts(name=surface.name, kind=surface.kind, material=surface.material) for surface in scene.surface
     ]
+    remarks += _slips(scene)
     return SceneFacts(
         kind="scene", title=scene.name, **facts, farthest_surface_m=farthest, surfaces=surfaces, remarks=remarks
     )
@@ -81,4 +84,14 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
         )
         for surface in scene.surface
     ]
+    remarks += _slips(scene)
     return VolumeSceneFacts(kind="scene", title=scene.name, **facts, surfaces=surfaces, remarks=remarks)
+
+
+def _slips(scene: Scene | Scene3D) -> list[str]:
+    """Why `simulate` would refuse the scene before any work."""
+    try:
+        check_extent(scene)
+    except InputError as error:
+        return [str(error)]
+    return []

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import xarray as xr
 
+from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.physics import wave_findings
+from mirrorfold.diagnosis.physics import doubt_findings, wave_findings
 from mirrorfold.diagnosis.quality import sample_findings
 from mirrorfold.diagnosis.scans import scan_findings
 from mirrorfold.sweep import is_raster
@@ -27,7 +28,12 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         What could be judged at all: `waves` for the classic mistakes, `exchange` for transmitters and receivers.
     """
     found = sample_findings(sweep)
-    other, judged = scan_findings(sweep) if is_raster(sweep) else wave_findings(sweep)
+    if is_raster(sweep):
+        other, judged = scan_findings(sweep)
+        other = doubt_findings(sweep) or other
+    else:
+        exchanged = axis_findings(sweep)
+        other, judged = (exchanged, {"waves": False, "exchange": True}) if exchanged else wave_findings(sweep)
     return sorted([*found, *other], key=lambda finding: -finding.sure), judged
 
 

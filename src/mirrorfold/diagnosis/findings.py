@@ -16,7 +16,8 @@ class Finding:
     name : str
         For programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
-        "non-uniform-steps", "aliasing", "grating-lobes", "not-reciprocal", "no-echo".
+        "non-uniform-steps", "aliasing", "grating-lobes", "not-reciprocal", "no-echo", "frequency-unit", "angle-unit",
+        "no-phase", "axes-exchanged".
     what : str
         For people, one sentence.
     sure : float

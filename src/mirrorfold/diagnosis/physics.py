@@ -7,14 +7,14 @@ import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
-from mirrorfold.calibration.repairs import UNITS
+from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.pairs import Pairs, on_a_line, pairs_of
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
-from mirrorfold.sweep import wave_speed
+from mirrorfold.sweep import doubts, wave_speed
 
 COARSE_PITCH = 15.0
 """Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
@@ -53,11 +53,13 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     if unit is not None:
         pairs = pairs.scaled(UNITS[unit])
     waves = wavefronts(pairs, exchange=exchange)
-    if waves is None or _in_phase(waves) < IN_PHASE:
+    if waves is None or in_phase(waves) < IN_PHASE:
         if unit is not None:
             found = [_unit_finding(unit)]
         else:
-            found = (_far_apart(pairs) or direct_findings(every)) if "rx" in sweep.dims else []
+            found = doubt_findings(sweep)
+            if not found and "rx" in sweep.dims:
+                found = _far_apart(pairs) or direct_findings(every)
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     found += _findings(explain(waves), speed_of_light / wave_speed(sweep))
@@ -93,6 +95,11 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
     return found
 
 
+def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
+    """Positions or directions that are probably in another unit, by their size alone."""
+    return [Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option) for doubt in doubts(sweep)]
+
+
 def _unit_finding(unit: str) -> Finding:
     what = (
         f"The waves fit to positions a factor {1 / UNITS[unit]:g} smaller: they are in {_NAMES[unit]}, not in metres."
@@ -115,7 +122,7 @@ def _far_apart(pairs: Pairs) -> list[Finding]:
     return [Finding("position-unit", what, SURE_OF_DISTANCE, "--position-unit mm")]
 
 
-_NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "in": "inches"}
+_NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "inch": "inches"}
 
 
 def _unit(pairs: Pairs) -> str | None:
@@ -127,12 +134,12 @@ def _unit(pairs: Pairs) -> str | None:
     for unit in _NAMES:
         if FINE_PITCH[0] <= pitch * UNITS[unit] <= FINE_PITCH[1]:
             waves = wavefronts(on_a_line(pairs.scaled(UNITS[unit])), exchange=False)
-            if waves is not None and _in_phase(waves) >= IN_PHASE:
-                fitting[unit] = _in_phase(waves)
+            if waves is not None and in_phase(waves) >= IN_PHASE:
+                fitting[unit] = in_phase(waves)
     return max(fitting, key=fitting.__getitem__) if fitting else None
 
 
-def _in_phase(waves: Wavefronts) -> float:
+def in_phase(waves: Wavefronts) -> float:
     """Median coherence over that of random phases."""
     return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 

@@ -6,10 +6,14 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.calibration.masking import Bad, find_bad
+from mirrorfold.common.plausible import one_part
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
-from mirrorfold.sweep import STEP_TOLERANCE
+from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of
 
 MASK = "--mask"
+
+SURE_OF_UNIT = 0.95
+"""The other explanation is a forgotten speed of the waves."""
 
 
 def sample_findings(sweep: xr.Dataset) -> list[Finding]:
@@ -20,7 +24,32 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
     sweep : xarray.Dataset
         With a complex variable s; need not be valid otherwise.
     """
-    return [*_bad_findings(find_bad(sweep), sweep), *_step_findings(sweep)]
+    phase = _phase_findings(sweep)
+    return [*_unit_findings(sweep), *(phase or _bad_findings(find_bad(sweep), sweep)), *_step_findings(sweep)]
+
+
+def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
+    """Samples without a phase, whose largest values and ranges tell nothing more."""
+    s = sweep["s"]
+    part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0)) if "frequency" in s.dims else None
+    if part is None:
+        return []
+    what = f"The samples are {part} alone: the other part of every one is zero, and nothing tells where echoes are."
+    remedy = "import real and imaginary part, or magnitude and phase; measure the phase where it was not stored"
+    return [Finding("no-phase", what, CERTAIN, remedy, by_command=False)]
+
+
+def _unit_findings(sweep: xr.Dataset) -> list[Finding]:
+    """Frequencies that are too low for the array, whatever the waves."""
+    try:
+        unit = frequency_unit_of(sweep)
+    except (KeyError, ValueError, TypeError):  # without places or frequencies there is nothing to compare
+        return []
+    if unit is None:
+        return []
+    highest = float(sweep["frequency"].max())
+    what = f"The frequencies, up to {highest:g} Hz, are far too low for the array: they are probably in {unit}."
+    return [Finding("frequency-unit", what, SURE_OF_UNIT, f"--frequency-unit {unit}")]
 
 
 def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:

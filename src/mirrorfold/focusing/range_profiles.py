@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 from scipy.fft import ifft, next_fast_len
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.normalization import VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
@@ -199,6 +200,8 @@ def beam_area(attrs: dict[Any, Any], range_: Array, frequency: float, source: st
 
 def beams_of(volume: xr.DataArray) -> NDArray[Any]:
     """The values with the range axis last, contiguous: (azimuth, elevation, range)."""
+    if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
+        raise wrong_kind("volume", volume, "a volume (range, azimuth, elevation), as focus returns of a raster scan")
     return np.ascontiguousarray(np.moveaxis(volume.values, 0, -1))
 
 
@@ -264,6 +267,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
     InputError
         If there are no voxels, or their coordinates do not rise in equal steps.
     """
+    beams = beams_of(volume)
     origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
     axes = []
     for name, axis, shift in zip("xyz", (x, y, z), origin, strict=True):
@@ -274,7 +278,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
         if steps.size and np.ptp(steps) > 1e-3 * steps.mean():
             raise InputError(f"{name} must rise in equal steps; resample it")
         axes.append(axis - shift)
-    amplitude = _amplitude(beams_of(volume))
+    amplitude = _amplitude(beams)
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     values = np.empty((axes[1].size, axes[0].size, axes[2].size), dtype=np.float32)
     grid = angle_table(azimuth), angle_table(elevation)

@@ -34,7 +34,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     InputError
         If the file is missing, broken, or holds something else.
     """
-    path = Path(path)
+    path = _path("load", path)
     if path.suffix.lower() == ".toml":
         from mirrorfold.scenes.floor_plan import load_scene
 
@@ -65,6 +65,21 @@ def load_geometry(path: str | Path) -> xr.Dataset:
     from mirrorfold.io.netcdf import read_geometry
 
     return read_geometry(Path(path))
+
+
+def _path(name: str, value: Any) -> Path:
+    """A path.
+
+    Raises
+    ------
+    InputError
+        If the argument is none.
+    """
+    if isinstance(value, str | Path):
+        return Path(value)
+    from mirrorfold.common.arguments import wrong_kind
+
+    raise wrong_kind(name, value, "the path of a file")
 
 
 def _prepare_to_read(path: Path) -> None:
@@ -99,7 +114,7 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     """
     from mirrorfold.io.netcdf import write
 
-    return write(obj, Path(path))
+    return write(obj, _path("save", path))
 
 
 def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
@@ -120,7 +135,7 @@ def import_image(path: str | Path, **settings: Any) -> xr.DataArray:
     """An image or point cloud of another tool: see `mirrorfold.io.images.import_image`."""
     from mirrorfold.io import images
 
-    return images.import_image(path, **settings)
+    return images.import_image(_path("import_image", path), **settings)
 
 
 def save_touchstone(sweep: xr.Dataset, folder: str | Path, **settings: Any) -> Path:

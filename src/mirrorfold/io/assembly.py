@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,10 +16,7 @@ from mirrorfold.io.mapping import Mapping
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents
 from mirrorfold.io.samples import rising, samples_of, to_frequency
-from mirrorfold.sweep import TIME_CONVENTION, check_sweep
-
-LOWEST_RADIO_FREQUENCY = 1e5
-"""No radar sweeps below this [Hz]: the unit is another one."""
+from mirrorfold.sweep import TIME_CONVENTION, check_sweep, doubts, frequency_unit_of
 
 
 def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
@@ -39,11 +37,6 @@ def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
     frequency, s = rising(quantities, frequency, s, dims)
     if mapping.time_convention == "exp(-jwt)":
         s = s.conj()
-    if np.size(speed) == 1 and speed == speed_of_light and frequency[-1] < LOWEST_RADIO_FREQUENCY:
-        raise quantities.fail(
-            f"the frequencies run from {frequency[0]:g} to {frequency[-1]:g} Hz, where no radar works; "
-            'say their unit, for example unit = "GHz", or the wave_speed of sound'
-        )
     attrs = _attrs(mapping, contents, speed)
     if mapping.antenna is not None and set(dims) <= {"frequency", *LEADING}:  # a single place needs no axis in the file
         s, dims = s[..., None], [*dims, "position"]
@@ -57,7 +50,24 @@ def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
     order = [*(name for name in LEADING if name in dims), "frequency", *arrangement]
     s = np.transpose(s, [dims.index(name) for name in order])
     sweep = ARRANGEMENTS[arrangement](Measured(quantities, mapping, frequency, s, order, speed, attrs))
-    return check_sweep(sweep, source=str(contents.path))
+    _check_unit(quantities, mapping, sweep)
+    checked = check_sweep(sweep, source=str(contents.path))
+    for doubt in doubts(checked):
+        warnings.warn(f"{doubt.what} Remedy: {doubt.advice}", stacklevel=4)
+    return checked
+
+
+def _check_unit(quantities: Quantities, mapping: Mapping, sweep: xr.Dataset) -> None:
+    """Refuse frequencies, or the times that they were made of, in a unit that the mapping does not say."""
+    meant = frequency_unit_of(sweep)
+    if meant is None:
+        return
+    frequency = sweep["frequency"].values
+    what = f"the frequencies run from {frequency[0]:g} to {frequency[-1]:g} Hz, where no such array works"
+    if mapping.time is not None:
+        meant = {"GHz": "ns", "MHz": "us", "THz": "ps", "kHz": "ms"}[meant]
+        raise quantities.fail(f'{what}; the times are probably in {meant}: say [time] unit = "{meant}"')
+    raise quantities.fail(f'{what}; say their unit, probably [frequency] unit = "{meant}", or the wave_speed of sound')
 
 
 def join(sweeps: Sequence[xr.Dataset], along: str, names: Sequence[str]) -> xr.Dataset:

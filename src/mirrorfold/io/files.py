@@ -2,36 +2,53 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from mirrorfold.errors import InputError
 
+clobber: ContextVar[bool] = ContextVar("clobber", default=True)
+"""Whether files that are there may be overwritten; ``--no-clobber`` says no."""
 
-def check_output(path: str | Path, *, inputs: Iterable[str | Path] = ()) -> Path:
+
+def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixes: Sequence[str] = ()) -> Path:
     """The path, if a file can be written there.
 
     Parameters
     ----------
     path : path
-        Of the file to be written.
+        Of the file to be written. A link stands for the file that it leads to.
     inputs : paths
         Files that must not be overwritten.
+    suffixes : list of str
+        How the name may end, such as ``.html``; any way by default.
 
     Raises
     ------
     InputError
-        If the path is a directory, its directory is missing or read-only, or it is one of the inputs.
+        If something else than a file is there (a folder, a device, a pipe), its directory is missing or read-only, it
+        is one of the inputs, its name ends otherwise, or it is there and must not be overwritten.
     """
     path = Path(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise InputError(f"{path}: has the suffix {path.suffix!r}, expected {' or '.join(suffixes)}; rename it")
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the path of the file to write")
+    target = _followed(path)
+    if target.exists() and not target.is_file():
+        raise InputError(f"{path}: is a device, a pipe or a socket, and would be replaced; give the path of a file")
     _check_parent(path)
+    if target != path:
+        _check_parent(target)
     _check_inputs(path, inputs)
+    if not clobber.get() and os.path.lexists(path):
+        raise InputError(f"{path}: is there already, and --no-clobber is given; give another name, or move it away")
     return path
 
 
@@ -50,16 +67,16 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
     Raises
     ------
     InputError
-        If the path is a file, cannot be made, or one of the files is one of the inputs.
+        If the path is a file, cannot be made, or one of the files cannot be written (see `check_output`).
     """
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file; give the path of a directory")
-    _check_parent(path)
+    _check_parent(_followed(path))
     if path.is_dir() and not os.access(path, os.W_OK):
         raise InputError(f"{path}: is read-only; choose another directory")
-    for name in names:
-        _check_inputs(path / name, inputs)
+    for name in names if path.is_dir() else ():
+        check_output(path / name, inputs=inputs)
     return path
 
 
@@ -81,7 +98,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     InputError
         If nothing can be written there.
     """
-    path = check_output(path)
+    path = _followed(check_output(path))
     temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         temporary.touch(exist_ok=False)
@@ -114,7 +131,7 @@ def directory_written_whole(path: str | Path) -> Iterator[Path]:
     InputError
         If nothing can be written there.
     """
-    path = check_output_directory(path, names=()).absolute()
+    path = _followed(check_output_directory(path, names=()).absolute())
     place = path if path.exists() else path.parent
     temporary = place / f".{path.name}.{secrets.token_hex(4)}"
     try:
@@ -126,10 +143,30 @@ def directory_written_whole(path: str | Path) -> Iterator[Path]:
         if not path.exists():
             temporary.rename(path)
             return
-        for file in sorted(temporary.iterdir()):
-            os.replace(file, path / file.name)
+        files = sorted(temporary.iterdir())
+        for file in files:
+            check_output(path / file.name)
+        for file in files:
+            _move(file, path / file.name)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _followed(path: Path) -> Path:
+    """Where a link leads to, whether something is there or not; any other path as it is."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def _move(source: Path, target: Path) -> None:
+    """Put a file in the place of another; where that is a link to another disk, by a copy beside its end."""
+    target = _followed(target)
+    try:
+        os.replace(source, target)
+    except OSError as error:
+        if error.errno != errno.EXDEV:
+            raise
+        with written_whole(target) as temporary:
+            shutil.copyfile(source, temporary)
 
 
 def _check_parent(path: Path) -> None:

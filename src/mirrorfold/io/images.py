@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import UNITS
 from mirrorfold.io.netcdf import check_image
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
@@ -83,14 +83,15 @@ def import_image(
         If there is no image, or none whose coordinates are known.
     """
     contents = read_contents(path)
-    if unit not in ("m", "cm", "mm", "um", "inch"):
-        raise InputError(f"{path}: unit is {unit!r}, expected one of m, cm, mm, um, inch")
+    scale = KINDS["length"].get(unit_named(unit) or "")
+    if scale is None:
+        raise InputError(f"{path}: unit is {unit!r}, expected one of {', '.join(KINDS['length'])}")
     if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and image is None):
-        found = _gridded(contents, x or "x", y or "y", image, UNITS[unit], cell, decibel)
+        found = _gridded(contents, x or "x", y or "y", image, scale, cell, decibel)
     else:
         if cell is not None:
             raise InputError(f"{path}: holds no point cloud, and cell is the grid of one; leave it out")
-        found = _image(contents, image, {"x": x, "y": y, "z": z}, order, UNITS[unit], decibel)
+        found = _image(contents, image, {"x": x, "y": y, "z": z}, order, scale, decibel)
     found.attrs["radar_position"] = np.array(radar, dtype=float)
     found.attrs["source"] = Path(path).name
     return check_image(found, source=str(path))

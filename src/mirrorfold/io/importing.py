@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
 from mirrorfold.io.mapping import Mapping, load_mapping
+from mirrorfold.io.networks import held_networks
 from mirrorfold.io.readers import Contents, read_contents
+from mirrorfold.io.readers.contents import listed
+from mirrorfold.io.scans import import_scan
 from mirrorfold.sweep import check_sweep
 
 POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
@@ -20,10 +25,10 @@ POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "posi
 
 
 def import_data(
-    files: str | Path | Sequence[str | Path],
+    files: str | Path | Sequence[str | Path] | Any,
     *,
     mapping: str | Path | dict[str, Any] | Mapping | None = None,
-    positions: str | Path | None = None,
+    positions: str | Path | dict[str, Any] | None = None,
     parameter: str | None = None,
     reader: str | None = None,
     frame: int | str | None = None,
@@ -33,13 +38,14 @@ def import_data(
 
     Parameters
     ----------
-    files : path or list of paths
-        One file, files that a mapping joins, or the files or the folder of a scan, one file for each position.
+    files : path or list of paths; or skrf.Network, skrf.NetworkSet or list of Networks
+        One file, files that a mapping joins, or the files or the folder of a scan, one file for each position. Networks
+        of scikit-rf stand for Touchstone files of their names.
     mapping : path, name or dict, optional
         What the variables are: a mapping file, the name of one that comes along, or its content.
-    positions : path, optional
-        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files; in a folder found by itself
-        where it is called ``positions.csv`` or ``scan.toml``.
+    positions : path or dict, optional
+        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files, or the content of such a
+        TOML; in a folder found by itself where it is called ``positions.csv`` or ``scan.toml``.
     parameter : str, optional
         Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
     reader : str, optional
@@ -59,7 +65,20 @@ def import_data(
         If a file cannot be read, or what is needed is missing or does not fit together: with the file, the line
         where there is one, and the remedy.
     """
-    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    networks = held_networks(files)
+    if networks is not None:
+        if positions is None or mapping is not None:
+            raise InputError(
+                f"{len(networks)} networks are given and nothing says where their antennas stood; give positions, a "
+                "table or a dict that names each network, or the ports of one, and no mapping"
+            )
+        sweep = import_scan(networks, positions=positions, parameter=parameter, progress=progress)
+        return sweep if frame is None else _one_frame(sweep, frame)
+    given = [files] if isinstance(files, str | Path) or not isinstance(files, Sequence) else files
+    for one in given:
+        if not isinstance(one, str | Path):
+            raise wrong_kind("import_data", one, "the path of a file, or a list of them")
+    paths = [Path(one) for one in given]
     sweep = _import(paths, mapping, positions, parameter, reader, progress)
     return sweep if frame is None else _one_frame(sweep, frame)
 
@@ -80,7 +99,7 @@ def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
 def _import(
     paths: list[Path],
     mapping: str | Path | dict[str, Any] | Mapping | None,
-    positions: str | Path | None,
+    positions: str | Path | dict[str, Any] | None,
     parameter: str | None,
     reader: str | None,
     progress: Progress | None,
@@ -93,8 +112,6 @@ def _import(
     if positions is not None or _has_metafile(paths):
         if mapping is not None:
             raise InputError("mapping and positions are both given; a scan of files needs positions alone")
-        from mirrorfold.io.scans import import_scan
-
         return import_scan(paths, positions=positions, parameter=parameter, progress=progress)
     if parameter is not None:
         raise InputError("parameter is given without positions; give the table that says where the antennas stood")
@@ -125,6 +142,12 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
     if mapping is not None:
         return assemble(contents, mapping)
     if contents.mapping is not None:
+        unknown = contents.attrs.get("unknown headings")
+        if unknown:
+            warnings.warn(
+                f"{contents.path}: the columns {listed(map(repr, unknown))} are not understood and left out",
+                stacklevel=4,
+            )
         return assemble(contents, load_mapping(dict(contents.mapping)))
     if {"s", "frequency"} <= set(contents.variables) and contents.reader == "hdf5":
         from mirrorfold.io.netcdf import read
@@ -132,12 +155,16 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
         return _as_sweep(read(contents.path), contents.path)
     if contents.spectra is not None:
         raise InputError(
-            f"{contents.path}: holds {', '.join(contents.spectra.parameters)} and no positions; give --positions, a "
+            f"{contents.path}: holds {listed(contents.spectra.parameters)} and no positions; give --positions, a "
             "table that says where the antennas stood for each file"
         )
+    unknown = contents.attrs.get("unknown headings")
+    what = f"holds the headings {listed(map(repr, unknown))}, which are not understood" if unknown else (
+        f"does not say what its variables are ({listed(contents.variables) or 'none'})"
+    )  # fmt: skip
     raise InputError(
-        f"{contents.path}: does not say what its variables are; give --mapping FILE, which `mirrorfold import --guess "
-        f"{contents.path}` proposes, or --image NAME where it holds an image"
+        f"{contents.path}: {what}; give --mapping FILE, which `mirrorfold import --guess {contents.path}` proposes, or "
+        "--image NAME where it holds an image"
     )
 
 

@@ -17,33 +17,64 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from mirrorfold.common.units import KINDS, UNITS, Quantity, parse_quantity, split_quantity, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.io.strict import read_written, validated
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
-UNITS: dict[str, float] = {
-    "Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9, "THz": 1e12,
-    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 0.0254,
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12,
-    "degree": 1.0, "radian": 57.29577951308232, "m/s": 1.0,
-}  # fmt: skip
-"""What a number has to be multiplied with: for Hz, m, s, degree or m/s."""
+Coordinate = Annotated[Finite, Quantity("length")]
 
-Unit = Literal[
-    "Hz", "kHz", "MHz", "GHz", "THz", "m", "cm", "mm", "um", "inch", "s", "ms", "us", "ns", "ps", "degree", "radian",
-    "m/s",
-]  # fmt: skip
 
-KINDS = {
-    "frequency": ("Hz", "kHz", "MHz", "GHz", "THz"),
-    "length": ("m", "cm", "mm", "um", "inch"),
-    "time": ("s", "ms", "us", "ns", "ps"),
-    "angle": ("degree", "radian"),
-    "speed": ("m/s",),
-    "number": (),
-}
-"""Units by the kind of quantity."""
+def _known_unit(value: Any) -> Any:
+    """The unit that a name stands for."""
+    found = unit_named(value) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f"{value!r} is no unit that is known, expected one of {', '.join(UNITS)}")
+    return found
+
+
+Unit = Annotated[str, BeforeValidator(_known_unit)]
+
+
+def in_one_unit(content: Any, names: tuple[str, ...]) -> Any:
+    """The content of a table whose numbers are written with units, as in ``"270 GHz"``, in the base unit of their kind.
+
+    Raises
+    ------
+    ValueError
+        If some of the numbers have a unit and others none, or units of several kinds, or `unit` is given besides.
+    """
+    if not isinstance(content, dict):
+        return content
+    given = {name: content[name] for name in names if content.get(name) is not None}
+    written = {unit for value in given.values() for _, unit in _quantities(value)}
+    if not any(written):
+        return content
+    kinds = {kind for kind, units in KINDS.items() if written & units.keys()}
+    bare = any(not unit and number for value in given.values() for number, unit in _quantities(value))
+    if bare or len(kinds) > 1 or "unit" in content:
+        raise ValueError(f"{given} mix numbers with and without units or of several kinds; give each its unit, or none")
+    kind = kinds.pop()
+    converted = {name: _converted(value, kind) for name, value in given.items()}
+    return {**content, **converted, "unit": next(iter(KINDS[kind]))}
+
+
+def _quantities(value: Any) -> list[tuple[float, str]]:
+    """Numbers and units in a value: a text, a number, or lists of them; other texts are names."""
+    if isinstance(value, list):
+        return [pair for item in value for pair in _quantities(item)]
+    if isinstance(value, str):
+        found = split_quantity(value)
+        return [] if found is None or not found[1] else [found]
+    return [(float(value), "")] if isinstance(value, int | float) else []
+
+
+def _converted(value: Any, kind: str) -> Any:
+    """A value with its numbers in the base unit."""
+    if isinstance(value, list):
+        return [_converted(item, kind) for item in value]
+    return parse_quantity(value, kind) if isinstance(value, str) else value
 
 
 class Strict(BaseModel):
@@ -78,6 +109,11 @@ class Values(Strict):
     points: Annotated[int, Field(gt=0, le=100_000_000)] | None = None
     unit: Unit | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _units(cls, content: Any) -> Any:
+        return in_one_unit(content, ("values", "start", "stop", "step"))
+
     @model_validator(mode="after")
     def _one_source(self) -> Values:
         given = [name for name in ("variable", "file", "values", "start") if getattr(self, name) is not None]
@@ -90,9 +126,9 @@ class Values(Strict):
 
 
 def _short(value: Any) -> Any:
-    """A name stands for a variable, numbers for themselves."""
+    """A name stands for a variable; numbers, with a unit or without, for themselves."""
     if isinstance(value, str):
-        return {"variable": value}
+        return {"values": [value]} if _quantities(value) else {"variable": value}
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"values": [value]}
     return {"values": value} if isinstance(value, list) else value
@@ -172,6 +208,11 @@ class Places(Strict):
     z: Row | None = None
     unit: Unit = "m"
 
+    @model_validator(mode="before")
+    @classmethod
+    def _units(cls, content: Any) -> Any:
+        return in_one_unit(content, ("position",))
+
     @model_validator(mode="after")
     def _one_source(self) -> Places:
         coordinates = any(axis is not None for axis in (self.x, self.y, self.z))
@@ -197,7 +238,12 @@ class Carried(Strict):
     start: Finite | None = None
     step: Finite | None = None
     unit: Unit = "m"
-    carrier: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    carrier: Annotated[float, Field(gt=0, allow_inf_nan=False), Quantity("frequency")]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units(cls, content: Any) -> Any:
+        return in_one_unit(content, ("start", "step"))
 
     @model_validator(mode="after")
     def _one_source(self) -> Carried:
@@ -245,7 +291,7 @@ class Mapping(Strict):
     frequency: Row | None = None
     time: Row | None = None
     range: Carried | None = None
-    band: tuple[Finite, Finite] | None = None
+    band: tuple[Annotated[Finite, Quantity("frequency")], Annotated[Finite, Quantity("frequency")]] | None = None
     tx: Places | None = None
     rx: Places | None = None
     elements: Places | None = None
@@ -254,11 +300,11 @@ class Mapping(Strict):
     reciprocal: bool = False
     azimuth: Row | None = None
     elevation: Row | None = None
-    origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+    origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     compensation: Compensation | None = None
     wave_speed: Row | None = None
     relative_permittivity: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = None
-    scene_center: tuple[Finite, Finite, Finite] | None = None
+    scene_center: tuple[Coordinate, Coordinate, Coordinate] | None = None
     join: Literal["position", "frame"] | None = None
     time_convention: Literal["exp(+jwt)", "exp(-jwt)"] = "exp(+jwt)"
     title: str | None = None

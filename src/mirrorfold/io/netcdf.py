@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
 from mirrorfold.io.readers.hdf5 import check_survived
@@ -156,9 +157,11 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
     InputError
         With the first thing that is missing or wrong; `source` names the file in the message.
     """
-    if not isinstance(image, xr.DataArray) or not image_axes(image):
-        found = f"has dimensions {image.dims}" if isinstance(image, xr.DataArray) else f"is a {type(image).__name__}"
-        raise InputError(f"{source}: {found}, expected an image with (y, x), (z, y, x) or (range, azimuth, elevation)")
+    if not isinstance(image, xr.DataArray):
+        raise wrong_kind(source, image, "an image (xarray.DataArray) with coordinates, as focus returns")
+    if not image_axes(image):
+        expected = "an image with (y, x), (z, y, x) or (range, azimuth, elevation)"
+        raise InputError(f"{source}: has dimensions {image.dims}, expected {expected}")
     if image.dtype.kind not in "fc":
         raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
     if image.size == 0:
@@ -200,7 +203,9 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
     InputError
         With the first thing that is missing or wrong; `source` names the file in the message.
     """
-    kind = reconstruction.attrs.get("mirrorfold_kind") if isinstance(reconstruction, xr.DataTree) else None
+    if not isinstance(reconstruction, xr.DataTree):
+        raise wrong_kind(source, reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
+    kind = reconstruction.attrs.get("mirrorfold_kind")
     if kind != "reconstruction":
         raise InputError(f"{source}: mirrorfold_kind is {kind!r}, expected 'reconstruction'; give the result of fold")
     nodes = {node.path: node for node in reconstruction.subtree}

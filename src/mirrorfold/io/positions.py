@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from mirrorfold.common.units import KINDS, UNITS, Quantity, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import UNITS, Finite, Places, Row, Strict, Unit
+from mirrorfold.io.mapping import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents
 from mirrorfold.io.readers.contents import read_bytes
@@ -75,13 +76,14 @@ class Entry(Strict):
     tx: Triple | None = None
     rx: Triple | None = None
     position: Triple | None = None
-    azimuth: Finite | None = None
-    elevation: Finite | None = None
+    unit: Unit | None = None
+    azimuth: Annotated[Finite, Quantity("angle")] | None = None
+    elevation: Annotated[Finite, Quantity("angle")] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _aliases(cls, value: Any) -> Any:
-        return _renamed(value, FILE_NAMES, "file")
+        return in_one_unit(_renamed(value, FILE_NAMES, "file"), ("tx", "rx", "position"))
 
 
 class Scan(Strict):
@@ -92,7 +94,8 @@ class Scan(Strict):
     file : list of Entry
         Every file with its places; or `table`, a CSV beside the description; or `files`, a pattern of the names such
         as ``"scan_{tx}_{rx}.s2p"`` with the places `tx` and `rx` (or `antenna` for ``{position}``), or with the numbers
-        themselves, as in ``"beam_{azimuth}_{elevation}.s1p"``; or `ports`, the antennas of one file with all ports.
+        themselves, as in ``"beam_{azimuth}_{elevation}.s1p"``; or `ports`, the antennas of one file with all ports; or
+        `tx` and `rx` alone, the antennas of one table with all pairs.
     base : {0, 1}
         The number of the first place in file names.
     unit : str
@@ -115,9 +118,9 @@ class Scan(Strict):
     title: str | None = None
     instrument: str | None = None
     time_convention: Literal["exp(+jwt)", "exp(-jwt)"] = "exp(+jwt)"
-    wave_speed: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    scene_center: tuple[Finite, Finite, Finite] | None = None
-    origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+    wave_speed: Annotated[float, Field(gt=0, allow_inf_nan=False), Quantity("speed")] | None = None
+    scene_center: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -131,6 +134,8 @@ class Scan(Strict):
     @model_validator(mode="after")
     def _one_source(self) -> Scan:
         given = [name for name in ("file", "table", "files", "ports") if getattr(self, name) is not None]
+        if not given and self.tx is not None and self.rx is not None:
+            return self
         if len(given) != 1:
             raise ValueError(f"give one of file, table, files and ports; found {', '.join(given) or 'none'}")
         return self
@@ -146,7 +151,7 @@ def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
     return {(name if key == found[0] else key): item for key, item in value.items()}
 
 
-def read_positions(path: Path) -> tuple[Scan, list[Line] | None]:
+def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None]:
     """The description of a scan, and its lines unless a pattern of file names makes them.
 
     Raises
@@ -154,18 +159,20 @@ def read_positions(path: Path) -> tuple[Scan, list[Line] | None]:
     InputError
         With the line or entry that is wrong.
     """
-    if path.suffix.lower() in (".toml", ".json"):
-        scan = validated(Scan, read_written(path), str(path))
+    if isinstance(path, dict) or path.suffix.lower() in (".toml", ".json"):
+        content, path = (path, Path("positions")) if isinstance(path, dict) else (read_written(path), path)
+        scan = validated(Scan, content, str(path))
         if scan.table is not None:
             return scan, _read_table(path.parent / scan.table)
         if scan.file is not None:
-            return scan, [_of_entry(path, n, entry, UNITS[scan.unit]) for n, entry in enumerate(scan.file)]
+            return scan, [_of_entry(path, n, entry, scan.unit) for n, entry in enumerate(scan.file)]
         return scan, None
     return Scan(table=path.name), _read_table(path)
 
 
-def _of_entry(path: Path, number: int, entry: Entry, unit: float) -> Line:
+def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> Line:
     where = f"{path}: file[{number}] ({entry.file})"
+    unit = UNITS[entry.unit or unit_of_all]
     numbers: dict[str, float] = {}
     for name in ("tx", "rx", "position"):
         place = getattr(entry, name)
@@ -223,7 +230,7 @@ def _cells(path: Path, number: int, line: str, delimiter: str) -> list[str]:
         raise InputError(f"{path}: line {number}, {line[:80]!r}, is no line of a CSV ({error})") from None
 
 
-HEADING = re.compile(r"^([a-z_ ]+?)[ _]*(?:[\[(]\s*(\w+)\s*[\])]|_(mm|cm|um|m|inch|degree|deg|radian|rad))?$")
+HEADING = re.compile(r"^([a-z_ ]+?)[ _]*(?:[\[(]\s*(\w+)\s*[\])]|_(mm|cm|um|m|inch|in|degree|deg|radian|rad))?$")
 
 
 def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
@@ -242,11 +249,12 @@ def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
                 f"{', '.join(sorted(known))}, with a unit such as tx_x_mm"
             )
         return "", 1.0
-    unit = {"deg": "degree", "rad": "radian"}.get(match[2] or match[3] or "", match[2] or match[3])
-    expected = ("degree", "radian") if name in ANGLES else ("m", "cm", "mm", "um", "inch")
-    if unit is not None and unit not in expected:
+    said = match[2] or match[3]
+    expected = KINDS["angle" if name in ANGLES else "length"]
+    unit = unit_named(said) if said else None
+    if said and unit not in expected:
         raise InputError(
-            f"{path}: line {number} has the heading {cell.strip()!r} with the unit {unit!r}, expected one of "
+            f"{path}: line {number} has the heading {cell.strip()!r} with the unit {said!r}, expected one of "
             f"{', '.join(expected)}"
         )
     return name, UNITS[unit] if unit else 1.0

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import KINDS, UNITS, Places, Values
+from mirrorfold.io.mapping import Places, Values
+from mirrorfold.io.names import unit_of_name
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 
@@ -51,7 +53,11 @@ class Quantities:
             found = self._steps(values)
         if found.dtype.kind not in "fiub" or max((*found.shape, 0)) != found.size:
             raise self.fail(f"{name} has type {found.dtype} and shape {found.shape}, expected a row of real numbers")
-        result = found.astype(float).ravel() * (UNITS[values.unit] if values.unit else 1.0)
+        unit = values.unit
+        if unit is None and values.variable is not None and kind in ("frequency", "time"):
+            said = str(self.contents.variables[values.variable].attrs.get("units", ""))
+            unit = unit_of_name(values.variable.rpartition(".")[2], kind, said)
+        result = found.astype(float).ravel() * (UNITS[unit] if unit else 1.0)
         if not np.isfinite(result).all():
             at = int(np.flatnonzero(~np.isfinite(result))[0])
             raise self.fail(f"{name} holds values that are not finite, the first as number {at}; correct the file")

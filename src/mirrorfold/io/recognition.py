@@ -10,9 +10,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 
-from mirrorfold.io.mapping import UNITS
+from mirrorfold.common.plausible import length_unit, pitch
+from mirrorfold.common.units import UNITS
+from mirrorfold.io.names import (
+    AZIMUTH,
+    CHANNELS,
+    COORDINATE,
+    ELEVATION,
+    FREQUENCY,
+    IMAGINARY,
+    MAGNITUDE,
+    PHASE,
+    PLACES,
+    REAL,
+    RECEIVE,
+    REFERENCE,
+    RX_COORDINATE,
+    SPEED,
+    START,
+    STOP,
+    TIME,
+    TRANSMIT,
+    TX_COORDINATE,
+    unit_of_name,
+)
 from mirrorfold.io.proposal import BESIDE, LISTED, Finding, Guess, plain, source
 from mirrorfold.io.readers import Contents, Variable
 from mirrorfold.io.spectral import STEP_TOLERANCE
@@ -20,33 +42,8 @@ from mirrorfold.io.spectral import STEP_TOLERANCE
 LARGEST_LOOKED_AT = 1 << 20
 """Rows of numbers with more values are not looked into."""
 
-FREQUENCY = re.compile(r"^f$|^fr|freq|^f_?axis|^(k|m|g|t)?hz$")
-TIME = re.compile(r"^t$|^time|^t_?axis|_time$")
-REFERENCE = re.compile(r"^r_?0$|ref(erence)?_?range|range_?ref|^rref|scene_?range|^r_?ref")
-SPEED = re.compile(r"velocity|speed|^c$|^c_?0$|^v$")
-REAL = re.compile(r"(^|[_.])(re|real)($|[_.])|_re$|real$", re.IGNORECASE)
-IMAGINARY = re.compile(r"(^|[_.])(im|imag|imaginary)($|[_.])|_im$|imag$", re.IGNORECASE)
-MAGNITUDE = re.compile(r"^(s\d\d_?)?(mag(nitude)?|amp(l(itude)?)?|abs|db)(_?db)?$|_(mag|magnitude|abs|amp|db)$")
-PHASE = re.compile(r"phase|angle|^arg|_ph(_?deg)?$|_deg$")
-AZIMUTH, ELEVATION = re.compile(r"^az"), re.compile(r"^el(ev|$)|^el_")
-START, STOP = (
-    re.compile(r"^f.*(start|min|low|begin)|^f_?(0|1|lo)$"),
-    re.compile(r"^f.*(stop|end|max|high)|^f_?(2|n|hi)$"),
-)
-PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
-TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
-CHANNELS = re.compile(r"chan|pair")
-COORDINATE = re.compile(r"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis|m|mm)?$")
-TX_COORDINATE = re.compile(
-    r"^(?:tx|trans(?:mitter)?|t)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:tx|t)(?:_?m{1,2})?$"
-)
-RX_COORDINATE = re.compile(r"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:rx|r)(?:_?m{1,2})?$")
-
-LARGEST_PITCH_MM = 100.0
-"""Antennas farther apart than so many units are not given in mm: an aeroplane's are in metres."""
-
-DOUBTFUL_PITCH = 100.0
-"""Antennas farther apart than so many wavelengths, where a thousandth of it would be usual, are given in mm."""
+LARGEST_PITCH = 100.0
+"""Antennas farther apart than so many units are not given in mm or cm: an aeroplane's are in metres."""
 
 GIGAHERTZ_BELOW = 3e3
 """Frequencies that all lie below this are given in GHz, if they are those of a radar."""
@@ -95,6 +92,8 @@ class Search:
     def _samples(self) -> Variable | None:
         """Complex samples, or two parts of them, or the largest real array."""
         complexes = {name: v for name, v in self.free.items() if v.dtype.kind == "c"}
+        if "s" in complexes and complexes["s"].dims:  # the reader knows the axes
+            complexes = {"s": complexes["s"]}
         if complexes:
             name = max(complexes, key=lambda key: prod(complexes[key].shape))
             self._found(f"the samples are {name!r} {complexes[name].shape}", 0 if len(complexes) == 1 else 1,
@@ -116,6 +115,11 @@ class Search:
         if not reals:
             return None
         name = max(reals, key=lambda key: prod(reals[key].shape))
+        if self._rows(FREQUENCY, [n for n in reals[name].shape if n > 1]) and not self._rows(TIME, reals[name].shape):
+            self.guess.missing.append(
+                f"{name!r} holds real numbers against frequency, magnitudes or one part alone: name the other part or "
+                "the phase in [s]; without it nothing tells where echoes are"
+            )
         self._found(f"the samples are {name!r} {reals[name].shape}", 1, "the largest array; real, so time traces")
         self.guess.entries["s"] = {"variable": name, "dims": []}
         return self.free.pop(name)
@@ -156,8 +160,11 @@ class Search:
                 at = dims.index(kind) if kind in dims else shape.index(values.size)
                 dims[at] = kind
                 unit = self._unit(kind, name, values)
-                level = 0 if shape.count(values.size) == 1 else 1
-                self._found(f"axis {at} is {kind}, {name!r} in {unit}", level, "name, length and equal steps")
+                self._found(f"axis {at} is {kind}, {name!r} in {unit}", 0, "name, length and equal steps")
+                if kind not in self.contents.variables[self.guess.entries["s"].get("variable", name)].dims:
+                    self._cannot_know(
+                        shape, at, *(n for n, size in enumerate(shape) if size == values.size and n != at)
+                    )
                 said = source(name)
                 self.guess.entries[kind] = {"variable": name} if said == name else said
                 self.guess.entries[kind] |= {"unit": unit}
@@ -184,17 +191,25 @@ class Search:
                 'give the band in a table [frequency]: start = ..., stop = ..., points = ..., unit = "GHz"'
             )
 
+    def _cannot_know(self, shape: list[int], *axes: int) -> None:
+        """Say of axes of equal length that they may be exchanged."""
+        if len(axes) > 1 and len({shape[at] for at in axes}) == 1:
+            listed = " and ".join(map(str, axes))
+            self._found(
+                f"which of the axes {listed} is which cannot be known", 2,
+                f"all have length {shape[axes[0]]}, and the order in the file was taken; `mirrorfold info` tests the "
+                "others on the data",
+            )  # fmt: skip
+
     def _is_real(self) -> bool:
         name = self.guess.entries["s"]["variable"]
         return self.contents.variables[name].dtype.kind != "c"
 
     def _unit(self, kind: str, name: str, values: NDArray) -> str:
         """The unit of a row, by the file, by its name, or by its size."""
-        said = str(self.contents.variables[name].attrs.get("units", ""))
-        units = ("Hz", "kHz", "MHz", "GHz", "THz") if kind == "frequency" else ("s", "ms", "us", "ns", "ps")
-        for unit in units:
-            if said == unit or re.search(rf"(?<![a-z]){unit.lower()}$", _last(name)):
-                return unit
+        unit = unit_of_name(_last(name), kind, str(self.contents.variables[name].attrs.get("units", "")))
+        if unit is not None:
+            return unit
         if kind == "frequency":
             return "GHz" if np.abs(values).max() < GIGAHERTZ_BELOW else "Hz"
         return "s"
@@ -216,14 +231,15 @@ class Search:
         for order in ((first, second), (second, first)):
             if self._places("tx", TRANSMIT, shape[order[0]]) and self._places("rx", RECEIVE, shape[order[1]]):
                 dims[order[0]], dims[order[1]] = "tx", "rx"
-                level = 0 if shape[first] != shape[second] else 1
-                self._found(f"axis {order[0]} is tx and axis {order[1]} rx", level, "names and lengths of the places")
+                self._found(f"axis {order[0]} is tx and axis {order[1]} rx", 0, "names and lengths of the places")
+                self._cannot_know(shape, order[0], order[1])
                 return
             for name in ("tx", "rx"):
                 self.guess.entries.pop(name, None)
         if len({shape[first], shape[second]}) == 1 and self._places("elements", PLACES, shape[first]):
             dims[first], dims[second] = "tx", "rx"
             self._found(f"the axes {first} and {second} are tx and rx", 1, "as many places as elements; order assumed")
+            self._cannot_know(shape, first, second)
 
     def _directions(self, shape: list[int], dims: list[str], open_: list[int]) -> bool:
         """The axes of a raster scan."""
@@ -287,35 +303,72 @@ class Search:
             if match and size == max(variable.shape, default=1) == count and variable.dtype.kind in "fiu":
                 coordinates.setdefault(next(axis for axis in match.groups() if axis), name)
         if "x" not in coordinates:
-            return False
+            return self._steps(entry, count)
         unit = self._length_unit(coordinates["x"], list(coordinates.values()))
         self.guess.entries[entry] = {**coordinates, "unit": unit}
         self._found(f"{', '.join(map(repr, coordinates.values()))} are the places of {entry}, in {unit}", 1,
                     "names and lengths")  # fmt: skip
         return True
 
+    def _steps(self, entry: str, count: int) -> bool:
+        """Places in equal steps, of which single numbers say the first one and the distance."""
+        side = entry if entry in ("tx", "rx") else ""
+        scalars = {name: variable for name, variable in self.free.items() if prod(variable.shape) == 1}
+
+        def number(form: str) -> tuple[str, float] | None:
+            own = rf"^{side}_?(?:{form})(?:_?m{{1,2}})?$|^(?:{form})_?{side}(?:_?m{{1,2}})?$"
+            for pattern in (own, rf"^(?:{form})(?:_?m{{1,2}})?$"):
+                for name, variable in scalars.items():
+                    if variable.dtype.kind in "fiu" and re.match(pattern, _last(name)):
+                        return name, float(np.asarray(self.contents.array(name)).ravel()[0])
+            return None
+
+        step, elements = number(r"d_?x|x?_?(?:step|pitch|spacing)"), number(r"n|num|count|number|elements")
+        if step is None or step[1] == 0.0 or (elements is not None and elements[1] != count):
+            return False
+        start = number(r"x_?(?:0|start|min|first)")
+        first = start[1] if start is not None else -0.5 * (count - 1) * step[1]
+        unit = self._length_unit(step[0])
+        row = {"start": first, "step": step[1], "points": count, "unit": unit}
+        self.guess.entries[entry] = {"x": row}
+        named = [step[0]] + ([start[0]] if start is not None else [])
+        for axis in "yz":
+            fixed = number(rf"{axis}_?0?")
+            if fixed is not None:
+                self.guess.entries[entry][axis] = {"values": [fixed[1]], "unit": unit}
+                named.append(fixed[0])
+        self._found(
+            f"the places of {entry} are {first:g} + n {step[1]:g} {unit} along x, from {', '.join(map(repr, named))}",
+            1 if start is not None else 2,
+            "names of single numbers" if start is not None else "names; nothing says the first one, so around zero",
+        )
+        return True
+
     def _length_unit(self, name: str, coordinates: list[str] | None = None) -> str:
         """The unit of places: by the file, by the name, or by their distance in wavelengths."""
-        said = str(self.contents.variables[name].attrs.get("units", ""))
-        for unit in ("mm", "cm", "um", "m"):
-            if said == unit or re.search(rf"(?<![a-z]){unit}$", _last(name)):
-                return unit
+        said = unit_of_name(_last(name), "length", str(self.contents.variables[name].attrs.get("units", "")))
+        if said is not None:
+            return said
         frequency = self.guess.entries.get("frequency", {})
         if "unit" not in frequency or not ({"variable", "stop"} & set(frequency)):
             return "m"
         top = frequency.get("stop") or np.max(np.asarray(self.contents.array(frequency["variable"]), dtype=float))
         rows = [np.asarray(self.contents.array(row), dtype=float) for row in coordinates or [name]]
+        if rows[0].size == 1:  # a step
+            rows = [np.array([0.0, rows[0].item()])]
+            coordinates = [name]
         places = np.unique(np.stack([row.ravel() for row in rows], -1) if coordinates else _tall(rows[0]), axis=0)
         if len(places) < 2 or not np.isfinite(places).all():
             return "m"
-        pitch = float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
-        wavelengths = pitch * float(top) * UNITS[frequency["unit"]] / speed_of_light
-        if DOUBTFUL_PITCH < wavelengths < 1e3 * DOUBTFUL_PITCH and pitch < LARGEST_PITCH_MM:
-            self._found(
-                f"{name!r} is in millimetres", 2, f"in metres neighbours were {wavelengths:.0f} wavelengths apart"
-            )
-            return "mm"
-        return "m"
+        apart = pitch(places)
+        wavelength = speed_of_light / (float(top) * UNITS[frequency["unit"]])
+        meant = length_unit(apart, wavelength) if apart < LARGEST_PITCH else None
+        if meant is None:
+            return "m"
+        self._found(
+            f"{name!r} is in {meant}", 2, f"in metres neighbours were {apart / wavelength:.0f} wavelengths apart"
+        )
+        return meant
 
     def _extras(self, shape: list[int], dims: list[str]) -> None:
         """Reference ranges of pulses, and the speed of the waves."""

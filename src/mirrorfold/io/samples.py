@@ -127,7 +127,13 @@ def to_frequency(
             if not keep.any():
                 raise quantities.fail(f"the band {list(mapping.band)} Hz holds none of the frequencies")
             values, s = values[keep], np.compress(keep, s, axis=at)
-        return values, s.astype(np.complex128, copy=False) if not np.iscomplexobj(s) else s, dims
+        if not np.iscomplexobj(s):
+            raise quantities.fail(
+                "the samples are real numbers against frequency, magnitudes or one part alone; name real and "
+                "imaginary, or magnitude and phase, in [s], or measure the phase: without it nothing tells where "
+                "echoes are"
+            )
+        return values, s, dims
     last = np.moveaxis(s, at, -1)
     if axis == "time":
         frequency, spectra = from_time(last, values, mapping.band)

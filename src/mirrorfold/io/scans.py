@@ -11,33 +11,32 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.arrangements import fill_matrix, grid_beams
+from mirrorfold.io.assembly import assemble
+from mirrorfold.io.mapping import Mapping
+from mirrorfold.io.networks import Held
 from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
-from mirrorfold.io.readers.contents import check_memory, damaged
+from mirrorfold.io.readers.contents import check_memory, damaged, listed
 from mirrorfold.io.spectral import STEP_TOLERANCE
-from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep
+from mirrorfold.io.strict import validated
+from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
 
 PLACE_DIGITS = 9
 """Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
-
-DOUBTFUL_PITCH = 100.0
-"""Antennas farther apart than so many wavelengths are probably given in another unit."""
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is meant where files hold several."""
 
 
 def import_scan(
-    paths: Sequence[Path],
+    paths: Sequence[Path] | dict[str, Held],
     *,
-    positions: str | Path | None,
+    positions: str | Path | dict[str, Any] | None,
     parameter: str | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
@@ -45,9 +44,9 @@ def import_scan(
 
     Parameters
     ----------
-    paths : list of Path
-        The files, or their folder; or the JSON description alone, with the files beside it.
-    positions : path, optional
+    paths : list of Path, or dict of Held
+        The files, or their folder; or the JSON description alone, with the files beside it; or networks in memory.
+    positions : path or dict, optional
         Table or description of the positions; the description itself where it is the only path.
     parameter : str, optional
     progress : callable (done, total), optional
@@ -57,14 +56,24 @@ def import_scan(
     InputError
         If files and positions do not fit together, or a file cannot be read.
     """
-    table = Path(positions) if positions is not None else paths[0]
-    files = _files([table.parent] if positions is None else paths, table)
-    scan, lines = read_positions(table)
+    if isinstance(paths, dict):
+        files: Files = dict(paths)
+        listed_all = True
+        table = Path("positions") if isinstance(positions, dict) or positions is None else Path(positions)
+    else:
+        listed_all = not any(path.is_dir() for path in paths) and positions is not None
+        table = Path("positions")
+        if not isinstance(positions, dict):
+            table = Path(positions) if positions is not None else paths[0]
+        files = _files([table.parent] if positions is None else paths, table)
+    scan, lines = read_positions(positions if isinstance(positions, dict) else table)
     if scan.ports is not None:
         return _all_ports(table, scan, scan.ports, files)
+    if lines is None and scan.files is None:
+        return _all_pairs(table, scan, files)
     lines = match_pattern(table, scan, list(files)) if lines is None else lines
     kind, numbers = arranged(table, lines)
-    chosen = _chosen(table, lines, files, listed=not any(path.is_dir() for path in paths) and positions is not None)
+    chosen = _chosen(table, lines, files, listed=listed_all)
     frequency, s = _spectra(chosen, parameter or scan.parameter, kind, progress)
     if scan.time_convention == "exp(-jwt)":
         s = s.conj()
@@ -78,15 +87,13 @@ def import_scan(
         sweep = xr.Dataset(
             {"s": (("frequency", "azimuth", "elevation"), full)}, coords, attrs | {"origin": np.array(scan.origin)}
         )
-        return check_sweep(sweep, source=str(table))
+        return _checked(sweep, table)
     coords["axis"] = list(AXES)
     if kind == "position":
-        _doubt(table, frequency, numbers, scan.wave_speed)
         coords["antenna_position"] = (("position", "axis"), numbers, {"units": "m"})
-        return check_sweep(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), source=str(table))
+        return _checked(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), table)
     tx, at_tx = _distinct(numbers[:, :3])
     rx, at_rx = _distinct(numbers[:, 3:])
-    _doubt(table, frequency, tx, scan.wave_speed)
     _once(lines, at_tx, at_rx)
     full, measured = fill_matrix(quantities, s, at_tx, at_rx, (len(tx), len(rx)), reciprocal=False)
     coords["tx_position"] = (("tx", "axis"), tx, {"units": "m"})
@@ -97,12 +104,15 @@ def import_scan(
             stacklevel=2,
         )
         coords["measured"] = (("tx", "rx"), measured)
-    return check_sweep(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), source=str(table))
+    return _checked(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), table)
 
 
-def _files(paths: Sequence[Path], table: Path) -> dict[str, Path]:
+Files = dict[str, Path | Held]
+
+
+def _files(paths: Sequence[Path], table: Path) -> Files:
     """The files by name; those of a folder, and of folders in it by their relative names."""
-    found: dict[str, Path] = {}
+    found: Files = {}
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: does not exist; give the folder of the scan or its files")
@@ -116,7 +126,7 @@ def _files(paths: Sequence[Path], table: Path) -> dict[str, Path]:
     return found
 
 
-def _chosen(table: Path, lines: Sequence[Line], files: dict[str, Path], *, listed: bool) -> list[Path]:
+def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -> list[Path | Held]:
     """The file of each line.
 
     Raises
@@ -125,7 +135,8 @@ def _chosen(table: Path, lines: Sequence[Line], files: dict[str, Path], *, liste
         If a line names no file or several, or two lines the same, or (of files that were listed) one is in no line.
     """
     by_name = {Path(name).name: path for name, path in files.items()}
-    chosen: dict[Path, Line] = {}
+    by_name |= {Path(path.name).stem: path for path in files.values() if isinstance(path, Held)}
+    chosen: dict[Path | Held, Line] = {}
     for line in lines:
         path = files.get(line.file) or by_name.get(Path(line.file.replace("\\", "/")).name)
         if path is None and any(mark in line.file for mark in "*?["):
@@ -148,8 +159,10 @@ def _chosen(table: Path, lines: Sequence[Line], files: dict[str, Path], *, liste
     return list(chosen)
 
 
-def read_spectra(path: Path) -> Spectra:
-    """The scattering parameters in a file of a network analyser."""
+def read_spectra(path: Path | Held) -> Spectra:
+    """The scattering parameters in a file of a network analyser, or in memory."""
+    if isinstance(path, Held):
+        return path.spectra
     if touchstone.SUFFIX.search(path.name):
         try:
             return touchstone.read_spectra(path)
@@ -166,7 +179,7 @@ def read_spectra(path: Path) -> Spectra:
 
 
 def _spectra(
-    files: Sequence[Path], parameter: str | None, kind: str, progress: Progress | None
+    files: Sequence[Path | Held], parameter: str | None, kind: str, progress: Progress | None
 ) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
     """Frequencies [Hz] and samples (frequencies, files)."""
     first = read_spectra(files[0])
@@ -185,7 +198,7 @@ def _spectra(
                 f"{frequency[-1]:.9g} Hz; measure all with the same"
             )
         if name not in found.parameters:
-            raise InputError(f"{path}: holds {', '.join(found.parameters)} and not {name}; measure it again")
+            raise InputError(f"{path}: holds {listed(found.parameters)} and not {name}; measure it again")
         s[n] = found.parameters[name]
         if progress is not None and (n + 1) % 64 == 0:
             progress(n + 1, len(files))
@@ -196,22 +209,22 @@ def _step(frequency: NDArray[np.float64]) -> float:
     return float(abs(frequency[-1] - frequency[0])) / max(frequency.size - 1, 1) or abs(float(frequency[0]))
 
 
-def _parameter(path: Path, spectra: Spectra, parameter: str | None, kind: str) -> str:
+def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind: str) -> str:
     """The scattering parameter to take."""
     names = list(spectra.parameters)
     if parameter is not None:
         known = {name.upper(): name for name in names}
         if parameter.upper() not in known:
-            raise InputError(f"parameter is {parameter!r}, and {path} holds {', '.join(names)}")
+            raise InputError(f"parameter is {parameter!r}, and {path} holds {listed(names)}")
         return known[parameter.upper()]
     if len(names) == 1:
         return names[0]
     if DEFAULTS[kind] in names:
         warnings.warn(
-            f"the files hold {', '.join(names)}; {DEFAULTS[kind]} was taken, --parameter says otherwise", stacklevel=4
+            f"the files hold {listed(names)}; {DEFAULTS[kind]} was taken, --parameter says otherwise", stacklevel=4
         )
         return DEFAULTS[kind]
-    raise InputError(f"{path}: holds {', '.join(names)}; say which with --parameter")
+    raise InputError(f"{path}: holds {listed(names)}; say which with --parameter")
 
 
 def _distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -232,19 +245,12 @@ def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> 
         seen[pair] = line
 
 
-def _doubt(table: Path, frequency: NDArray[np.float64], places: NDArray[np.float64], wave_speed: float | None) -> None:
-    """Say that the unit of the places looks wrong."""
-    distinct = np.unique(places, axis=0)
-    if len(distinct) < 2:
-        return
-    pitch = float(np.median(cKDTree(distinct).query(distinct, k=2)[0][:, 1]))
-    wavelengths = pitch * float(frequency[-1]) / (wave_speed or speed_of_light)
-    if wavelengths > DOUBTFUL_PITCH:
-        warnings.warn(
-            f"{table}: neighbouring places are {pitch:g} m apart, {wavelengths:.0f} wavelengths; if these are "
-            "millimetres, say so in the headings (tx_x_mm) or as unit",
-            stacklevel=3,
-        )
+def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
+    """A valid sweep; says where the unit of its places looks wrong."""
+    sweep = check_sweep(sweep, source=str(table))
+    for doubt in doubts(sweep):
+        warnings.warn(f"{doubt.what} Say so in the headings of {table}, as in tx_x_mm, or as unit.", stacklevel=3)
+    return sweep
 
 
 def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
@@ -255,7 +261,29 @@ def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
     return attrs | {"source": table.name, "processing": ["imported, one file for each position"]}
 
 
-def _all_ports(table: Path, scan: Scan, ports: Any, files: dict[str, Path]) -> xr.Dataset:
+def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
+    """The sweep of one file with all pairs of the transmitters and receivers of a description."""
+    if len(files) != 1:
+        raise InputError(f"{table}: gives tx and rx for one file with all pairs, and {len(files)} are given")
+    path = next(iter(files.values()))
+    if isinstance(path, Held):
+        raise InputError(f"{table}: gives tx and rx for a table; the antennas of a network's ports are called ports")
+    contents = read_contents(path)
+    if "s" not in contents.variables or "frequency" not in contents.variables:
+        raise InputError(
+            f"{path}: holds no pairs that are understood; expected columns S_1_1, S_1_2 ..., or freq, tx, rx, re, im"
+        )
+    described: dict[str, Any] = {"s": {"variable": "s", "dims": list(contents.variables["s"].dims)}}
+    described |= {"frequency": {"variable": "frequency", "unit": "Hz"}, "tx": scan.tx, "rx": scan.rx}
+    if "tx" in contents.variables and "pair" in contents.variables["s"].dims:
+        first = min(int(np.min(contents.array(side))) for side in ("tx", "rx"))
+        described["pairs"] = {"tx": "tx", "rx": "rx", "base": 0 if first == 0 else 1}
+    described["time_convention"] = scan.time_convention
+    sweep = assemble(contents, validated(Mapping, described, str(table)))
+    return check_sweep(sweep.assign_attrs(_attrs(scan, table)), source=str(path))
+
+
+def _all_ports(table: Path, scan: Scan, ports: Any, files: Files) -> xr.Dataset:
     """The sweep of one file with a port for each antenna."""
     if len(files) != 1:
         raise InputError(f"{table}: describes the ports of one file, and {len(files)} are given")
@@ -264,9 +292,7 @@ def _all_ports(table: Path, scan: Scan, ports: Any, files: dict[str, Path]) -> x
     places = Quantities(Contents(table, "table", {})).places(ports, "ports")
     count = len(places)
     if len(spectra.parameters) != count**2:
-        raise InputError(
-            f"{table}: gives {count} ports, and {path} holds {', '.join(list(spectra.parameters)[:4])} ..."
-        )
+        raise InputError(f"{table}: gives {count} ports, and {path} holds {listed(spectra.parameters)}")
     s = np.empty((spectra.frequency.size, count, count), dtype=np.complex64)
     for into in range(count):
         for out in range(count):

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import COLOURS
 
 if TYPE_CHECKING:
@@ -53,6 +54,18 @@ def halo(width: float) -> list[Any]:
 def draw_radar(ax: Axes, radar: Array) -> None:
     """A triangle where the radar stands (2,) [m]."""
     ax.plot(*radar, marker="^", markersize=9, color="black", markeredgecolor="white", linestyle="none", zorder=5)
+
+
+def expect_reconstruction(name: str, value: object) -> None:
+    """Refuse what is no reconstruction.
+
+    Raises
+    ------
+    InputError
+        `name` is that of the plot.
+    """
+    if not isinstance(value, xr.DataTree):
+        raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
 
 
 def radar_of(reconstruction: xr.DataTree) -> Array:

@@ -12,7 +12,15 @@ from matplotlib.lines import Line2D
 
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.plotting.axes import CURVE_STEP, Extent, colour_of, draw_radar, mirror_lines, radar_of
+from mirrorfold.plotting.axes import (
+    CURVE_STEP,
+    Extent,
+    colour_of,
+    draw_radar,
+    expect_reconstruction,
+    mirror_lines,
+    radar_of,
+)
 from mirrorfold.plotting.figures import corrected, image, mirrors, shadows
 from mirrorfold.plotting.figures import plan as draw_plan
 from mirrorfold.plotting.figures import scene as draw_scene
@@ -56,6 +64,7 @@ def before_after(
     matplotlib.figure.Figure
         Not registered with pyplot; ``figure.savefig(path)`` writes it.
     """
+    expect_reconstruction("before_after", reconstruction)
     reconstruction = pick_frame(reconstruction)
     radar = radar_of(reconstruction)
     before = content_extent(reconstruction, scene, plan, folded=False)
@@ -112,6 +121,7 @@ def content_extent(
     (x0, x1, y0, y1) [m]
         The whole grid where nothing was found.
     """
+    expect_reconstruction("content_extent", reconstruction)
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]

@@ -15,6 +15,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import TRUTH_COLOUR, decibels
 from mirrorfold.errors import InputError
 from mirrorfold.plotting.axes import (
@@ -23,6 +24,7 @@ from mirrorfold.plotting.axes import (
     axes_or_new,
     colour_of,
     draw_radar,
+    expect_reconstruction,
     halo,
     in_metres,
     mirror_lines,
@@ -79,8 +81,7 @@ def image(
         If the image is no plan view, or an argument is wrong.
     """
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
-        found = image.dims if isinstance(image, xr.DataArray) else type(image).__name__
-        raise InputError(f"plot.image: got {found}, expected an image with dimensions (y, x)")
+        raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
     if not floor_db < 0:
         raise InputError(f"floor_db is {floor_db!r}, expected a negative number of decibels, for example -40")
     if normalization not in ("r", "none"):
@@ -122,6 +123,7 @@ def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool
     -------
     matplotlib.axes.Axes
     """
+    expect_reconstruction("mirrors", reconstruction)
     ax = axes_or_new(ax)
     for index, (ends, generation) in enumerate(mirror_lines(reconstruction, folded=folded)):
         colour = colour_of(generation - 1)
@@ -159,6 +161,7 @@ def shadows(reconstruction: xr.DataTree, ax: Axes | None = None, *, reach: float
     -------
     matplotlib.axes.Axes
     """
+    expect_reconstruction("shadows", reconstruction)
     ax = axes_or_new(ax)
     radar = radar_of(reconstruction)
     if reach is None:
@@ -190,6 +193,8 @@ def scene(scene: Scene, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
     -------
     matplotlib.axes.Axes
     """
+    if not hasattr(scene, "surface") or not hasattr(scene, "array"):
+        raise wrong_kind("plot.scene", scene, "a scene of two dimensions, as mf.load_scene and mf.parse_scene return")
     ax = axes_or_new(ax)
     for surface in scene.surface:
         for piece in surface.pieces(CURVE_STEP):
@@ -245,6 +250,7 @@ def corrected(
     -------
     matplotlib.axes.Axes
     """
+    expect_reconstruction("corrected", reconstruction)
     ax = image(
         reconstruction.dataset["intensity"],
         ax,

@@ -17,7 +17,7 @@ from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
-from mirrorfold.plotting.axes import axes_or_new
+from mirrorfold.plotting.axes import axes_or_new, expect_reconstruction
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
 if TYPE_CHECKING:
@@ -156,6 +156,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
     """
+    expect_reconstruction("tree", reconstruction)
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     parent = mirrors["parent"].values.astype(int)

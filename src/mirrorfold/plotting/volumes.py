@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.axes import expect_reconstruction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +47,7 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
     InputError
         If the reconstruction has two dimensions.
     """
+    expect_reconstruction("volume", reconstruction)
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "z" not in objects.variables:
         raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
+PAGES = (".html", ".htm")
+"""Suffixes of a page."""
+
 LARGEST_PAGE = 6_000_000
 """Size of the file [bytes] up to which it can be sent as an attachment; larger pages get coarser pictures."""
 
@@ -46,17 +49,17 @@ def report(
         If the reconstruction or the scene cannot be used, or nothing can be written there.
     """
     from mirrorfold.folding.frames import pick_frame
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import check_output, written_whole
     from mirrorfold.io.netcdf import check_reconstruction
     from mirrorfold.io.plans import read_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
-    from mirrorfold.scenes.floor_plan import load_scene
+    from mirrorfold.scenes.floor_plan import as_scene
 
-    path = Path(path)
+    path = check_output(path, suffixes=PAGES)
     checked = pick_frame(check_reconstruction(reconstruction))
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
-    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    truth = None if scene is None else as_scene(scene)
     limit = LARGEST_IMAGE
     while True:
         page = to_html(to_document(checked, truth, largest_image=limit, plan=walls), title=title_of(checked, truth))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,15 +10,23 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import Quantity
 
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+PositiveLength = Annotated[Positive, Quantity("length")]
+NonNegativeLength = Annotated[NonNegative, Quantity("length")]
+Coordinate = Annotated[Finite, Quantity("length")]
+AnyAngle = Annotated[Finite, Quantity("angle")]
+"""Numbers that a scene file may give with units."""
 
 STRICT = ConfigDict(extra="forbid")
 
-Point = tuple[float, float] | tuple[float, float, float]
+Point = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
 
 
-def point3(point: Point) -> Array:
+def point3(point: Sequence[float]) -> Array:
     """A point or direction given with two or three coordinates, as three; z defaults to 0."""
     return np.array((*point, 0.0)[:3], dtype=float)
 
@@ -45,10 +54,10 @@ class LinearArray:
 
     kind: Literal["linear"] = "linear"
     elements: Annotated[int, Field(ge=1)]
-    pitch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    pitch: PositiveLength
     center: Point = (0.0, 0.0)
-    direction: Point = (1.0, 0.0)
-    horn: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    direction: tuple[Finite, Finite] | tuple[Finite, Finite, Finite] = (1.0, 0.0)
+    horn: PositiveLength | None = None
     rx: LinearArray | None = None
 
     def __post_init__(self) -> None:
@@ -79,8 +88,8 @@ class Band:
         Number of frequencies, both ends included.
     """
 
-    start: Positive
-    stop: Positive
+    start: Annotated[Positive, Quantity("frequency")]
+    stop: Annotated[Positive, Quantity("frequency")]
     points: Annotated[int, Field(ge=2)]
 
     def __post_init__(self) -> None:

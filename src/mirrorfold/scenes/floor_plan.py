@@ -6,7 +6,6 @@ A scene file is TOML; `load_scene` reads it and reports everything that is wrong
 from __future__ import annotations
 
 import tomllib
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,10 +13,12 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
+from mirrorfold.scenes.messages import plain, say_plainly
 from mirrorfold.scenes.surfaces import (
     Arc,
     Circle,
@@ -84,6 +85,8 @@ def load_scene(path: str | Path) -> Scene | Scene3D:
     InputError
         With every mistake in the file and its place.
     """
+    if not isinstance(path, str | Path):
+        raise wrong_kind("load_scene", path, "the path of a scene file; mf.parse_scene takes its content as a dict")
     path = Path(path)
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -144,13 +147,27 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
 
 
 def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene3D:
-    """A scene, of two dimensions or of three, from the content of a scene file, as `tomllib` returns it.
+    """A scene, of two dimensions or of three, from a dict with the content of a scene file.
+
+    Parameters
+    ----------
+    content : dict
+        As `tomllib` returns it: ``{"name": ..., "array": {...}, "band": {...}, "surface": [{...}, ...]}``; lengths [m],
+        frequencies [Hz] and angles [degree] are numbers, or texts with a unit such as ``"300 GHz"``.
+    source : str
+        Names the scene in messages.
+
+    Returns
+    -------
+    Scene or Scene3D
 
     Raises
     ------
     InputError
         With every mistake and its place; `source` names the file in the message.
     """
+    if not isinstance(content, dict):
+        raise wrong_kind(source, content, "a dict with the content of a scene file")
     kinds: tuple[str, ...] = _KINDS
     fields, scene = _FIELDS, Scene  # type: tuple[list[str], Any]
     if content.get("dimensions") == 3:
@@ -160,34 +177,24 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
     try:
         return TypeAdapter(scene).validate_python(content)
     except ValidationError as error:
-        mistakes = [_explain(item, kinds, fields) for item in error.errors(include_url=False)]
-        raise InputError(f"{source}: {'; '.join(mistakes)}") from None
+        raise plain(error, source, kinds, fields) from None
 
 
-def _explain(item: Any, kinds: tuple[str, ...], fields: list[str]) -> str:
-    """One mistake in plain words, with its place such as ``surface[1].start``."""
-    place = ""
-    for part in item["loc"]:
-        if isinstance(part, int):
-            place += f"[{part}]"
-        elif part not in kinds:
-            place += f".{part}" if place else str(part)
-    place = place or "file"
-    found = item["input"]
-    if item["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else "remove it"
-        return f"{place} is not a known entry, {hint}"
-    if item["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
-        return f"{place} is missing, add it"
-    if item["type"] == "union_tag_invalid":
-        return f"{place}.kind is {found.get('kind')!r}, expected one of {', '.join(kinds)}"
-    if item["type"] == "union_tag_not_found":
-        return f"{place}.kind is missing, expected one of {', '.join(kinds)}"
-    if item["type"] == "value_error":
-        return f"{place}: {item['ctx']['error']}"
-    message = item["msg"].removeprefix("Input should be ")
-    return f"{place} is {found!r}, expected {message}"
+def as_scene(scene: Any, name: str = "scene") -> Scene | Scene3D:
+    """A scene from whatever stands for one: itself, the path of its file, or the content of such a file as a dict.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or has mistakes; `name` is that of the argument.
+    """
+    if isinstance(scene, str | Path):
+        return load_scene(scene)
+    if isinstance(scene, dict):
+        return parse_scene(scene, source=name)
+    if isinstance(scene, Scene) or getattr(type(scene), "__name__", "") == "Scene3D":
+        return scene
+    raise wrong_kind(name, scene, "a scene, the path of a scene file, or a dict with the content of one")
 
 
 _KINDS = ("segment", "polyline", "arc", "circle", "curve")
@@ -198,3 +205,4 @@ _FIELDS = sorted(
         for name in cls.__dataclass_fields__
     }
 )
+say_plainly(Scene, _KINDS, _FIELDS)

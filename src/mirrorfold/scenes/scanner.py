@@ -12,11 +12,10 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.types import Array
-from mirrorfold.scenes.arrays import STRICT
+from mirrorfold.common.units import Quantity
+from mirrorfold.scenes.arrays import STRICT, Coordinate, Finite, NonNegativeLength, PositiveLength
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Point3 = tuple[Finite, Finite, Finite]
+Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
 WIDEST = 89.0
 """Largest azimuth or elevation [degree]: the scanner looks forward."""
@@ -33,8 +32,8 @@ class Steps:
         Both ends included.
     """
 
-    start: Annotated[float, Field(ge=-WIDEST, le=WIDEST)]
-    stop: Annotated[float, Field(ge=-WIDEST, le=WIDEST)]
+    start: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
+    stop: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
     points: Annotated[int, Field(ge=2)]
 
     def __post_init__(self) -> None:
@@ -55,7 +54,7 @@ class Leakage:
     """
 
     level_db: Finite
-    range: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.1
+    range: NonNegativeLength = 0.1
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -80,8 +79,8 @@ class Scanner:
     azimuth: Steps | None = None
     elevation: Steps | None = None
     directions: Path | None = None
-    spot_radius: Positive
-    focus_distance: Positive
+    spot_radius: PositiveLength
+    focus_distance: PositiveLength
     origin: Point3 = (0.0, 0.0, 0.0)
     leakage: Leakage | None = None
 

@@ -18,12 +18,26 @@ from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import Quantity
 from mirrorfold.scenes import materials
-from mirrorfold.scenes.arrays import STRICT, Band
-from mirrorfold.scenes.scanner import Finite, Leakage, Point3, Positive, Scanner, Steps
-from mirrorfold.scenes.surfaces import NonNegative, Roughness
+from mirrorfold.scenes.arrays import (
+    STRICT,
+    AnyAngle,
+    Band,
+    Coordinate,
+    Finite,
+    NonNegative,
+    NonNegativeLength,
+    Positive,
+    PositiveLength,
+)
+from mirrorfold.scenes.messages import say_plainly
+from mirrorfold.scenes.scanner import Leakage, Point3, Scanner, Steps
+from mirrorfold.scenes.surfaces import Roughness
 
-Point2 = tuple[Finite, Finite]
+Point2 = tuple[Coordinate, Coordinate]
+Lifted = Annotated[float, Field(ge=0, le=170), Quantity("angle")]
+Bent = Annotated[float, Field(ge=0, le=150), Quantity("angle")]
 Share = Annotated[float, Field(ge=0, le=1)]
 TALLEST_BODY = 2.5
 """A mannequin above this height [m] was probably given in other units."""
@@ -65,7 +79,7 @@ class Finish:
     material: str | Substance = "pec"
     roughness: Roughness | None = None
     diffuse_fraction: Share = 0.0
-    volume_depth: NonNegative = 0.0
+    volume_depth: NonNegativeLength = 0.0
     loss_db: NonNegative = 0.0
 
     @field_validator("material")
@@ -117,9 +131,9 @@ class Panel(_Solid):
 
     kind: Literal["panel"] = "panel"
     center: Point3
-    normal: Point3
-    width: Positive
-    height: Positive
+    normal: tuple[Finite, Finite, Finite]
+    width: PositiveLength
+    height: PositiveLength
 
     def __post_init__(self) -> None:
         if not np.linalg.norm(self.normal) > 0:
@@ -140,9 +154,9 @@ class Box(_Solid):
 
     kind: Literal["box"] = "box"
     center: Point3
-    size: tuple[Positive, Positive, Positive]
-    heading: Finite = 0.0
-    rounding: NonNegative = 0.0
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]
+    heading: AnyAngle = 0.0
+    rounding: NonNegativeLength = 0.0
 
     def __post_init__(self) -> None:
         if 2.0 * self.rounding >= min(self.size):
@@ -160,7 +174,7 @@ class Sphere(_Solid):
 
     kind: Literal["sphere"] = "sphere"
     center: Point3
-    radius: Positive
+    radius: PositiveLength
 
     @property
     def frame(self) -> Isometry:
@@ -175,7 +189,7 @@ class Cylinder(_Solid):
     kind: Literal["cylinder"] = "cylinder"
     start: Point3
     end: Point3
-    radius: Positive
+    radius: PositiveLength
 
     def __post_init__(self) -> None:
         if self.start == self.end:
@@ -190,7 +204,7 @@ class Mesh(_Solid):
     path: Path
     scale: Positive = 1.0
     position: Point3 = (0.0, 0.0, 0.0)
-    heading: Finite = 0.0
+    heading: AnyAngle = 0.0
 
     @property
     def frame(self) -> Isometry:
@@ -219,11 +233,11 @@ class Mannequin(_Solid):
 
     kind: Literal["mannequin"] = "mannequin"
     position: Point3
-    height: Positive = 1.75
-    heading: Finite = 0.0
-    arms: tuple[Annotated[float, Field(ge=0, le=170)], Annotated[float, Field(ge=0, le=170)]] = (12.0, 12.0)
-    elbows: tuple[Annotated[float, Field(ge=0, le=150)], Annotated[float, Field(ge=0, le=150)]] = (10.0, 10.0)
-    stride: Annotated[float, Field(ge=-45, le=45)] = 0.0
+    height: PositiveLength = 1.75
+    heading: AnyAngle = 0.0
+    arms: tuple[Lifted, Lifted] = (12.0, 12.0)
+    elbows: tuple[Bent, Bent] = (10.0, 10.0)
+    stride: Annotated[float, Field(ge=-45, le=45), Quantity("angle")] = 0.0
 
     def __post_init__(self) -> None:
         if self.height > TALLEST_BODY:
@@ -257,7 +271,7 @@ class Patch(_Solid):
     kind: Literal["patch"] = "patch"
     on: str
     center: Point3 = (0.0, 0.0, 0.0)
-    direction: Point3 = (0.0, 1.0, 0.0)
+    direction: tuple[Finite, Finite, Finite] = (0.0, 1.0, 0.0)
     outline: Annotated[tuple[Point2, ...], Field(min_length=3)]
 
     def __post_init__(self) -> None:
@@ -346,3 +360,4 @@ FIELDS = sorted(
     }
 )
 """The kinds of surfaces, and all entries that a scene file may have."""
+say_plainly(Scene3D, KINDS, FIELDS)

@@ -12,12 +12,10 @@ from pydantic import Field, field_validator
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.scenes import materials
-from mirrorfold.scenes.arrays import STRICT, Positive
+from mirrorfold.scenes.arrays import STRICT, AnyAngle, Coordinate, NonNegativeLength, PositiveLength
 
 Array = NDArray[np.float64]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Point2 = tuple[Finite, Finite]
+Point2 = tuple[Coordinate, Coordinate]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -30,8 +28,8 @@ class Roughness:
     correlation_length : float [m]
     """
 
-    rms_height: NonNegative
-    correlation_length: Positive
+    rms_height: NonNegativeLength
+    correlation_length: PositiveLength
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -52,7 +50,7 @@ class _Surface:
     name: str
     material: str = "pec"
     roughness: Roughness | None = None
-    volume_depth: NonNegative = 0.0
+    volume_depth: NonNegativeLength = 0.0
 
     @field_validator("material")
     @classmethod
@@ -140,9 +138,9 @@ class Arc(_Surface):
 
     kind: Literal["arc"] = "arc"
     center: Point2
-    radius: Positive
-    start_angle: Finite
-    stop_angle: Finite
+    radius: PositiveLength
+    start_angle: AnyAngle
+    stop_angle: AnyAngle
 
     def __post_init__(self) -> None:
         if not 0 < abs(self.stop_angle - self.start_angle) <= 360:
@@ -159,7 +157,7 @@ class Circle(_Surface):
 
     kind: Literal["circle"] = "circle"
     center: Point2
-    radius: Positive
+    radius: PositiveLength
 
     def pieces(self, spacing: float) -> list[Array]:
         """Chords of the circle; clockwise, so that the normals of `sample` point outward."""

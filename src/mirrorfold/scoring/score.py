@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, TypeVar, overload
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.figures import Figures, figures, thin
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
@@ -123,10 +124,12 @@ def score(
     InputError
         If the first argument is not a reconstruction, or has not the dimensions of the scene.
     """
-    if not isinstance(reconstruction, xr.DataTree) or "objects" not in reconstruction.children:
+    if not isinstance(reconstruction, xr.DataTree):
+        raise wrong_kind("score", reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
+    if "objects" not in reconstruction.children:
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
     reconstruction = pick_frame(reconstruction)
-    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    scene = as_scene(scene)
     objects = reconstruction.children["objects"].dataset
     flat = "z" not in objects.variables
     if flat != isinstance(scene, Scene):

@@ -9,8 +9,9 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.horns import point_sources
+from mirrorfold.simulation.limits import check_extent
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene, Scene3D or path
-        A scene, or the path of a scene file.
+    scene : Scene, Scene3D, path or dict
+        A scene, the path of a scene file, or the content of one; see `parse_scene`.
     solver : {"rays", "fullwave"}, default "rays"
         Hybrid of frozen diffuse scatterers and specular image paths; or the integral equation of perfect conductors,
         E along the axis, with all multiple scattering, diffraction and shadowing.
@@ -107,7 +108,7 @@ def simulate(
     >>> round(float(abs(simulate(scene)["s"][0, 0, 0])), 2)
     0.71
     """
-    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    scene = as_scene(scene)
     if solver not in SOLVERS:
         raise InputError(f"solver is {solver!r}, expected one of: {', '.join(SOLVERS)}")
     for name, value in (("bounces", bounces), ("seed", seed)):
@@ -125,6 +126,7 @@ def simulate(
         "resume": resume,
     }
     _check_solver_options(solver, {"bounces": bounces != 3, "force": force}, of_fullwave)
+    check_extent(scene)
     if not isinstance(scene, Scene):
         if solver == "fullwave":
             raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
@@ -229,7 +231,8 @@ def estimate(
     InputError
         For two-dimensional scenes by rays, which take seconds.
     """
-    scene = load_scene(scene) if isinstance(scene, str | Path) else scene
+    scene = as_scene(scene)
+    check_extent(scene)
     if not isinstance(scene, Scene):
         from mirrorfold.simulation.raster import sweep as raster
 

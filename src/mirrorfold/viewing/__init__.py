@@ -52,13 +52,13 @@ def view(
     """
     from mirrorfold.errors import InputError
     from mirrorfold.io.plans import read_plan
-    from mirrorfold.scenes.floor_plan import load_scene
+    from mirrorfold.scenes.floor_plan import as_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 
     if not Path(path).is_file():
         raise InputError(f"{path}: is no file; give a sweep, an image or a reconstruction (netCDF)")
-    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    truth = None if scene is None else as_scene(scene)
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
     with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
         if announce is not None:

@@ -6,7 +6,7 @@ allocated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -106,8 +106,9 @@ class Contents:
             If there is none of this name, or it is too large for the memory.
         """
         if name not in self.variables:
-            known = ", ".join(list(self.variables)[:LISTED]) + (" ..." if len(self.variables) > LISTED else "")
-            raise InputError(f"{self.path}: holds no variable {name!r}; it holds {known or 'none'}")
+            raise InputError(
+                f"{self.path}: holds no variable {name[:LONGEST_NAME]!r}; it holds {listed(self.variables) or 'none'}"
+            )
         variable = self.variables[name]
         check_memory(self.path, nbytes(variable.shape, variable.dtype.itemsize), f"its variable {name!r}")
         try:
@@ -118,8 +119,24 @@ class Contents:
             raise damaged(self.path, error) from None
 
 
-LISTED = 20
-"""Number of variables that a message lists."""
+LISTED = 12
+"""Number of names that a message lists."""
+
+LONGEST_NAME = 40
+"""Characters of each."""
+
+
+def listed(names: Iterable[str]) -> str:
+    """A few names for a message, which has to fit on one screen.
+
+    Examples
+    --------
+    >>> listed(["a", "b"]), listed(f"S{n}" for n in range(1600))
+    ('a, b', 'S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10, S11 and 1588 more')
+    """
+    held = [name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..." for name in names]
+    more = f" and {len(held) - LISTED} more" if len(held) > LISTED else ""
+    return ", ".join(held[:LISTED]) + more
 
 
 def nbytes(shape: tuple[int, ...], itemsize: int) -> int:

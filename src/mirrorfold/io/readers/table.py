@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.readers import Reader
+from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
 
 GROWTH = 30.0
@@ -47,7 +47,7 @@ KINDS = (
 """What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
 and a phase in degrees unless radians are named."""
 
-PARAMETER = re.compile(r"S\s*[\[(]?(\d)[,_]?(\d)[\])]?", re.IGNORECASE)
+PARAMETER = re.compile(r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?", re.IGNORECASE)
 
 WORD = r"(?<![a-z])(?:{})(?![a-z])"
 
@@ -69,12 +69,21 @@ class Table:
 
 
 def read(path: Path) -> Contents:
-    """A text table: the variable ``table``, and one for each column with a heading."""
+    """A text table: the variable ``table``, and one for each column with a heading; what a table of pairs holds."""
     table = read_table(path)
-    variables = {"table": Variable.of(table.values)}
+    spectra, unknown = _spectra(path, table)
+    pairs = pair_tables.of_spectra(spectra) if spectra is not None else None
+    if spectra is not None and pairs is None and len(spectra.parameters) == 1:
+        samples = next(iter(spectra.parameters.values()))
+        pairs = pair_tables.of_lines(path, table.headings, table.values, spectra.frequency, samples)
+        spectra = None if pairs is not None else spectra
+    variables = {} if pairs is None else dict(pairs.variables)
+    variables.setdefault("table", Variable.of(table.values))
     for n, heading in enumerate(table.headings):
         variables.setdefault(heading, Variable.of(table.values[:, n]))
-    return Contents(path, READER.name, variables, spectra=_spectra(path, table))
+    attrs = {"unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)]}
+    mapping = None if pairs is None else pairs.mapping
+    return Contents(path, READER.name, variables, attrs, spectra=spectra, mapping=mapping)
 
 
 def read_table(path: Path) -> Table:
@@ -170,26 +179,30 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
     return None
 
 
-def _spectra(path: Path, table: Table) -> Spectra | None:
-    """Spectra where the headings name a frequency and pairs of columns that make complex numbers."""
-    match = FREQUENCY.match(table.headings[0]) if table.headings else None
-    if match is None:
-        return None
-    if np.iscomplexobj(table.values) and np.any(table.values[:, 0].imag):
+def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str]]:
+    """Spectra where the headings name a frequency and columns that make complex numbers; and the other headings."""
+    found = [(n, match) for n, heading in enumerate(table.headings) if (match := FREQUENCY.match(heading))]
+    if not found:
+        return None, table.headings
+    at, match = found[0]
+    if np.iscomplexobj(table.values) and np.any(table.values[:, at].imag):
         raise InputError(f"{path}: the frequencies are complex; put them into a column of their own")
-    frequency = table.values[:, 0].real * UNITS[(match[1] or "hz").lower()]
-    if table.values.shape[1] > 1 and np.iscomplexobj(table.values):
-        names = [_name(heading) for heading in table.headings[1:]]
-        return Spectra(frequency, {name: table.values[:, n] for n, name in enumerate(names, 1)})
+    frequency = table.values[:, at].real * UNITS[(match[1] or "hz").lower()]
+    others = {n: heading for n, heading in enumerate(table.headings) if n != at and not pair_tables.is_known(heading)}
+    if others and np.iscomplexobj(table.values):
+        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), []
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}
-    for n, heading in enumerate(table.headings[1:], 1):
+    unknown: list[str] = []
+    for n, heading in others.items():
         kind, name = _kind(heading)
         if kind is None or kind in parts.get(name, {}):
-            return None
+            unknown.append(heading)
+            continue
         parts.setdefault(name, {})[kind] = table.values[:, n]
-    found = {name: _complex(columns) for name, columns in parts.items()}
-    complete = {name: values for name, values in found.items() if values is not None}
-    return Spectra(frequency, complete) if complete else None
+    made = {name: _complex(columns) for name, columns in parts.items()}
+    unknown += [f"{name} {kind}" for name, values in made.items() if values is None for kind in parts[name]]
+    complete = {name: values for name, values in made.items() if values is not None}
+    return (Spectra(frequency, complete) if complete else None), unknown
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
@@ -207,7 +220,10 @@ def _kind(heading: str) -> tuple[str | None, str]:
 def _name(text: str) -> str:
     """The parameter that a heading names, else what is left of it."""
     match = PARAMETER.search(text)
-    return f"S{match[1]}{match[2]}" if match else re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
+    if match:
+        out, into = (int(part) for part in match.groups() if part)
+        return f"S{out}{into}" if max(out, into) < 10 else f"S{out},{into}"
+    return re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
 
 
 def _complex(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:

@@ -15,7 +15,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.threads import one_thread
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import Band
-from mirrorfold.scenes.floor_plan import Scene, load_scene
+from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import currents
@@ -76,7 +76,7 @@ def near_field(
     >>> bool(abs(field[0, 0]) > 10 * abs(field[1, 0]))  # before the strip, and in its shadow
     True
     """
-    truth = load_scene(scene) if isinstance(scene, str | Path) else scene
+    truth = as_scene(scene)
     if not isinstance(truth, Scene):
         raise InputError(f"scene {truth.name!r}: has three dimensions; the near field is computed in two")
     if not 0.0 < frequency < math.inf:

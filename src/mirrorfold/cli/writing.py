@@ -1,0 +1,84 @@
+"""Where verbs write: outputs are checked before the work begins, and what will be overwritten is said."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from mirrorfold.cli.terminal import remark
+
+NO_CLOBBER = inspect.Parameter(
+    "no_clobber",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[bool, Parameter(help="Refuse to overwrite a file that is there.")],
+)
+
+
+def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Sequence[str] = ()) -> Path:
+    """The path, if a file can be written there; says so where that overwrites one.
+
+    Raises
+    ------
+    InputError
+        As `mirrorfold.io.files.check_output`.
+    """
+    from mirrorfold.io.files import check_output
+
+    check_output(path, inputs=[one for one in inputs if one is not None], suffixes=suffixes)
+    announce([path])
+    return path
+
+
+def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path | None] = ()) -> Path:
+    """The path, if files of these names can be written there; says which of them that overwrites.
+
+    Raises
+    ------
+    InputError
+        As `mirrorfold.io.files.check_output_directory`.
+    """
+    from mirrorfold.io.files import check_output_directory
+
+    names = list(names)
+    check_output_directory(path, names=names, inputs=[one for one in inputs if one is not None])
+    announce(path / name for name in names)
+    return path
+
+
+def announce(paths: Iterable[Path]) -> None:
+    """Say which files are overwritten."""
+    there = [
+        f"{path} (a link to {os.path.realpath(path)})" if path.is_symlink() else str(path)
+        for path in paths
+        if path.exists()
+    ]
+    if there:
+        remark([f"overwrites {', '.join(there)}"])
+
+
+def with_no_clobber(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The verb with the option ``--no-clobber``."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def verb(*args: Any, no_clobber: bool = False, **kwargs: Any) -> Any:
+        from mirrorfold.io.files import clobber
+
+        token = clobber.set(not no_clobber)
+        try:
+            return function(*args, **kwargs)
+        finally:
+            clobber.reset(token)
+
+    verb.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*signature.parameters.values(), NO_CLOBBER]
+    )
+    verb.__annotations__ = {**function.__annotations__, "no_clobber": NO_CLOBBER.annotation}
+    return verb

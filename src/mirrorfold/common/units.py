@@ -1,0 +1,156 @@
+"""Units: one small table, and numbers that people write with a unit, such as ``300 GHz`` or ``8 cm``.
+
+Inside the program every number is in SI units, angles in degrees. Where people write - options of the command line,
+scene files, mapping files, tables of positions - a number without a unit is in these too, and one with a unit is
+converted here.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Annotated, Any
+
+from mirrorfold.errors import InputError
+
+KINDS: dict[str, dict[str, float]] = {
+    "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9, "THz": 1e12},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "km": 1e3, "inch": 0.0254, "ft": 0.3048},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "min": 60.0},
+    "angle": {"degree": 1.0, "radian": 57.29577951308232, "mrad": 0.05729577951308232},
+    "speed": {"m/s": 1.0, "km/s": 1e3, "mm/us": 1e3},
+    "number": {},
+}
+"""By the kind of quantity: what a number in a unit has to be multiplied with, for Hz, m, s, degree or m/s."""
+
+UNITS: dict[str, float] = {name: factor for units in KINDS.values() for name, factor in units.items()}
+"""All units of the table."""
+
+OTHER_NAMES = {
+    "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
+    "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",
+    "sec": "s", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
+}  # fmt: skip
+"""What else people write for them."""
+
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def unit_named(name: str) -> str | None:
+    """The unit of the table that a name stands for, None for anything else; capitals count only where they must.
+
+    Examples
+    --------
+    >>> unit_named("ghz"), unit_named("deg"), unit_named("parsec")
+    ('GHz', 'degree', None)
+    """
+    name = OTHER_NAMES.get(name, name)
+    if name in UNITS:
+        return name
+    lower = name.lower()
+    return next((unit for unit in UNITS if unit.lower() == OTHER_NAMES.get(lower, lower)), None)
+
+
+def split_quantity(text: str) -> tuple[float, str] | None:
+    """Number and unit of a text such as ``80 mm``; the unit is empty where there is none, None for any other text.
+
+    Examples
+    --------
+    >>> split_quantity("80mm"), split_quantity("3e11"), split_quantity("wall")
+    ((80.0, 'mm'), (300000000000.0, ''), None)
+    """
+    match = NUMBER.fullmatch(text)
+    if match is None:
+        return None
+    unit = unit_named(match[2]) if match[2] else ""
+    return None if unit is None else (float(match[1]), unit)
+
+
+def parse_quantity(text: str, kind: str) -> float:
+    """A number in SI units (degrees for angles) from a text with or without a unit.
+
+    Parameters
+    ----------
+    text : str
+    kind : {"frequency", "length", "time", "angle", "speed"}
+
+    Raises
+    ------
+    InputError
+        If the text is no number, or its unit is none of this kind.
+
+    Examples
+    --------
+    >>> parse_quantity("300 GHz", "frequency"), parse_quantity("0.08", "length")
+    (300000000000.0, 0.08)
+    """
+    found = split_quantity(text)
+    if found is None or (found[1] and found[1] not in KINDS[kind]):
+        raise InputError(f"{text!r} is no {kind}, expected a number, with a unit such as {', '.join(KINDS[kind])}")
+    factor = KINDS[kind].get(found[1], 1.0)
+    return float(Decimal(repr(found[0])) * Decimal(repr(factor)))  # 50 um is 5e-05 m to the last digit
+
+
+def parse_quantities(text: str, kind: str, *, mark: str = ":", unit: str | None = None) -> list[float]:
+    """Several numbers in SI units, parted by a mark: all with a unit, or none; zero needs none.
+
+    Parameters
+    ----------
+    text : str
+    kind : str
+        As for `parse_quantity`.
+    mark : str
+    unit : str, optional
+        What numbers without a unit are in, where that is not SI.
+
+    Raises
+    ------
+    InputError
+        If one of them is no such number, or some have a unit and others do not.
+
+    Examples
+    --------
+    >>> parse_quantities("270GHz:300GHz", "frequency")
+    [270000000000.0, 300000000000.0]
+    """
+    parts = text.split(mark)
+    values = [parse_quantity(part, kind) for part in parts]
+    named = {bool((split_quantity(part) or (0.0, ""))[1]) for part, value in zip(parts, values, strict=True) if value}
+    if len(named) > 1:
+        raise InputError(f"{text!r} names a unit for some of its numbers and none for others; give each its unit")
+    return [value * UNITS[unit] for value in values] if unit and named == {False} else values
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks the type of a number that may be written with a unit: ``Annotated[float, Quantity("length")]``.
+
+    Pydantic reads such fields of files, and the command line such options.
+
+    Attributes
+    ----------
+    kind : str
+    """
+
+    kind: str
+
+    def read(self, value: Any) -> Any:
+        """The number that a text stands for; anything else as it is."""
+        return parse_quantity(value, self.kind) if isinstance(value, str) else value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Read a text before the checks of the number."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+Frequency = Annotated[float, Quantity("frequency")]
+Length = Annotated[float, Quantity("length")]
+Time = Annotated[float, Quantity("time")]
+Angle = Annotated[float, Quantity("angle")]
+Speed = Annotated[float, Quantity("speed")]
+
+QUANTITIES = {"Hz": Frequency, "m": Length, "s": Time, "degree": Angle, "m/s": Speed}
+"""The types by the unit that a number without one is in."""

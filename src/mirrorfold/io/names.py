@@ -1,0 +1,55 @@
+"""What variables are called: patterns of names, in lower case, and the units that names end in."""
+
+from __future__ import annotations
+
+import re
+
+from mirrorfold.common.units import KINDS, unit_named
+
+FREQUENCY = re.compile(r"^f$|^fr|freq|^f_?axis|^f?_?(k|m|g|t)?hz$")
+TIME = re.compile(r"^t$|^time|^t_?axis|_time$|^t_?(m|u|n|p)?s$")
+REFERENCE = re.compile(r"^r_?0$|ref(erence)?_?range|range_?ref|^rref|scene_?range|^r_?ref")
+SPEED = re.compile(r"velocity|speed|^c$|^c_?0$|^v$")
+REAL = re.compile(r"(^|[_.])(re|real)($|[_.])|_re$|real$", re.IGNORECASE)
+IMAGINARY = re.compile(r"(^|[_.])(im|imag|imaginary)($|[_.])|_im$|imag$", re.IGNORECASE)
+MAGNITUDE = re.compile(r"^(s\d\d_?)?(mag(nitude)?|amp(l(itude)?)?|abs|db)(_?db)?$|_(mag|magnitude|abs|amp|db)$")
+PHASE = re.compile(r"phase|angle|^arg|_ph(_?deg)?$|_deg$")
+AZIMUTH, ELEVATION = re.compile(r"^az"), re.compile(r"^el(ev|$)|^el_")
+START, STOP = (
+    re.compile(r"^f.*(start|min|low|begin)|^f_?(0|1|lo)$"),
+    re.compile(r"^f.*(stop|end|max|high)|^f_?(2|n|hi)$"),
+)
+PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
+TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
+CHANNELS = re.compile(r"chan|pair")
+COORDINATE = re.compile(r"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis|m|mm)?$")
+TX_COORDINATE = re.compile(
+    r"^(?:tx|trans(?:mitter)?|t)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:tx|t)(?:_?m{1,2})?$"
+)
+RX_COORDINATE = re.compile(r"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:rx|r)(?:_?m{1,2})?$")
+
+BEFORE_UNIT = {
+    "frequency": r"f|freq|frequency|frequencies",
+    "time": r"t|time|times",
+    "length": r"[xyz]|d[xyz]|pos|position|place|pitch|step|spacing",
+    "angle": r"az|azimuth|el|elevation|angle|theta|phi",
+}
+"""What may stand before a unit without a mark between the two, as in ``fGHz``."""
+
+
+def unit_of_name(name: str, kind: str, said: str = "") -> str | None:
+    """The unit of a variable, by what its file says of it, else by the end of its name; None where neither tells.
+
+    Examples
+    --------
+    >>> unit_of_name("fGHz", "frequency"), unit_of_name("tx_x_mm", "length"), unit_of_name("axis", "time")
+    ('GHz', 'mm', None)
+    """
+    unit = unit_named(said) if said else None
+    if unit in KINDS[kind]:
+        return unit
+    text = name.lower()
+    for unit in KINDS[kind]:
+        if re.search(rf"(?:[^a-z]|(?:^|[^a-z])(?:{BEFORE_UNIT[kind]})){re.escape(unit.lower())}[\])]?$", text):
+            return unit
+    return None

@@ -1,0 +1,147 @@
+"""Text tables that hold all pairs of an array: wide, a column for each pair, and long, a line for each sample.
+
+Wide tables are read like any spectra, with headings such as ``S_3_12`` for receiver 3 and transmitter 12. Long ones
+have a line for each frequency and pair, ``freq, tx, rx, re, im``, where tx and rx are numbers, or coordinates such as
+``tx_x_mm, rx_x_mm``. Either becomes the samples ``s`` and the row ``frequency`` [Hz].
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.units import KINDS, unit_named
+from mirrorfold.errors import InputError
+from mirrorfold.io.readers.contents import Spectra, Variable
+
+SIDES = {
+    "tx": re.compile(r"^(?:tx|transmit(?:ter)?|source|emitter)(?:_?(?:index|number|no|id|element|antenna|port))?$"),
+    "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:_?(?:index|number|no|id|element|antenna|port))?$"),
+}
+COORDINATE = re.compile(r"^(tx|rx)_?([xyz])(?:[_ ]*[\[(]?\s*(\w+?)\s*[\])]?)?$")
+PARAMETER = re.compile(r"^S(\d+),(\d+)$|^S(\d)(\d)$")
+
+PLACE_DIGITS = 9
+"""Places that agree to so many digits after the point [m] are one."""
+
+
+@dataclass
+class Pairs:
+    """What a table of pairs holds.
+
+    Attributes
+    ----------
+    variables : dict of Variable
+        ``s(frequency, tx, rx)``, or ``s(frequency, pair)`` with the numbers ``tx`` and ``rx`` where pairs are missing;
+        ``frequency`` [Hz]; ``tx_position`` and ``rx_position`` [m] where the table says them.
+    mapping : dict, optional
+        What they mean, where the table says all of it.
+    """
+
+    variables: dict[str, Variable] = field(default_factory=dict)
+    mapping: dict[str, Any] | None = None
+
+
+def of_spectra(spectra: Spectra) -> Pairs | None:
+    """The pairs of a wide table: ``S_i_j`` was received by i from j; None for the files of a two-port."""
+    numbers = []
+    for name in spectra.parameters:
+        match = PARAMETER.match(name)
+        if match is None:
+            return None
+        numbers.append([int(part) for part in match.groups() if part])
+    if not numbers or np.max(numbers) <= 2:
+        return None
+    rx, tx = np.array(numbers).T
+    return _arranged(spectra.frequency, np.stack(list(spectra.parameters.values()), axis=-1), tx, rx)
+
+
+def of_lines(
+    path: Path,
+    headings: Sequence[str],
+    values: NDArray,
+    frequency: NDArray[np.float64],
+    samples: NDArray[np.complex128],
+) -> Pairs | None:
+    """The pairs of a long table, (lines, columns), whose frequencies [Hz] and samples are known; None for another one.
+
+    Raises
+    ------
+    InputError
+        If a pair lacks a frequency that others have, or has it twice.
+    """
+    sides: dict[str, NDArray] = {}
+    positions: dict[str, NDArray[np.float64]] = {}
+    for side, pattern in SIDES.items():
+        column = next((n for n, heading in enumerate(headings) if pattern.match(heading.strip().lower())), None)
+        places = _places(path, side, headings, values)
+        if places is not None:
+            positions[f"{side}_position"], which = np.unique(places.round(PLACE_DIGITS), axis=0, return_inverse=True)
+            sides[side] = which.ravel()
+        elif column is not None:
+            sides[side] = values[:, column].real
+    if len(sides) < 2:
+        return None
+    tx, rx = sides["tx"], sides["rx"]
+    row, at = np.unique(frequency, return_inverse=True)
+    pairs, which = np.unique(np.stack([tx, rx], axis=-1), axis=0, return_inverse=True)
+    counts = np.zeros((row.size, len(pairs)), dtype=int)
+    np.add.at(counts, (at, which.ravel()), 1)
+    if (counts != 1).any():
+        wrong = np.argwhere(counts != 1)[0]
+        found = counts[tuple(wrong)]
+        raise InputError(
+            f"{path}: the pair of tx {pairs[wrong[1], 0]:g} and rx {pairs[wrong[1], 1]:g} has "
+            f"{found or 'no'} line{'s' if found > 1 else ''} at {row[wrong[0]]:.9g} Hz, expected one for each frequency"
+        )
+    s = np.zeros(counts.shape, dtype=np.complex128)
+    s[at, which.ravel()] = samples
+    found_pairs = _arranged(row, s, pairs[:, 0], pairs[:, 1])
+    found_pairs.variables |= {name: Variable.of(places, (), {"units": "m"}) for name, places in positions.items()}
+    if len(positions) == 2:
+        held = found_pairs.variables["s"].dims
+        found_pairs.mapping = {"s": {"variable": "s", "dims": list(held)}, "frequency": "frequency"}
+        found_pairs.mapping |= {side: {"position": f"{side}_position"} for side in SIDES}
+        if "pair" in held:
+            found_pairs.mapping["pairs"] = {"tx": "tx", "rx": "rx", "base": 0}
+    return found_pairs
+
+
+def is_known(heading: str) -> bool:
+    """Whether a heading names a transmitter, a receiver, or a coordinate of one."""
+    text = heading.strip().lower()
+    return any(pattern.match(text) for pattern in SIDES.values()) or COORDINATE.match(text) is not None
+
+
+def _places(path: Path, side: str, headings: Sequence[str], values: NDArray) -> NDArray[np.float64] | None:
+    """Coordinates of one side [m], (lines, 3), those without a column zero; None where there are none."""
+    places = np.zeros((len(values), 3))
+    seen = False
+    for n, heading in enumerate(headings):
+        match = COORDINATE.match(heading.strip().lower())
+        if match is None or match[1] != side:
+            continue
+        unit = unit_named(match[3]) if match[3] else "m"
+        if unit not in KINDS["length"]:
+            raise InputError(f"{path}: the heading {heading!r} has no unit of length, expected tx_x_mm or tx_x [mm]")
+        places[:, "xyz".index(match[2])] = values[:, n].real * KINDS["length"][unit]
+        seen = True
+    return places if seen else None
+
+
+def _arranged(frequency: NDArray[np.float64], s: NDArray, tx: NDArray, rx: NDArray) -> Pairs:
+    """Samples (frequencies, pairs) as a cube where every transmitter has every receiver, else as a list of pairs."""
+    variables = {"frequency": Variable.of(frequency, ("frequency",), {"units": "Hz"})}
+    numbers: Mapping[str, NDArray] = {"tx": np.unique(tx), "rx": np.unique(rx)}
+    if tx.size == numbers["tx"].size * numbers["rx"].size:
+        cube = np.empty((frequency.size, numbers["tx"].size, numbers["rx"].size), dtype=s.dtype)
+        cube[:, np.searchsorted(numbers["tx"], tx), np.searchsorted(numbers["rx"], rx)] = s
+        return Pairs(variables | {"s": Variable.of(cube, ("frequency", "tx", "rx"))})
+    variables |= {"s": Variable.of(s, ("frequency", "pair")), "tx": Variable.of(tx), "rx": Variable.of(rx)}
+    return Pairs(variables)

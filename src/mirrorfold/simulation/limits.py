@@ -1,0 +1,107 @@
+"""Scenes that no simulation should begin with: numbers in another unit, and more samples than the memory holds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.memory import available_memory
+from mirrorfold.common.plausible import extent, frequency_unit, length_unit, pitch
+from mirrorfold.common.types import Array
+from mirrorfold.common.units import KINDS
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.floor_plan import Scene
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.solids import Scene3D
+
+REACH_IN_AMBIGUOUS_RANGES = 10.0
+REACH_IN_WAVELENGTHS = 1e5
+"""A surface farther away than both lies in another unit, or is out of reach of the radar's power and steps."""
+
+COPIES = 3.0
+"""Arrays of the size of the sweep that a simulation holds at once."""
+
+COARSE = 1e12
+"""Chords [m] so long that outlines are given by their fewest corners."""
+
+
+def check_extent(scene: Scene | Scene3D) -> None:
+    """Refuse a scene whose lengths or frequencies are in another unit, or whose sweep does not fit into the memory.
+
+    Raises
+    ------
+    InputError
+        With the numbers, and what was probably meant.
+    """
+    _check_samples(scene)
+    _check_frequencies(scene)
+    _check_surfaces(scene)
+
+
+def _check_samples(scene: Scene | Scene3D) -> None:
+    """Refuse a sweep that does not fit into the memory."""
+    if isinstance(scene, Scene):
+        counts = [array.elements for array in (scene.array, scene.array.rx or scene.array)]
+        what = f"{counts[0]} transmitters x {counts[1]} receivers"
+    else:
+        counts = [angles.size for angles in scene.scanner.angles]
+        what = f"{counts[0]} x {counts[1]} beams"
+    size, free = 8.0 * scene.band.points * counts[0] * counts[1], available_memory()
+    if COPIES * size > free:
+        raise InputError(
+            f"scene {scene.name!r}: {what} x {scene.band.points} frequencies are {size / 1e9:.3g} GB of samples, and "
+            f"{free / COPIES / 1e9:.3g} GB would fit into the memory; give fewer elements, beams or frequencies"
+        )
+
+
+def _check_frequencies(scene: Scene | Scene3D) -> None:
+    """Refuse a band that is too low for the array, and an array that is too coarse for the band."""
+    if isinstance(scene, Scene):
+        places = scene.array.tx_position, scene.array.rx_position
+        length, step = extent(*places), min((one for one in map(pitch, places) if one), default=0.0)
+    else:
+        length = step = 2.0 * scene.scanner.spot_radius
+    unit = frequency_unit(scene.band.stop, length, step, speed_of_light)
+    if unit is not None:
+        raise InputError(
+            f"scene {scene.name!r}: band.stop is {scene.band.stop:g} Hz, a wavelength of "
+            f"{speed_of_light / scene.band.stop:.3g} m, and the antennas reach over {length:.3g} m; "
+            f'probably "{scene.band.stop:g} {unit}" was meant'
+        )
+    other = length_unit(step, speed_of_light / scene.band.stop) if isinstance(scene, Scene) else None
+    if other is not None:
+        raise InputError(
+            f"scene {scene.name!r}: neighbouring antennas stand {step:.3g} m apart, "
+            f'{step * scene.band.stop / speed_of_light:.0f} wavelengths; probably "{step:g} {other}" was meant as pitch'
+        )
+
+
+def _check_surfaces(scene: Scene | Scene3D) -> None:
+    """Refuse surfaces that are out of all reach."""
+    origin = np.asarray(scene.scanner.origin) if not isinstance(scene, Scene) else scene.array.tx_position.mean(axis=0)
+    ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
+    limit = max(REACH_IN_AMBIGUOUS_RANGES * ambiguous, REACH_IN_WAVELENGTHS * speed_of_light / scene.band.stop)
+    for index, surface in enumerate(scene.surface):
+        corners = _corners(surface)
+        away = float(np.linalg.norm(corners - origin[: corners.shape[1]], axis=1).max())
+        if away > limit:
+            meant = [unit for unit in ("cm", "mm") if away * KINDS["length"][unit] < limit]
+            hint = f", perhaps {away:g} {meant[-1]} were meant" if meant else ""
+            raise InputError(
+                f"scene {scene.name!r}: surface[{index}] {surface.name!r} reaches {away:.4g} m from the radar, whose "
+                f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m{hint}"
+            )
+
+
+def _corners(surface: Any) -> Array:
+    """Some corners or the middle of a surface, (n, 2) or (n, 3) [m]."""
+    if hasattr(surface, "pieces"):
+        return np.concatenate(surface.pieces(COARSE))
+    if hasattr(surface, "on"):  # a patch lies on another surface
+        return np.zeros((1, 3))
+    if hasattr(surface, "start"):
+        return np.array([surface.start, surface.end], dtype=np.float64)
+    return np.array([surface.frame.shift], dtype=np.float64)

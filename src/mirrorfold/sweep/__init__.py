@@ -1,0 +1,59 @@
+"""The Sweep: one raw radar measurement as an `xarray.Dataset`, its checks, what it can resolve, noise.
+
+Variable ``s(frequency, tx, rx)``, complex64, with coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
+``rx_position(rx, axis)`` [m]; of one moving antenna that hears only itself ``s(frequency, position)`` with
+``antenna_position(position, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and
+``elevation`` [degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d
+contributes ``exp(-j k d)``.
+
+Optional: the attr ``wave_speed`` [m/s] where it is not that of light; the attr ``scene_center`` [m], around which the
+unambiguous range then lies instead of beginning at the antennas; the coordinate ``measured(tx, rx)``, false for pairs
+that were not measured, whose samples are zero and therefore missing from every sum.
+"""
+
+from __future__ import annotations
+
+from mirrorfold.sweep.checks import STEP_TOLERANCE, Doubt, check_sweep, doubts, frequency_unit_of
+from mirrorfold.sweep.facts import (
+    AXES,
+    MONOSTATIC_DIMENSIONS,
+    PAIR_DIMENSIONS,
+    RASTER_DIMENSIONS,
+    TIME_CONVENTION,
+    ambiguous_range,
+    antenna_positions,
+    frequency_step,
+    is_monostatic,
+    is_raster,
+    radar_position,
+    range_resolution,
+    wave_speed,
+    wavenumber,
+)
+from mirrorfold.sweep.making import add_noise, make_monostatic_sweep, make_raster_sweep, make_sweep
+
+__all__ = [
+    "AXES",
+    "MONOSTATIC_DIMENSIONS",
+    "PAIR_DIMENSIONS",
+    "RASTER_DIMENSIONS",
+    "STEP_TOLERANCE",
+    "TIME_CONVENTION",
+    "Doubt",
+    "add_noise",
+    "ambiguous_range",
+    "antenna_positions",
+    "check_sweep",
+    "doubts",
+    "frequency_step",
+    "frequency_unit_of",
+    "is_monostatic",
+    "is_raster",
+    "make_monostatic_sweep",
+    "make_raster_sweep",
+    "make_sweep",
+    "radar_position",
+    "range_resolution",
+    "wave_speed",
+    "wavenumber",
+]

@@ -1,0 +1,210 @@
+"""Whether a sweep is one, and whether its numbers make sense together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.plausible import extent, frequency_unit, length_unit, one_part, pitch, radians_for_degrees
+from mirrorfold.errors import InputError
+from mirrorfold.sweep.facts import (
+    PAIR_DIMENSIONS,
+    RASTER_DIMENSIONS,
+    TIME_CONVENTION,
+    antenna_positions,
+    is_monostatic,
+    is_raster,
+    wave_speed,
+)
+
+STEP_TOLERANCE = 1e-3
+"""Largest deviation of a frequency step from the mean one, as a share of it: at 1000 steps a phase error of a few
+degrees at the end of the unambiguous range."""
+
+
+def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
+    """The sweep in the project's own convention, or a plain word on what is wrong with it.
+
+    Data of the other time convention, ``exp(-jwt)``, is conjugated.
+
+    Raises
+    ------
+    InputError
+        With the first thing that is missing or wrong; `source` names the file in the message.
+    """
+
+    def refuse(message: str) -> InputError:
+        return InputError(f"{source}: {message}")
+
+    if not isinstance(sweep, xr.Dataset):
+        raise wrong_kind(source, sweep, "a sweep (xarray.Dataset), as mf.load, mf.simulate and mf.make_sweep return")
+    if "s" not in sweep:
+        raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
+    s = sweep["s"]
+    raster, monostatic = is_raster(sweep), is_monostatic(sweep)
+    places = ("antenna_position",) if monostatic else ("tx_position", "rx_position")
+    for name in RASTER_DIMENSIONS if raster else ("frequency", *places):
+        if name not in sweep.variables:
+            where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
+            where = "the antenna positions [m]" if name.endswith("position") else where
+            raise refuse(f"has no coordinate {name!r}; add {where} before imaging")
+    if not raster and not monostatic and s.dims[-3:] != PAIR_DIMENSIONS:
+        raise refuse(
+            f"s has dimensions {s.dims}, expected (frequency, tx, rx), (frequency, position) or "
+            "(frequency, azimuth, elevation); transpose or rename them"
+        )
+    if s.size == 0:
+        raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
+    if s.dtype.kind != "c":
+        raise refuse(
+            f"s has type {s.dtype}, expected complex numbers; store real and imaginary part as one, and measure the "
+            "phase where there are only magnitudes"
+        )
+    if raster:
+        _check_directions(sweep, refuse)
+    else:
+        _check_positions(sweep, places, refuse)
+    _check_attrs(sweep, refuse)
+    frequency = sweep["frequency"].values
+    if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
+        raise refuse("frequency holds values that are not positive numbers; give them in hertz")
+    if frequency.size > 1:
+        step = np.diff(frequency)
+        if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean():
+            raise refuse(
+                f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "
+                "sort them or resample to a uniform grid"
+            )
+    unit = frequency_unit_of(sweep)
+    if unit is not None:
+        raise refuse(
+            f"frequencies up to {frequency.max():g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
+            f"give them in hertz (calibrate --frequency-unit {unit}), or for other waves than light the attr wave_speed"
+        )
+    missing = int(np.count_nonzero(~np.isfinite(s.values)))
+    if missing:
+        raise refuse(
+            f"s holds {missing} samples of {s.size} that are not finite (NaN or infinite); "
+            "replace them, for example by zero, or leave out their channels"
+        )
+    if not np.any(s.values):
+        raise refuse("every sample of s is zero; there is nothing to image")
+    part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0))
+    if part is not None:
+        raise refuse(
+            f"s holds {part} alone, the other part of every sample is zero; add it, or the phase: without it nothing "
+            "tells where echoes are"
+        )
+    convention = sweep.attrs.get("time_convention", TIME_CONVENTION)
+    if convention == "exp(-jwt)":
+        return sweep.assign(s=np.conj(s)).assign_attrs(time_convention=TIME_CONVENTION)
+    if convention != TIME_CONVENTION:
+        raise refuse(f"time_convention is {convention!r}, expected 'exp(+jwt)' or 'exp(-jwt)'")
+    return sweep
+
+
+def frequency_unit_of(sweep: xr.Dataset) -> str | None:
+    """The unit that the frequencies are probably in; None where hertz make sense."""
+    length, step = _length_and_pitch(sweep)
+    return frequency_unit(float(sweep["frequency"].max()), length, step, wave_speed(sweep))
+
+
+def _length_and_pitch(sweep: xr.Dataset) -> tuple[float, float]:
+    """Extent of the array and distance of neighbours [m]; of a raster scan the width of the focus, zero if unknown."""
+    if is_raster(sweep):
+        width = 2.0 * float(sweep.attrs.get("spot_radius", 0.0))
+        return width, width
+    places = antenna_positions(sweep)
+    return extent(*places), min((step for step in map(pitch, places) if step), default=0.0)
+
+
+def _size(sweep: xr.Dataset) -> str:
+    """The array in wavelengths, for messages."""
+    length = _length_and_pitch(sweep)[0]
+    if not length:
+        return f"waves of {wave_speed(sweep):g} m/s, which no instrument sends so slowly"
+    wavelengths = length * float(sweep["frequency"].max()) / wave_speed(sweep)
+    what = "a beam" if is_raster(sweep) else "an array"
+    return f"{what} of {length:.3g} m, {wavelengths:.1g} wavelengths at {wave_speed(sweep):g} m/s"
+
+
+class Doubt(NamedTuple):
+    """What is probably wrong with the numbers of a valid sweep, and the option of `calibrate` that puts it right."""
+
+    name: str
+    what: str
+    option: str
+
+    @property
+    def advice(self) -> str:
+        """What to do."""
+        return f"give them in the right unit, or mirrorfold calibrate SWEEP.nc -o OUT.nc {self.option}"
+
+
+def doubts(sweep: xr.Dataset) -> list[Doubt]:
+    """Numbers of a valid sweep that make little sense together: positions or angles in another unit."""
+    wavelength = wave_speed(sweep) / float(sweep["frequency"].max())
+    if is_raster(sweep):
+        if not radians_for_degrees(sweep["azimuth"].values, sweep["elevation"].values, wavelength):
+            return []
+        reach = max(float(np.abs(sweep[name]).max()) for name in ("azimuth", "elevation"))
+        what = (
+            f"The beams reach no farther than {reach:.3g} degrees aside, in steps that no such scanner can tell apart: "
+            "their directions are probably in radians."
+        )
+        return [Doubt("angle-unit", what, "--angle-unit radian")]
+    step = _length_and_pitch(sweep)[1]
+    unit = length_unit(step, wavelength) if sweep.attrs.get("scene_center") is None else None
+    if unit is None:
+        return []
+    what = (
+        f"Neighbouring antennas stand {step:.3g} m apart, {step / wavelength:.0f} wavelengths: their positions are "
+        f"probably in {unit}, not in metres."
+    )
+    return [Doubt("position-unit", what, f"--position-unit {unit}")]
+
+
+def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+    """Refuse a wave speed or a centre of the scene that is none."""
+    speed = sweep.attrs.get("wave_speed", speed_of_light)
+    if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
+        raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
+    centre = sweep.attrs.get("scene_center")
+    if centre is None:
+        return
+    try:
+        place = np.asarray(centre, dtype=float)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise refuse(f"attr scene_center is {shown(centre)}, expected three finite numbers in metres")
+
+
+def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
+    """Refuse antenna positions that are none."""
+    for name in names:
+        dim = name.removesuffix("_position").replace("antenna", "position")
+        if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
+            raise refuse(
+                f"{name} has dimensions {dict(sweep[name].sizes)}, expected ({dim}, axis) with the three axes x, y, z"
+            )
+        if sweep[name].dtype.kind not in "fiu" or not np.isfinite(sweep[name].values).all():
+            raise refuse(f"{name} holds values that are not finite numbers; give every antenna its place in metres")
+
+
+def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+    """Refuse beam directions that are none."""
+    for name in ("azimuth", "elevation"):
+        angle = sweep[name].values
+        if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():
+            raise refuse(f"{name} holds values that are not finite numbers; give every beam its direction in degrees")
+        if np.any(np.diff(angle) <= 0) or np.abs(angle).max(initial=0.0) >= 90.0:
+            raise refuse(f"{name} must rise from more than -90 to less than 90 degrees; sort the beams")
+    origin = np.asarray(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise refuse("attr origin is not a place; give three finite numbers in metres, where the beams start")

@@ -1,0 +1,70 @@
+"""What a sweep says of itself: its kind, places, waves, and what it can resolve; and noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.types import Array
+
+AXES = ("x", "y", "z")
+TIME_CONVENTION = "exp(+jwt)"
+
+PAIR_DIMENSIONS = ("frequency", "tx", "rx")
+
+MONOSTATIC_DIMENSIONS = ("frequency", "position")
+
+RASTER_DIMENSIONS = ("frequency", "azimuth", "elevation")
+
+
+def is_raster(sweep: xr.Dataset) -> bool:
+    """Whether a sweep is that of a raster scan."""
+    return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
+
+
+def is_monostatic(sweep: xr.Dataset) -> bool:
+    """Whether a sweep is that of antennas that hear only themselves."""
+    return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-2:] == MONOSTATIC_DIMENSIONS
+
+
+def antenna_positions(sweep: xr.Dataset) -> tuple[Array, Array]:
+    """Positions of the transmitters and of the receivers [m], (tx, 3) and (rx, 3); of one moving antenna twice."""
+    names = ("antenna_position",) * 2 if "antenna_position" in sweep.variables else ("tx_position", "rx_position")
+    tx, rx = (np.asarray(sweep[name].values, dtype=np.float64) for name in names)
+    return tx, rx
+
+
+def wave_speed(sweep: xr.Dataset) -> float:
+    """Speed of the waves [m/s]: the attr `wave_speed`, that of light in vacuum without it."""
+    return float(sweep.attrs.get("wave_speed", speed_of_light))
+
+
+def wavenumber(sweep: xr.Dataset) -> NDArray[np.float64]:
+    """Wavenumbers [rad/m] at the frequencies, ``2 pi f / c`` with the sweep's own speed of waves."""
+    return np.asarray(2.0 * np.pi * sweep["frequency"].values.astype(float) / wave_speed(sweep))
+
+
+def radar_position(sweep: xr.Dataset) -> Array:
+    """The mean of the tx and rx positions, or where the beams start, shape (3,) [m]."""
+    if is_raster(sweep):
+        return np.array(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
+    tx, rx = antenna_positions(sweep)
+    return np.asarray(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)))
+
+
+def frequency_step(sweep: xr.Dataset) -> float:
+    """Mean distance of neighbouring frequencies [Hz]; infinite for a single one."""
+    frequency = sweep["frequency"].values
+    return float((frequency[-1] - frequency[0]) / (frequency.size - 1)) if frequency.size > 1 else float("inf")
+
+
+def ambiguous_range(sweep: xr.Dataset) -> float:
+    """The range [m] at which echoes wrap around to zero, ``c / (2 df)``."""
+    return wave_speed(sweep) / (2.0 * frequency_step(sweep))
+
+
+def range_resolution(sweep: xr.Dataset) -> float:
+    """Range resolution [m], ``c / (2 B)`` with the bandwidth B of all samples."""
+    return wave_speed(sweep) / (2.0 * frequency_step(sweep) * sweep.sizes["frequency"])

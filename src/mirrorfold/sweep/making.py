@@ -1,0 +1,238 @@
+"""Sweeps from arrays, checked."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
+from mirrorfold.sweep.checks import check_sweep, doubts
+from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, RASTER_DIMENSIONS, TIME_CONVENTION
+
+Coordinates = dict[str, tuple[tuple[str, ...], ArrayLike, str]]
+"""Dimensions, values and unit by name."""
+
+
+def make_sweep(
+    s: ArrayLike,
+    *,
+    frequency: ArrayLike,
+    tx_position: ArrayLike,
+    rx_position: ArrayLike,
+    time: ArrayLike | None = None,
+    **attrs: Any,
+) -> xr.Dataset:
+    """A MIMO or synthetic-aperture Sweep.
+
+    Parameters
+    ----------
+    s : (frequencies, tx, rx) or (frames, frequencies, tx, rx) complex array
+        Scattering parameter of every pair, time convention ``exp(+jwt)``; of a recording for every frame.
+    frequency : (frequencies,) array [Hz]
+        In uniform steps.
+    tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
+    time : (frames,) array [s], optional
+        When each frame was measured.
+    **attrs
+        What else is known: `title`, `instrument`, `processing`, `wave_speed` [m/s] ...
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the result is not a valid sweep.
+
+    Warns
+    -----
+    UserWarning
+        If positions seem to be in another unit than metres.
+    """
+    return _made(
+        PAIR_DIMENSIONS,
+        s,
+        {
+            "frequency": (("frequency",), frequency, "Hz"),
+            "tx_position": (("tx", "axis"), tx_position, "m"),
+            "rx_position": (("rx", "axis"), rx_position, "m"),
+        },
+        time,
+        attrs,
+    )
+
+
+def make_monostatic_sweep(
+    s: ArrayLike,
+    *,
+    frequency: ArrayLike,
+    antenna_position: ArrayLike,
+    time: ArrayLike | None = None,
+    **attrs: Any,
+) -> xr.Dataset:
+    """The Sweep of one moving antenna that transmits and receives, or of antennas that hear only themselves.
+
+    Parameters
+    ----------
+    s : (frequencies, positions) or (frames, frequencies, positions) complex array
+        S11 at every position, time convention ``exp(+jwt)``.
+    frequency : (frequencies,) array [Hz]
+        In uniform steps.
+    antenna_position : (positions, 3) array [m]
+    time : (frames,) array [s], optional
+        When each frame was measured.
+    **attrs
+        What else is known: `title`, `wave_speed` [m/s], `scene_center` [m] ...
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the result is not a valid sweep.
+    """
+    coords: Coordinates = {
+        "frequency": (("frequency",), frequency, "Hz"),
+        "antenna_position": (("position", "axis"), antenna_position, "m"),
+    }
+    return _made(MONOSTATIC_DIMENSIONS, s, coords, time, attrs)
+
+
+def make_raster_sweep(
+    s: ArrayLike,
+    *,
+    frequency: ArrayLike,
+    azimuth: ArrayLike,
+    elevation: ArrayLike,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    time: ArrayLike | None = None,
+    **attrs: Any,
+) -> xr.Dataset:
+    """The Sweep of a raster scan.
+
+    Parameters
+    ----------
+    s : (frequencies, azimuths, elevations) or (frames, frequencies, azimuths, elevations) complex array
+        S11 of every beam, time convention ``exp(+jwt)``.
+    frequency : (frequencies,) array [Hz]
+        In uniform steps.
+    azimuth, elevation : (azimuths,) and (elevations,) arrays [degree]
+        A beam points to ``(sin az cos el, cos az cos el, sin el)``.
+    origin : (3,) array [m]
+        Where the beams start.
+    time : (frames,) array [s], optional
+        When each frame was measured.
+    **attrs
+        What else is known: `title`, `spot_radius` and `focus_distance` [m] of the beam ...
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the result is not a valid sweep.
+    """
+    coords: Coordinates = {
+        "frequency": (("frequency",), frequency, "Hz"),
+        "azimuth": (("azimuth",), azimuth, "degree"),
+        "elevation": (("elevation",), elevation, "degree"),
+    }
+    return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": _numbers("origin", origin), **attrs})
+
+
+def _made(
+    dims: tuple[str, ...],
+    s: ArrayLike,
+    coords: Coordinates,
+    time: ArrayLike | None,
+    attrs: dict[str, Any],
+) -> xr.Dataset:
+    """A checked sweep of samples, of which a dimension before `dims` is named `frame`, and coordinates with units."""
+    if time is not None:
+        coords["time"] = (("frame",), time, "s")
+    values = _array("s", s)
+    if values.dtype.kind != "c":
+        raise InputError(
+            f"sweep: s has type {values.dtype}, expected complex numbers; magnitudes or real parts alone have no phase "
+            "and give no image, and traces over time are turned into frequencies by mf.import_data"
+        )
+    variables = {name: (axes, _numbers(name, given), {"units": unit}) for name, (axes, given, unit) in coords.items()}
+    expected = ", ".join(f"{name}({', '.join(axes).replace('axis', '3')})" for name, (axes, _, _) in coords.items())
+    found = ", ".join(f"{name} {variable[1].shape}" for name, variable in variables.items())
+    refusal = InputError(
+        f"sweep: the shapes do not fit together, s {values.shape}, {found}; expected s({', '.join(dims)}), with a "
+        f"dimension of frames before these for a recording, and {expected}"
+    )
+    if values.ndim - len(dims) not in ((0, 1) if time is None else (1,)):
+        raise refusal
+    try:
+        sweep = xr.Dataset(
+            {"s": (("frame", *dims)[-values.ndim :], values.astype(np.complex64))},
+            coords=variables | ({} if dims == RASTER_DIMENSIONS else {"axis": list(AXES)}),
+            attrs={"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION, **attrs},
+        )
+    except ValueError:
+        raise refusal from None
+    checked = check_sweep(sweep)
+    for doubt in doubts(checked):
+        warnings.warn(f"{doubt.what} Remedy: {doubt.advice}", stacklevel=3)
+    return checked
+
+
+def _array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Numbers as an array.
+
+    Raises
+    ------
+    InputError
+        If they are none.
+    """
+    try:
+        found = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "fciu":
+        raise wrong_kind(f"sweep: {name}", value, "an array of numbers")
+    return found
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """Real numbers as an array."""
+    found = _array(name, value)
+    if found.dtype.kind == "c":
+        raise wrong_kind(f"sweep: {name}", value, "real numbers")
+    return found.astype(float)
+
+
+def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
+    """The sweep with white complex Gaussian noise.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    snr_db : float [dB]
+        Mean power of the samples over the power of the noise, per sample, before any focusing.
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        With attr `snr_db`.
+    """
+    s = check_sweep(sweep)["s"].values
+    power = float(np.mean(np.abs(s).astype(float) ** 2)) * 10.0 ** (-snr_db / 10.0)
+    generator = np.random.default_rng(seed)
+    noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    noisy = (s + np.sqrt(power / 2.0).astype(np.float32) * noise).astype(np.complex64)
+    return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=float(snr_db), noise_seed=int(seed))
