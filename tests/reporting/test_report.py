@@ -142,7 +142,7 @@ def test_settings_are_listed_with_unit_and_meaning_and_other_attributes_as_they_
     assert shown["fold_threshold_db"] == ("threshold", "-18", "dB")
     assert shown["fold_minimum_length"] == ("minimum length", "0.2482", "m")
     assert shown["fold_generations"] == ("generations", "default", "")
-    assert shown["fold_opaque"] == ("opaque", "yes", "")
+    assert shown["fold_opaque"] == ("objects are opaque", "yes", "")
     assert rows["fold_opaque"]["meaning"] == FoldSettings.rules()["opaque"].meaning
     assert ["fold_of_old", "0.24824040634138517"] in document["parameters"]
     assert not {name for name, _ in document["parameters"]} & set(rows)

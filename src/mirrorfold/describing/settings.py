@@ -74,7 +74,7 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
         RecordedSetting(
             attr=f"{prefix}{name}",
             step=step,
-            label=label(name),
+            label=label(name, rule),
             value=words(attrs[f"{prefix}{name}"], rule),
             unit=rule.unit,
             meaning=rule.meaning,
@@ -85,15 +85,15 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
     ]
 
 
-def label(name: str) -> str:
+def label(name: str, rule: Rule) -> str:
     """The name of a setting in plain words; its unit is said elsewhere.
 
     Examples
     --------
-    >>> label("threshold_db")
-    'threshold'
+    >>> label("threshold_db", Rule("Level.")), label("opaque", Rule("Whether.", label="objects are opaque"))
+    ('threshold', 'objects are opaque')
     """
-    return name.removesuffix("_db").replace("_", " ")
+    return rule.label or name.removesuffix("_db").replace("_", " ")
 
 
 def words(value: Any, rule: Rule) -> str:
