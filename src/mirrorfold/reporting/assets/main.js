@@ -97,9 +97,10 @@ function compose(page) {
   page.replaceChildren(makeHeader(), extra ? extra.notice : "", remark,
     el("div", { class: "layout" },
       el("main", { class: "card" }, makeBar(), stage, makeLegend(), note,
-        el("p", { class: "hint noprint" }, "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
+        el("p", { class: "hint noprint" }, touched ? "Drag the divider to compare; tap the picture to ask what is there, move and zoom it with two fingers."
+          : "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
       el("aside", {}, extra ? extra.card : null,
-        el("section", { class: "card noprint" }, el("h2", {}, "Under the pointer"), makeReadout()),
+        el("section", { class: "card noprint", id: "under" }, el("h2", {}, touched ? "Under the finger" : "Under the pointer"), makeReadout()),
         el("section", { class: "card" }, el("h2", {}, "Mirrors, by who is seen through whom"), makeTree()),
         el("section", { class: "card noprint" }, el("h2", {}, "Display"), makeControls()))),
     el("div", { class: "below" }, state.content ? makeSpace() : "",

@@ -14,7 +14,6 @@ function makeTree() {
     for (const node of layer.querySelectorAll(".node")) {
       const number = Number(node.dataset.number);
       node.classList.toggle("lit", number >= 0 && state.lit === number);
-      node.classList.toggle("off", state.off.has(number));
     }
   });
 
@@ -46,12 +45,10 @@ function makeTree() {
     for (const [number, { x, y }] of nodes) {
       const mirror = mirrors[number], count = counts.get(number) || 0;
       const seen = `${count} point${count === 1 ? "" : "s"}`;
-      const what = mirror ? `mirror ${number}` : "radar";
+      const what = mirror ? `mirror ${mirror.name}` : "radar";
       const more = mirror ? `${fixed(mirror.length, 2)} m \u00b7 ${seen} through it` : `${seen} in sight`;
-      const acts = mirror ? { onpointerenter: () => light(number), onpointerleave: () => light(null),
-        onfocus: () => light(number), onblur: () => light(null) } : {};
       parts.push(svg("g", { class: "node", tabindex: mirror ? "0" : undefined, role: "treeitem", "data-number": String(number),
-        "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...acts },
+        "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...(mirror ? lights(number) : {}) },
         svg("rect", { class: "pill", x, y, width: WIDE, height: HIGH, rx: 10 }),
         svg("circle", { cx: x + 18, cy: y + HIGH / 2, r: 6.5, fill: mirror ? mirrorColour(mirror) : "currentColor" }),
         svg("text", { class: "what", x: x + 33, y: y + 19 }, what),
