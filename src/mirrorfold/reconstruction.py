@@ -198,8 +198,8 @@ class FoldPlan:
         view, echoes = self._seen(chosen)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
-        given, walls = known is not None, None
-        if settings.generations == 0 and not given:
+        by_hand, walls = known is not None, None
+        if settings.generations == 0 and not by_hand:
             known = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
         if known is not None and settings.opaque:
             echoes, walls = self._shown_walls(view, echoes, settings)
@@ -211,7 +211,7 @@ class FoldPlan:
             mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
             grid=grid,
         )  # fmt: skip
-        result.attrs |= {"preset": preset, "mirrors_given": given}
+        result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
 

@@ -171,3 +171,17 @@ def test_a_volume_without_its_mirror_is_unfolded_and_a_moved_one_loses_nothing()
     moved, there = points(plan.fold(mirrors=corners + 0.02 * outward), "xyz")
     through = moved["bounces"].values == 1
     assert held_by(place[hidden & objects], there[through]).mean() > 0.9
+
+
+def test_every_blob_that_is_folded_has_a_point(plan):
+    """What the corrected picture shows and the initial image does not, above the pages' floor, is near a point."""
+    result = plan.fold()
+    objects, _ = points(result)
+    folded, unfolded = result["intensity"].values, result["initial/initial"].values
+    new = (folded > 1.001 * unfolded) & (folded > 0.01 * np.quantile(unfolded, 0.9995))
+    rows, columns = np.nonzero(new)
+    places = np.column_stack([result["x"].values[columns], result["y"].values[rows]])
+    assert len(places) > 100
+    stands = cKDTree(np.column_stack([objects["x"], objects["y"]])[objects["bounces"].values > 0])
+    cell = np.hypot(0.03, np.linalg.norm(places, axis=1).max() * 1.5 * 0.011)
+    assert stands.query(places)[0].max() < 2.0 * cell

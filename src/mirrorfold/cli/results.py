@@ -134,5 +134,6 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
         return
     show_mirrors(found.mirrors)
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
-    print(f"{found.points} points, by bounces: {counts or 'none'}")
+    kinds = f"{found.points - found.points_on_mirrors} of objects and {found.points_on_mirrors} of walls"
+    print(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}")
     show_files(files)

@@ -131,7 +131,7 @@ const touched = matchMedia("(pointer: coarse)").matches;
 const colourOf = (bounces) => state.content.colours[bounces % state.content.colours.length];
 // All colour maps but grey are dark at their floor, whatever the paper.
 const darkStage = () => state.dark || state.map !== "grey";
-const truthColour = () => (darkStage() ? "#ff7a70" : state.content.truth_colour);
+const truthColour = () => (darkStage() ? "#ff5c50" : state.content.truth_colour);
 const mirrorColour = (mirror) => colourOf(mirror.generation - 1);
 
 function pointShown(points, i) {

@@ -64,8 +64,8 @@ function makeHeader() {
     if (!content || facts.drawn === content) return;
     facts.drawn = content;
     title.textContent = content.title;
-    const shown = content.facts.slice(0, 4);
-    facts.replaceChildren(...shown.map(([name, value]) => el("span", {}, el("b", {}, value), ` ${value === "1" ? name.replace(/s$/, "") : name}`)));
+    const shown = content.facts.slice(0, 5);
+    facts.replaceChildren(...shown.map(([name, value]) => el("span", {}, el("b", {}, value), ` ${value === "1" ? name.replace(/^(mirror|point)s$/, "$1") : name}`)));
   });
   return el("header", {}, el("div", {}, title, facts), el("div", { class: "tools" },
     el("button", { type: "button", id: "theme", onclick: () => theme(!state.dark) }, "light / dark"),

@@ -216,10 +216,11 @@ class Panel {
     const [rx, ry] = this.toScreen(content.radar);
     parts.push(svg("path", { class: "radar", d: `M${rx - 8},${ry + 6}L${rx + 8},${ry + 6}L${rx},${ry - 8}Z` }));
     if (state.show.mirrors) for (const mirror of content.mirrors) parts.push(this.mirror(mirror));
-    // Thin, over the thick mirrors, so that both can be seen where they agree.
+    // Thin, with a rim, over the thick mirrors, so that both can be seen where they agree.
     if (state.show.truth)
       for (const line of content.truth)
-        parts.push(svg("polyline", { class: "truth", points: this.polyline(line), stroke: truthColour() }));
+        for (const [name, stroke] of [["truth rim", "var(--halo)"], ["truth", truthColour()]])
+          parts.push(svg("polyline", { class: name, points: this.polyline(line), stroke }));
     if (this.handles) parts.push(...this.handles());
     parts.push(...this.scaleBar(), ...this.ticks());
     this.layer.replaceChildren(...parts.filter(Boolean));
