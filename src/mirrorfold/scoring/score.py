@@ -115,8 +115,9 @@ def score(
         `f_score_5cm`, `chamfer_m` (mean of both mean distances), `invented_fraction` and `false_fraction` (points
         further than 10 and 15 cm from any truth), `reachable_m` (length of reachable truth) or `reachable_m2` (its
         area). `hidden`: the same for points seen by way of mirrors, and for surfaces of which nothing is in line of
-        sight. `surfaces`: the same for the points nearest to each of these surfaces. In three dimensions `patches`: the contrast of each patch to its
-        surroundings, `contrast_db`. What is undefined, such as the accuracy of no points, is None.
+        sight. `surfaces`: the same for the points nearest to each of these surfaces. In three dimensions `patches`:
+        the contrast of each patch to its surroundings, `contrast_db`. What is undefined, such as the accuracy of no
+        points, is None.
 
     Raises
     ------
