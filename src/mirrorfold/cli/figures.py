@@ -77,7 +77,7 @@ def _reconstruction(found: xr.DataTree, what: str | None, truth: Any, floor_db: 
         _flat(truth, source)
     flat_truth = None if volume else truth
     if what == "before-after":
-        return what, mf.plot.before_after(found, flat_truth, floor_db=floor_db)
+        return what, mf.plot.before_after(found, truth, floor_db=floor_db)
     extent = mf.plot.content_extent(found, flat_truth, folded=what == "corrected")
     if what == "corrected":
         axes = mf.plot.corrected(found, floor_db=floor_db, extent=extent)

@@ -92,7 +92,7 @@ def write_results(reconstruction: Any, directory: Path, scene: Any = None) -> li
         return [RECONSTRUCTION, PICTURE, REPORT]
     from mirrorfold.plotting import volumes as plot_volume
 
-    mf.plot.before_after(reconstruction).savefig(directory / PICTURE)
+    mf.plot.before_after(reconstruction, scene).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
     names = [RECONSTRUCTION, PICTURE, SPACE, REPORT]
     if plot_volume.has_body(reconstruction):

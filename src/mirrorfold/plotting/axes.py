@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,6 +53,11 @@ def halo(width: float) -> list[Any]:
 def draw_radar(ax: Axes, radar: Array) -> None:
     """A triangle where the radar stands (2,) [m]."""
     ax.plot(*radar, marker="^", markersize=9, color="black", markeredgecolor="white", linestyle="none", zorder=5)
+
+
+def draw_truth(ax: Axes, line: Array, alpha: float = 1.0) -> None:
+    """A true surface (n, 2) [m], thin, with a rim that keeps it legible on mirrors and points."""
+    ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=1.0, alpha=alpha, path_effects=halo(1.1), zorder=4)
 
 
 def radar_of(reconstruction: xr.DataTree) -> Array:
