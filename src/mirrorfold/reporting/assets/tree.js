@@ -2,7 +2,7 @@
 
 function makeTree() {
   const layer = svg("svg", { class: "tree", role: "tree", "aria-label": "tree of mirrors" });
-  const WIDE = 216, HIGH = 44, ROW = 52, INDENT = 34;
+  const WIDE = 246, HIGH = 44, ROW = 52, INDENT = 34;
   let drawn = null;
   painters.push(() => {
     const { content } = state;
