@@ -30,6 +30,7 @@ from mirrorfold.common.geometry import reflect
 from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.points import fold_back, folded_blobs
 from mirrorfold.folding.volume_picture import draw_volume
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
@@ -265,10 +266,11 @@ def speed() -> Table:
     found = find_tree(view, echoes, settings)
     x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
     folds, margin = found.tree.folds(), settings.wall_margin or 0.0
+    blobs = folded_blobs(fold_back(found.tree), found.sight)
     add(
         "fold 10 million voxels",
         0.3,
-        timed(lambda: draw_volume(x, y, z, found.sight, folds, margin)),
+        timed(lambda: draw_volume(x, y, z, found.sight, folds, margin, blobs)),
     )
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))

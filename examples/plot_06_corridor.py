@@ -33,7 +33,7 @@ axes.set_title("what the scan shows from above")
 # as planes and keeps the heights:
 
 reconstruction = mf.fold(volume)
-figure = mf.plot.before_after(reconstruction)
+figure = mf.plot.before_after(reconstruction, scene)
 
 # %%
 # Walls that were seen by way of walls are mirrors of the second generation; the table says where they stand.

@@ -33,7 +33,7 @@ def chromium():
 @contextmanager
 def opened(chromium, address, **options):
     """A page that has drawn itself; at the end it must have had no errors, and no requests beyond its own origin."""
-    context = chromium.new_context(viewport={"width": 1280, "height": 900}, **options)
+    context = chromium.new_context(**{"viewport": {"width": 1280, "height": 900}} | options)
     page = context.new_page()
     complaints, requests = [], []
     loud = ("error", "warning")
@@ -88,7 +88,7 @@ def to_screen(page, which, x, y):
                 +line.getAttribute('y2')]; })""",
         which,
     )
-    ticks = [(number(text), *place) for text, *place in ticks if text != "m"]
+    ticks = [(number(text), *place) for text, *place in ticks if not text.endswith("[m]")]
     across = [(value, x1) for value, x1, x2, _, _ in ticks if x1 == x2]
     up = [(value, y1) for value, _, _, y1, y2 in ticks if y1 == y2]
 

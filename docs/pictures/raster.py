@@ -19,7 +19,7 @@ def main() -> None:
         result = mf.reconstruct(mf.simulate(scene, snr_db=20.0))
         plot_volume.body(result).savefig(HERE / f"raster-{name}-body.png", dpi=DPI)
         if name != "drywall-control":
-            mf.plot.before_after(result).savefig(HERE / f"raster-{name}-plan.png", dpi=DPI)
+            mf.plot.before_after(result, scene).savefig(HERE / f"raster-{name}-plan.png", dpi=DPI)
             plot_volume.space(result, scene).savefig(HERE / f"raster-{name}-space.png", dpi=DPI)
 
 

@@ -14,7 +14,7 @@ changes, in `find_tree`.
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -46,9 +46,9 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import assign_echoes
 from mirrorfold.tree.directions import of_mixed_paths
-from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
-from mirrorfold.tree.ordering import order_mirrors
+from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
@@ -194,6 +194,7 @@ class FoldPlan:
             self._sweep = None  # one antenna hears an echo from where it sent it to
         self._views: dict[str | None, View] = {}
         self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
+        self._walls: tuple[FoldSettings, tuple[Echoes, Mask]] | None = None
         self._ratios: dict[str, dict[tuple[float, float], float]] = {}
 
     @takes(FoldSettings)
@@ -238,16 +239,22 @@ class FoldPlan:
         view, echoes = self._seen(chosen)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
+        by_hand, walls = mirrors is not None, None
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
-        found = find_tree(view, echoes, settings, known=mirrors, mixed_paths=self._mixed_paths(view, settings))
+        if settings.generations == 0 and not by_hand:
+            mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
+        if mirrors is not None and settings.opaque:
+            echoes, walls = self._shown_walls(view, echoes, settings)
+        mixed_paths = self._mixed_paths(view, settings)
+        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, mixed_paths=mixed_paths)
         report(2, 3)
         result = collect(
             self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
             mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
             grid=grid,
         )  # fmt: skip
-        result.attrs |= {"preset": preset, "mirrors_given": mirrors is not None}
+        result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
 
@@ -265,6 +272,12 @@ class FoldPlan:
                 echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
             self._echoes = {key: echoes}
         return view, self._echoes[key]
+
+    def _shown_walls(self, view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Echoes, Mask]:
+        """`shown_walls`, found again only with other settings: given mirrors are moved more often."""
+        if self._walls is None or self._walls[0] != settings:
+            self._walls = settings, shown_walls(view, echoes, settings)
+        return self._walls[1]
 
     def _mixed_paths(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
         """The test for mixed paths, where the sweep is there to tell."""
@@ -300,6 +313,7 @@ def find_tree(
     settings: FoldSettings,
     *,
     known: Array | None = None,
+    walls: Mask | None = None,
     mixed_paths: Callable[[Echoes], Mask] | None = None,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
@@ -312,6 +326,8 @@ def find_tree(
     settings : FoldSettings
     known : array, optional
         Mirrors in the place of those found, see `find_mirrors`.
+    walls : (n,) bool array, optional
+        With known mirrors: which echoes are those of walls, see `shown_walls`.
     mixed_paths : callable, optional
         Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
         tested in its turn.
@@ -320,7 +336,7 @@ def find_tree(
     -------
     Found
     """
-    found = _settled(view, echoes, settings, known)
+    found = _settled(view, echoes, settings, known, walls)
     ghosts = [np.empty((0, view.dimensions))]
     trusted = np.zeros(len(echoes), dtype=bool)
     for _ in range(MIXED_ROUNDS if mixed_paths is not None else 0):
@@ -331,12 +347,31 @@ def find_tree(
         ghost[new] = mixed_paths(echoes.take(new))
         ghosts.append(echoes.position[ghost])
         trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
-        found = _settled(view, echoes, settings, known)
+        walls = None if walls is None else walls[~ghost]
+        found = _settled(view, echoes, settings, known, walls)
     return Found(found.echoes, found.tree, found.sight, np.concatenate(ghosts))
 
 
-def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | None) -> Found:
-    """Steps 2 to 4 of given echoes: mirrors and their order in turn, until both agree with what is visible.
+def shown_walls(view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Echoes, Mask]:
+    """What the image itself tells, whichever mirrors are given: which echoes are strong, and which are those of walls.
+
+    A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
+    """
+    order, seen = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
+    return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
+
+
+def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | None, walls: Mask | None) -> Found:
+    """Steps 2 to 4 of given echoes."""
+    order, seen = _agreed(view, echoes, settings, known, walls)
+    tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
+    return Found(seen, tree, sight, np.empty((0, view.dimensions)))
+
+
+def _agreed(
+    view: View, echoes: Echoes, settings: FoldSettings, known: Array | None = None, walls: Mask | None = None
+) -> tuple[Order, Echoes]:
+    """Mirrors and their order in turn, until both agree with what is visible.
 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
     """
@@ -346,15 +381,14 @@ def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | 
     for _ in range(MAXIMUM_ROUNDS):
         mirrors = find_mirrors(view, echoes, minimum_length=length, tested=not settings.published, known=known)
         order = order_mirrors(
-            mirrors, view, echoes, minimum_length=length, wall_margin=margin, opaque=opaque,
+            mirrors, view, echoes, minimum_length=length, wall_margin=margin, opaque=opaque, walls=walls,
             generations=settings.generations,
         )  # fmt: skip
         seen = order.seen(echoes) if opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break
         echoes = seen
-    tree, sight = assign_echoes(order, seen, opaque=opaque)
-    return Found(seen, tree, sight, np.empty((0, view.dimensions)))
+    return order, seen
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

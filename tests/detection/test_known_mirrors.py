@@ -14,6 +14,7 @@ from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
 from mirrorfold.folding.image_picture import draw_image
+from mirrorfold.folding.points import fold_back, folded_blobs
 from mirrorfold.reconstruction import FoldPlan, initial_image
 from mirrorfold.tree.lines_of_sight import ROOT
 
@@ -158,6 +159,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
     grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     expected = np.zeros(grid.shape[:2])
     mirrors = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(sight.chain))]
+    blobs = folded_blobs(fold_back(tree), sight)
     own, ahead, looked = polar.locate(grid)
     empty = looked & (own < sight.open[ahead])
     for mirror, fold in mirrors:
@@ -167,8 +169,10 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
         seen = inside & sight.cover.clear(range_, column, amplitude) & (through[0] == mirror)
         if mirror != ROOT:
             seen &= ~empty | ((through[1] == mirror) & (through[2] == mirror))
+            sample = np.clip(np.rint((range_ - polar.range[0]) / polar.dr).astype(int), 0, polar.range.size - 1)
+            seen &= blobs[column, sample] == mirror
         expected = np.maximum(expected, np.where(seen, amplitude, 0.0))
-    intensity, initial = draw_image(x, y, polar, sight, folds, 0.04)
+    intensity, initial = draw_image(x, y, polar, sight, folds, 0.04, blobs)
     assert len(mirrors) == 2
     assert_allclose(intensity, expected, rtol=1e-5, atol=1e-6 * expected.max())
     assert_allclose(initial, polar.at(*polar.to_polar(grid)), rtol=1e-5, atol=1e-6 * expected.max())

@@ -20,6 +20,7 @@ from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.points import fold_back, folded_blobs
 from mirrorfold.folding.volume_picture import draw_volume
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.sweep import make_raster_sweep
@@ -277,7 +278,8 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     echoes = find_echoes(view)
     found = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes)))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
-    drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04)
+    blobs = folded_blobs(fold_back(found.tree), found.sight)
+    drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04, blobs)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(grid))
     for number, chain in [(ROOT, ()), *((i, c) for i, c in enumerate(found.sight.chain) if c)]:
@@ -295,6 +297,8 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
         seen = inside & np.logical_and.reduce(edge) & (found.sight.seen_through(range_ - 0.04, beam) == number)
         seen &= found.sight.cover.clear(range_, beam, value)
         if number != ROOT:
+            sample = np.clip(np.rint(place[2]).astype(int), 0, view.range.size - 1)
+            seen &= blobs[beam, sample] == number
             own, ahead, looked = view.locate(grid)
             sides = [found.sight.seen_through(range_ - 0.04, side) == number for side in view.beside(range_, beam)]
             seen &= ~(looked & (own < found.sight.open[ahead])) | np.logical_and.reduce(sides)

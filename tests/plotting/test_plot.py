@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scans
 import xarray as xr
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import COLOURS, decibels
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, decibels
 from mirrorfold.plotting.comparison import content_extent
 
 
@@ -78,7 +79,7 @@ def test_objects_are_drawn_where_they_stand_in_the_colour_of_their_bounces(recon
 
 def test_the_picture_is_cropped_to_what_it_shows(reconstruction):
     x0, x1, y0, y1 = content_extent(reconstruction, folded=True)
-    margin = 0.06 * 1.6
+    margin = 0.12 * 1.6
     assert_allclose([x0, x1, y0, y1], [-0.12 - margin, 0.6 + margin, -margin, 1.6 + margin])
     assert content_extent(reconstruction, folded=False)[1] > x1  # the ghosts stand beyond the wall
 
@@ -114,3 +115,48 @@ def test_scenes_are_drawn_with_all_their_surfaces(scene_file, ax):
     assert ax.get_aspect() == 1.0
     assert "[m]" in ax.get_xlabel()
     assert "[m]" in ax.get_ylabel()
+
+
+def test_before_and_after_show_all_that_is_folded(reconstruction, folded_scan):
+    """Every point, as it seemed and as it stands, with room for the blob around it, and every mirror."""
+    for result in (reconstruction, folded_scan):
+        objects = result.children["objects"].to_dataset(inherit=False)
+        figure = mf.plot.before_after(result)
+        for axes, suffix in zip(figure.axes[:2], ("_initial", ""), strict=True):
+            assert axes.get_xlabel()
+            room = 0.1 * (axes.get_ylim()[1] - axes.get_ylim()[0]) - 0.04
+            for axis, (low, high) in (("x", axes.get_xlim()), ("y", axes.get_ylim())):
+                values = objects[f"{axis}{suffix}"].values
+                assert low < values.min() - room / 2
+                assert high > values.max() + room / 2
+
+
+def test_the_plan_of_a_volume_shows_its_ghosts_and_the_truth(folded_scan):
+    world = scans.scene(scans.panel("wall", (0.4, 2.0, 0.0), (-1.0, 0.0, 0.0), 1.0, 1.2), scans.ball())
+    left, right = mf.plot.before_after(folded_scan, world).axes[:2]
+    objects = folded_scan.children["objects"].to_dataset(inherit=False)
+    for axes, suffix in ((left, "_initial"), (right, "")):
+        drawn = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
+        places = np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])
+        assert_allclose(np.sort(np.concatenate(drawn), axis=0), np.sort(places, axis=0))
+        truth = [line for line in axes.lines if line.get_color() == TRUTH_COLOUR]
+        # The wall as a line, the ball as a circle: over the mirrors, with a rim.
+        assert len(truth) == 2
+        assert all(line.get_path_effects() for line in truth)
+        mirrors = [line for line in axes.lines if line.get_linewidth() > 3.0]
+        assert min(line.get_zorder() for line in truth) > max(line.get_zorder() for line in mirrors)
+
+
+@pytest.mark.parametrize("along", ["y", "x"])
+def test_an_image_of_one_column_or_row_is_a_line(image, along):
+    """The ranges that a single antenna sees: as a picture it would be too narrow to be seen."""
+    across = "x" if along == "y" else "y"
+    one = image.isel({across: [20]})
+    axes = mf.plot.image(one, normalization="none", floor_db=-40)
+    (line,) = axes.lines
+    level = 20 * np.log10(np.abs(one.values).ravel() / np.abs(one.values).max())
+    assert_allclose(line.get_xdata(), image[along])
+    assert np.argmax(line.get_ydata()) == np.argmax(level)
+    assert np.ptp(line.get_ydata()) == pytest.approx(np.ptp(np.maximum(level, -40)), abs=0.7)
+    assert along in axes.get_xlabel()
+    assert "dB" in axes.get_ylabel()

@@ -63,8 +63,8 @@ def test_one_figure_of_a_sweep_has_both(sweep, scan, tmp_path):
 def test_the_tree_names_every_mirror_and_counts_its_points(reconstruction, ax):
     mf.plot.tree(reconstruction, ax)
     mirror, root = sorted(text.get_text() for text in ax.texts)
-    assert root.startswith("radar\n2 points")
-    assert mirror == f"mirror 0\n{np.hypot(0.2, 0.7):.2f} m, 3 points"
+    assert root.startswith("radar\n2 of objects")
+    assert mirror == f"mirror 0\n{np.hypot(0.2, 0.7):.2f} m, 3 of objects"
     assert len(ax.lines) == 1
 
 

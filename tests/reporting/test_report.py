@@ -140,12 +140,51 @@ def test_settings_are_listed_with_unit_and_meaning_and_other_attributes_as_they_
     assert shown["image_tolerance"] == ("tolerance", "0.001", "")
     assert shown["image_taper"] == ("taper", "41 values", "")
     assert shown["fold_threshold_db"] == ("threshold", "-18", "dB")
-    assert shown["fold_minimum_length"] == ("minimum length", "0.2482", "m")
+    assert shown["fold_minimum_length"] == ("minimum length", "24.8", "cm")
     assert shown["fold_generations"] == ("generations", "default", "")
-    assert shown["fold_opaque"] == ("opaque", "yes", "")
+    assert shown["fold_opaque"] == ("objects are opaque", "yes", "")
     assert rows["fold_opaque"]["meaning"] == FoldSettings.rules()["opaque"].meaning
-    assert ["fold_of_old", "0.24824040634138517"] in document["parameters"]
+    assert ["fold_of_old", "0.2482"] in document["parameters"]
     assert not {name for name, _ in document["parameters"]} & set(rows)
+
+
+def test_points_mean_the_same_in_header_tree_score_and_info(reconstruction, scene_file, tmp_path, chromium):
+    """Points of objects and on walls, apart; the numbers of all places add up."""
+    objects = reconstruction["objects"].to_dataset(inherit=False)
+    surface = np.array(["object", "mirror", "object", "object", "mirror"])
+    reconstruction["objects"] = xr.DataTree(objects.assign(surface=("point", surface)))
+    info, score = mf.info(reconstruction), mf.score(reconstruction, scene_file)
+    assert (info.points, info.points_on_mirrors) == (score.points, 2) == (5, 2)
+    assert score.hidden.points == 3
+    path = mf.report(reconstruction, tmp_path / "r.html", scene=scene_file)
+    with opened(chromium, path.as_uri()) as page:
+        facts = page.locator(".facts span").all_inner_texts()
+        assert facts == ["1 mirror", "5 points", "3 of objects", "2 of walls", "3 seen around a corner"]
+        nodes = page.locator(".tree .node .more").all_text_contents()
+        assert nodes == ["points: 1 of objects, 1 of walls", "points: 2 of objects, 1 of walls"]
+        assert page.locator("table:has-text('accuracy') tbody tr").first.all_inner_texts() == ["points\t5\t3"]
+
+
+def test_numbers_are_written_for_people(reconstruction, scene_file):
+    reconstruction.attrs |= {
+        "image_frequency_start": 299999999999.99994, "image_range_resolution": 0.014952241, "radar_x": 1.12e-18,
+        "image_radar_position": np.array([1.12e-18, 0.0, 0.0]), "image_tx_aperture": 0.08,
+        "mirrors_given": np.bool_(False), "image_ambiguous_range": 5.99584916, "image_error": 8.227144166e-05,
+        "fold_wall_margin": 0.03984,
+    }  # fmt: skip
+    document = to_document(reconstruction, mf.load(scene_file))
+    told = dict(document["parameters"])
+    assert told["image_frequency_start"] == "300 GHz"
+    assert told["image_range_resolution"] == "1.5 cm"
+    assert told["radar_x"] == told["image_radar_position"].split(",")[0] == "0"
+    assert told["image_tx_aperture"] == "8 cm"
+    assert told["image_ambiguous_range"] == "6 m"
+    assert told["image_error"] == "8.227e-5"
+    assert told["mirrors_given"] == "no"
+    (margin,) = (row for row in document["settings"] if row["attr"] == "fold_wall_margin")
+    assert (margin["value"], margin["unit"]) == ("3.98", "cm")
+    texts = [text for row in document["score"]["points"] for text in row[1:]]
+    assert not [text for text in texts if text in ("0.000", "1.000", "0.0")]
 
 
 def test_the_page_allows_its_own_program_and_nothing_else(address):

@@ -101,7 +101,7 @@ def test_a_dense_blob_counts_once():
     random = np.random.default_rng(0)
     blob = np.array([0.105, 0.505]) + 0.004 * random.uniform(-1, 1, (1000, 2))
     result = mf.score(rebuilt(np.concatenate([ON_WALL, blob])), make_scene(WALL))
-    assert result["points"] == 61
+    assert (result["points"], result["cells"]) == (1060, 61)
     assert result["invented_fraction"] == pytest.approx(1 / 61)
 
 
@@ -140,9 +140,9 @@ def test_the_figures_of_space_are_those_of_the_plan(shift):
     square = np.stack(np.meshgrid(line, [2.0005 - shift], line, indexing="ij"), axis=-1).reshape(-1, 3)
     plan = mf.score(rebuilt(np.tile(flat, (2, 1))), make_scene(segment((-0.15, 2.0), (0.15, 2.0))))
     space = mf.score(rebuilt_in_space(np.tile(square, (2, 1))), scene(PANEL, half=8.0))
-    assert (plan.points, space.points) == (30, 900)
+    assert (plan.cells, space.cells) == (30, 900)
     assert plan.reachable_m**2 == pytest.approx(space.reachable_m2, rel=0.01)
-    names = [item.name for item in fields(Figures) if item.name not in ("points", "chamfer_m")]
+    names = [item.name for item in fields(Figures) if item.name not in ("points", "cells", "chamfer_m")]
     assert {name: plan[name] for name in names} == pytest.approx({name: space[name] for name in names}, abs=1e-9)
     assert plan.chamfer_m == pytest.approx(space.chamfer_m, abs=0.002)
     assert (plan.invented_fraction, plan.false_fraction) == (float(shift > 0.1), float(shift > 0.15))

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
-import threading
-import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,28 +13,20 @@ import pytest
 from browser import number, opened, pixels, settle, to_screen
 from levels import unpacked_levels
 from numpy.testing import assert_allclose
-from synthetic import diffuse, radar_image, together
+from serving import OBJECTS, served, two_walls
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.viewing.controls import CHANGEABLE
-from mirrorfold.viewing.server import TOKEN_HEADER, Server
-from mirrorfold.viewing.session import Session, line_of
-
-WALLS = np.array([[[0.5, 1.8], [0.9, 0.9]], [[-0.95, 1.0], [-0.5, 1.9]]])
-OBJECTS = np.array([[[-0.2, 1.9], [-0.06, 1.95]], [[0.15, 1.45], [0.28, 1.5]]])
+from mirrorfold.viewing.server import TOKEN_HEADER
+from mirrorfold.viewing.session import line_of
 
 
 @pytest.fixture(scope="module")
 def view():
-    """Two walls, and one thing seen by way of each."""
-    parts = [diffuse(*wall, seed=i) for i, wall in enumerate(WALLS)]
-    for i, (wall, thing) in enumerate(zip(WALLS, OBJECTS, strict=True)):
-        parts.append(diffuse(*reflect(thing, wall[0], segment_normal(*wall)), seed=9 + i))
-    return radar_image(*together(*parts), np.linspace(-2.2, 2.4, 461), np.linspace(0.3, 2.9, 261))
+    return two_walls()
 
 
 @pytest.fixture
@@ -45,21 +34,6 @@ def file(view, tmp_path):
     path = tmp_path / "image.nc"
     mf.save(view, path)
     return path
-
-
-@contextmanager
-def served(path, scene=None):
-    """A server in a thread of its own, once it has opened its file."""
-    session = Session(path, scene)
-    with Server(session) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
-        thread.start()
-        limit = time.monotonic() + 60
-        while session.state["status"] == "busy" and time.monotonic() < limit:
-            time.sleep(0.02)
-        yield server
-        server.shutdown()
-        thread.join()
 
 
 def call(server, path, body=None, **headers):
@@ -288,9 +262,6 @@ def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
         page.wait_for_selector(f"html[data-folds='{folds + 2}']")
         assert len(server.session._lines) == 3
         assert_allclose(np.abs(server.session._lines[2]), [[0.3, 0.8], [0.3, 0.8]], atol=0.02)
-        page.locator("#find").click()
-        page.wait_for_selector(f"html[data-folds='{folds + 3}']")
-        assert server.session._lines is None
 
 
 def test_settings_of_the_page_reach_the_fold(file, chromium):
@@ -310,7 +281,7 @@ def test_settings_of_the_page_reach_the_fold(file, chromium):
         for name, rule in CHANGEABLE.items():
             assert page.locator(f"label:has(#set-{name})").get_attribute("title") == rule.meaning
         page.locator("#find").click()
-        page.wait_for_selector("html[data-folds='5']")
+        settle(page)
         assert page.locator("#set-opaque").is_checked()
         assert page.locator(".tree .node").count() == 3
 

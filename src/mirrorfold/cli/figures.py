@@ -97,7 +97,7 @@ def _reconstruction(
         _flat(truth, source)
     flat_truth = None if volume else truth
     if what == "before-after":
-        return what, mf.plot.before_after(found, flat_truth, plan=plan, floor_db=floor_db)
+        return what, mf.plot.before_after(found, truth, plan=plan, floor_db=floor_db)
     extent = mf.plot.content_extent(found, flat_truth, plan, folded=what == "corrected")
     if what == "corrected":
         axes = mf.plot.corrected(found, floor_db=floor_db, extent=extent)

@@ -108,7 +108,7 @@ def write_results(
         return [*names, REPORT]
     from mirrorfold.plotting import volumes as plot_volume
 
-    mf.plot.before_after(reconstruction, plan=plan).savefig(directory / PICTURE)
+    mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
     names += [SPACE, REPORT]
     if plot_volume.has_body(reconstruction):
@@ -190,5 +190,6 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
     else:
         show_mirrors(found.mirrors)
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
-    print(f"{found.points} points, by bounces: {counts or 'none'}")
+    kinds = f"{found.points - found.points_on_mirrors} of objects and {found.points_on_mirrors} of walls"
+    print(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}")
     show_files(files)

@@ -52,6 +52,8 @@ class Rule:
         Whether the number must be whole.
     option : bool
         Whether the command line offers it.
+    label : str
+        What pages call it, where the words of its name do not tell.
     """
 
     meaning: str
@@ -63,6 +65,7 @@ class Rule:
     below: float | None = None
     whole: bool = False
     option: bool = True
+    label: str = ""
 
     def check(self, name: str, value: Any) -> None:
         """Refuse a value that the setting cannot have.

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
@@ -28,7 +29,8 @@ class ReconstructionFacts(Sized):
     """A reconstruction."""
 
     kind: Literal["reconstruction"]
-    points: int
+    points: int = fact("of objects and on the faces of mirrors")
+    points_on_mirrors: int = fact("those on the faces of mirrors")
     points_by_bounces: dict[str, int]
     points_by_frame: list[int] = fact("of a recording", default=LEFT_OUT)
     mirrors: list[MirrorFacts]
@@ -54,11 +56,19 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         title=str(reconstruction.attrs.get("title", "")),
         dimensions={str(name): int(size) for name, size in reconstruction.dataset["intensity"].sizes.items()},
         points=int(objects.sizes.get("point", 0)),
+        points_on_mirrors=int(on_mirrors(objects).sum()),
         points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
         mirrors=mirrors,
         remarks=remarks,
         **recording,
     )
+
+
+def on_mirrors(objects: xr.Dataset) -> NDArray[np.bool_]:
+    """Which points are faces of mirrors, (n,); all others are those of objects. Old files do not tell."""
+    if "surface" not in objects:
+        return np.zeros(objects.sizes.get("point", 0), dtype=bool)
+    return np.asarray(objects["surface"].values == "mirror")
 
 
 def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:

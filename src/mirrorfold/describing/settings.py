@@ -25,6 +25,24 @@ STEPS: tuple[tuple[str, str, type[Settings]], ...] = (
 DIGITS = 4
 """Significant digits of a number that people read; the attribute itself holds all of them."""
 
+SCALES = {
+    "m": (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("\u00b5m", 1e-6)),
+    "Hz": (("GHz", 1e9), ("MHz", 1e6), ("kHz", 1e3), ("Hz", 1.0)),
+}
+"""Units that people read a length or a frequency in, and their sizes."""
+
+READ_DIGITS = {"m": 3, "Hz": 6}
+"""Significant digits of both: a frequency is known to all of its own."""
+
+ATTRIBUTES = {
+    "m": re.compile(r"(range|resolution|aperture|radius|distance|position|center|radar_[xyz]|mixed_[xyz])$"),
+    "Hz": re.compile(r"frequency_(start|stop|step)$"),
+}
+"""The unit of an attribute that is no setting, by what its name ends in."""
+
+LARGEST_PLAIN = 1e7
+"""Larger numbers are written with an exponent."""
+
 LONGEST_ARRAY = 6
 """Values that are written out; of longer arrays only their number."""
 
@@ -41,9 +59,9 @@ class RecordedSetting(NamedTuple):
     label : str
         Its name in plain words.
     value : str
-        In words, with `DIGITS` digits.
+        In words, with `DIGITS` digits, of lengths and frequencies `READ_DIGITS`.
     unit : str
-        Such as "m" or "dB"; empty for pure numbers and names.
+        Such as "cm" or "dB"; empty for pure numbers and names.
     meaning : str
         A sentence or two.
     """
@@ -68,15 +86,14 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
     --------
     >>> (found,) = recorded_settings({"fold_wall_margin": 0.0403712, "fold_of_another_version": 1})
     >>> found.step, found.label, found.value, found.unit
-    ('folding', 'wall margin', '0.04037', 'm')
+    ('folding', 'wall margin', '4.04', 'cm')
     """
     return [
         RecordedSetting(
             attr=f"{prefix}{name}",
             step=step,
-            label=label(name),
-            value=words(attrs[f"{prefix}{name}"], rule),
-            unit=rule.unit,
+            label=label(name, rule),
+            **_value_and_unit(attrs[f"{prefix}{name}"], rule),
             meaning=rule.meaning,
         )
         for step, prefix, settings in STEPS
@@ -85,15 +102,15 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
     ]
 
 
-def label(name: str) -> str:
+def label(name: str, rule: Rule) -> str:
     """The name of a setting in plain words; its unit is said elsewhere.
 
     Examples
     --------
-    >>> label("threshold_db")
-    'threshold'
+    >>> label("threshold_db", Rule("Level.")), label("opaque", Rule("Whether.", label="objects are opaque"))
+    ('threshold', 'objects are opaque')
     """
-    return name.removesuffix("_db").replace("_", " ")
+    return rule.label or name.removesuffix("_db").replace("_", " ")
 
 
 def words(value: Any, rule: Rule) -> str:
@@ -113,8 +130,37 @@ def words(value: Any, rule: Rule) -> str:
         if values.size > LONGEST_ARRAY:
             return f"{values.size} values"
         return ", ".join(words(one, rule) for one in values.tolist())
-    if rule.kind == "bool":
+    if rule.kind == "bool" or isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, int | float | np.number):
+        if 10.0**DIGITS <= abs(float(value)) < LARGEST_PLAIN:
+            return f"{float(value):.0f}"
         return re.sub(r"e([+-])0*", lambda found: "e" + found[1].strip("+"), f"{float(value):.{DIGITS}g}")
     return str(value)
+
+
+def attribute_words(name: str, value: Any) -> str:
+    """An attribute that is no setting, for people; its unit is known by its name.
+
+    Examples
+    --------
+    >>> attribute_words("image_frequency_stop", 3e11), attribute_words("image_range_resolution", 0.0149522)
+    ('300 GHz', '1.5 cm')
+    >>> attribute_words("image_radar_position", [1.1e-18, 0.0, -2.5]), attribute_words("threshold", 18602.03894723974)
+    ('0, 0, -2.5 m', '18602')
+    """
+    unit = next((unit for unit, end in ATTRIBUTES.items() if end.search(name)), "")
+    return " ".join(_value_and_unit(value, Rule("", unit=unit)).values()).strip()
+
+
+def _value_and_unit(value: Any, rule: Rule) -> dict[str, str]:
+    """A value in words and its unit; lengths and frequencies in the unit that people read them in."""
+    numbers = np.ravel(value)
+    if rule.unit not in SCALES or numbers.dtype.kind not in "iuf" or not 0 < numbers.size <= LONGEST_ARRAY:
+        return {"value": words(value, rule), "unit": rule.unit}
+    scales, digits = SCALES[rule.unit], READ_DIGITS[rule.unit]
+    largest = float(np.abs(numbers).max())
+    unit, size = next((one for one in scales if largest >= one[1]), scales[-1])
+    # A thousandth of the smallest unit is what rounding leaves of nothing.
+    texts = [f"{number / size:.{digits}g}" if abs(number) >= 1e-3 * scales[-1][1] else "0" for number in numbers]
+    return {"value": ", ".join(texts), "unit": unit if set(texts) != {"0"} else ""}

@@ -16,7 +16,13 @@ EDGE_COLUMNS = EDGE_CELLS * SAMPLES_PER_CELL
 
 
 def draw_image(
-    x: Array, y: Array, view: ImageView, sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float
+    x: Array,
+    y: Array,
+    view: ImageView,
+    sight: LinesOfSight,
+    folds: dict[Chain, Isometry],
+    wall_margin: float,
+    blobs: NDArray[np.int16],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Folded and unfolded amplitude on a grid, (y, x) each.
 
@@ -32,6 +38,8 @@ def draw_image(
         For every chain, the map from the image to the true place.
     wall_margin : float [m]
         How far behind a mirror echoes still belong to the wall.
+    blobs : (directions, ranges) array of int
+        Where the image shows what folds to a point, see `folded_blobs`; nothing else is folded.
     """
     initial = np.zeros((y.size, x.size), dtype=np.float32)
     intensity = np.zeros_like(initial)
@@ -39,7 +47,7 @@ def draw_image(
     grid = (view.radar, view.along, view.broadside, view.range[0], view.dr, view.u[0], view.du)
     empty = sight.open if sight.open.size else np.zeros(view.u.size)
     hides = (sight.cover.range, sight.cover.level, empty)
-    lines = (*hides, np.ascontiguousarray(crossing), np.ascontiguousarray(through), wall_margin)
+    lines = (*hides, np.ascontiguousarray(crossing), np.ascontiguousarray(through), wall_margin, blobs)
     here = Isometry.identity()
     _draw(x, y, here.linear, here.shift, view.amplitude, *grid, *lines, ROOT, intensity, initial)
     for index, chain in enumerate(sight.chain):
@@ -70,7 +78,7 @@ def _region(view: ImageView, crossing: Array) -> Array:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _draw(  # type: ignore[no-untyped-def]
     x, y, linear, shift, amplitude, radar, along, broadside, range0, dr, u0, du, begin, level, empty, crossing,
-    through, wall_margin, mirror, intensity, initial,
+    through, wall_margin, blobs, mirror, intensity, initial,
 ):  # fmt: skip
     """``intensity = max(intensity, image(linear @ p + shift))`` where `mirror` shows it; `initial` if it has rows."""
     rows, columns = amplitude.shape
@@ -98,6 +106,8 @@ def _draw(  # type: ignore[no-untyped-def]
             if through_at(crossing, through, distance - wall_margin, nearest) != mirror:
                 continue
             if mirror >= 0:
+                if blobs[nearest, min(int(row + 0.5), rows - 1)] != mirror:
+                    continue
                 # Next to the edge of what the mirror shows, the radar's own view must not contradict.
                 px, py = x[j] - radar[0], y[i] - radar[1]
                 own = np.hypot(px, py)

@@ -10,7 +10,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.image_picture import draw_image
-from mirrorfold.folding.points import Points
+from mirrorfold.folding.points import Points, folded_blobs
 from mirrorfold.folding.volume_picture import draw_volume, voxel_axes
 from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -45,15 +45,15 @@ def pictures(
     what : str
         What the pixels are.
     """
-    folds = tree.folds()
+    folds, blobs = tree.folds(), folded_blobs(points, sight)
     if isinstance(sight.view, VolumeView):
         x, y, z = voxel_axes(points, sight.view) if grid is None else grid
         unfolded = LinesOfSight.unfolded(sight.view)
-        pair = [draw_volume(x, y, z, s, folds, wall_margin).max(axis=0) for s in (sight, unfolded)]
+        pair = [draw_volume(x, y, z, s, folds, wall_margin, blobs).max(axis=0) for s in (sight, unfolded)]
         return (x, y), pair[0], pair[1], "strongest amplitude of each vertical column, normalised"
     assert isinstance(sight.view, ImageView)  # the other kind of view
     x, y = _grown(image, points) if grid is None else grid
-    intensity, initial = draw_image(x, y, sight.view, sight, folds, wall_margin)
+    intensity, initial = draw_image(x, y, sight.view, sight, folds, wall_margin, blobs)
     return (x, y), intensity, initial, "amplitude, range-normalised"
 
 

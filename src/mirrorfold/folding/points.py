@@ -13,7 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array, Chain
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
+
+BLOB_CELLS = 1.5
+"""What the image shows this close to an echo, in resolution cells, is that echo; its main lobe reaches one cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,3 +84,25 @@ def fold_back(tree: MirrorTree) -> Points:
             )
     position, initial, amplitude, bounces, chains, surfaces, confidence = map(np.concatenate, zip(*parts, strict=True))
     return Points(position, initial, amplitude, bounces, chains.astype(str), surfaces.astype(str), confidence)
+
+
+def folded_blobs(points: Points, sight: LinesOfSight) -> NDArray[np.int16]:
+    """Where the image shows what folds to a point, (directions, ranges): the number of the mirror, else `ROOT`.
+
+    What a mirror shows elsewhere is weak or contradicted by the radar's own view. No point stands for it, and no
+    picture may show it at a place where nothing was found.
+    """
+    view = sight.view
+    owner = np.full((len(view.sight), view.range.size), ROOT, dtype=np.int16)
+    step = float(view.range[1] - view.range[0])
+    reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
+    for mirror, chain in enumerate(sight.chain):
+        seen = points.initial[(points.bounces > 0) & (points.chain == "/".join(map(str, chain)))]
+        if not chain or not len(seen):
+            continue
+        range_ = view.locate(seen)[0]
+        point, direction = view.within(seen, BLOB_CELLS * view.cell(range_) / range_)
+        sample = np.rint((range_ - view.range[0]) / step).astype(np.intp)[point]
+        for offset in range(-reach, reach + 1):
+            owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = mirror
+    return owner

@@ -49,7 +49,13 @@ class FoldSettings(Settings):
         lowest=0,
         whole=True,
     )
-    opaque: bool = setting(True, "Whether objects hide what is behind them.", kind="bool")
+    opaque: bool = setting(
+        True,
+        "Whether objects hide what is behind them. Where mirrors are given, only what is seen behind the same mirrors; "
+        "all that is not folded stays where the image shows it.",
+        kind="bool",
+        label="objects are opaque",
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",

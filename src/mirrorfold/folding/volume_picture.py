@@ -42,7 +42,13 @@ def voxel_axes(points: Points, view: VolumeView) -> tuple[Array, Array, Array]:
 
 
 def draw_volume(
-    x: Array, y: Array, z: Array, sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float
+    x: Array,
+    y: Array,
+    z: Array,
+    sight: LinesOfSight,
+    folds: dict[Chain, Isometry],
+    wall_margin: float,
+    blobs: NDArray[np.int16],
 ) -> NDArray[np.float32]:
     """Normalised amplitude of the true scene on a regular grid, (z, y, x).
 
@@ -59,6 +65,8 @@ def draw_volume(
         For every chain, the map from the volume to the true place.
     wall_margin : float [m]
         How far behind a mirror echoes still belong to the wall.
+    blobs : (directions, ranges) array of int
+        Where the volume shows what folds to a point, see `folded_blobs`; nothing else is folded.
     """
     view = sight.view
     assert isinstance(view, VolumeView)  # whoever draws voxels has a volume
@@ -78,7 +86,7 @@ def draw_volume(
     def row(i: int) -> None:
         _draw_row(view.amplitude, gain, x, float(y[i]), float(z[0]), step, linear, shift, view.radar, number, angles,
                   float(view.range[0]), view.step, crossing, through, sight.cover.range, sight.cover.level, empty, side,
-                  wall_margin, out[i])  # fmt: skip
+                  wall_margin, blobs, out[i])  # fmt: skip
 
     for_each(row, range(y.size))
     return np.moveaxis(out, -1, 0)
@@ -87,7 +95,7 @@ def draw_volume(
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _draw_row(  # type: ignore[no-untyped-def]
     amplitude, gain, x, y, z, step_z, linear, shift, radar, number, angles, first, step, crossing, through, begin,
-    level, empty, side, margin, out,
+    level, empty, side, margin, blobs, out,
 ):  # fmt: skip
     """Voxels of one y, (x, z): the largest amplitude with which any chain of mirrors shows them."""
     side_low, side_high = np.tan(angles[0, 0]), np.tan(angles[0, 1])
@@ -118,6 +126,8 @@ def _draw_row(  # type: ignore[no-untyped-def]
                     continue
                 value = at_point(amplitude, az, el, k) * gain[int(k)]
                 if value <= out[j, i] or value <= hidden_at(begin, level, r, beam):
+                    continue
+                if number[w] >= 0 and blobs[beam, int(k + 0.5)] != number[w]:
                     continue
                 if number[w] >= 0:
                     # Next to the edge of what the mirror shows, the radar's own view must not contradict.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,6 +66,11 @@ def expect_reconstruction(name: str, value: object) -> None:
     """
     if not isinstance(value, xr.DataTree):
         raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
+
+
+def draw_truth(ax: Axes, line: Array, alpha: float = 1.0) -> None:
+    """A true surface (n, 2) [m], thin, with a rim that keeps it legible on mirrors and points."""
+    ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=1.0, alpha=alpha, path_effects=halo(1.1), zorder=4)
 
 
 def radar_of(reconstruction: xr.DataTree) -> Array:

@@ -21,18 +21,20 @@ from mirrorfold.plotting.axes import (
     mirror_lines,
     radar_of,
 )
-from mirrorfold.plotting.figures import corrected, image, mirrors, shadows
+from mirrorfold.plotting.figures import corrected, ghosts, image, mirrors, shadows
 from mirrorfold.plotting.figures import plan as draw_plan
 from mirrorfold.plotting.figures import scene as draw_scene
+from mirrorfold.plotting.volumes import scene as draw_space
+from mirrorfold.scenes.floor_plan import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mirrorfold.common.plans import FloorPlan
-    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
-MARGIN = 0.06
-"""Space around the content of a picture, as a share of its larger side."""
+MARGIN = 0.12
+"""Space around the content of a picture, as a share of its larger side: ghosts reach beyond their points."""
 
 PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 """Largest height of the panels of `before_after`, and width of both together [inch]."""
@@ -40,7 +42,7 @@ PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 
 def before_after(
     reconstruction: xr.DataTree,
-    scene: Scene | None = None,
+    scene: Scene | Scene3D | None = None,
     *,
     plan: FloorPlan | None = None,
     floor_db: float = -40.0,
@@ -51,7 +53,7 @@ def before_after(
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    scene : Scene, optional
+    scene : Scene or Scene3D, optional
         The truth, drawn thin in both.
     plan : FloorPlan, optional
         Known walls, drawn like the truth.
@@ -80,16 +82,19 @@ def before_after(
     initial = reconstruction.children["initial"].dataset["initial"]
     image(initial, left, floor_db=floor_db, normalization="none", extent=before, colorbar=False)
     shadows(reconstruction, left)
+    if "z" in reconstruction.children["objects"].variables:
+        ghosts(reconstruction, left)
     mirrors(reconstruction, left)
     draw_radar(left, radar)
-    left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
 
     corrected(reconstruction, right, floor_db=floor_db, extent=after, colorbar=False)
+    for panel in (left, right):
+        if isinstance(scene, Scene):
+            draw_scene(scene, panel)
+        elif scene is not None:
+            draw_space(scene, panel)
+    left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
     right.set(xlim=after[:2], ylim=after[2:], title="corrected:\nevery echo folded back")
-
-    if scene is not None:
-        draw_scene(scene, left, alpha=0.45)
-        draw_scene(scene, right, alpha=1.0)
     for panel in (left, right):
         if plan is not None:
             draw_plan(plan, panel)
@@ -103,16 +108,17 @@ def before_after(
 
 
 def content_extent(
-    reconstruction: xr.DataTree, scene: Scene | None = None, plan: FloorPlan | None = None, *, folded: bool
+    reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None, plan: FloorPlan | None = None, *, folded: bool
 ) -> Extent:
     """The part of the floor plan that holds something, with a margin.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    scene : Scene, optional
+    scene : Scene or Scene3D, optional
+        Its surfaces count too; not those in space, whose halls are longer than what can be seen of them.
     plan : FloorPlan, optional
-        Its surfaces, or walls, count too.
+        Its walls count too.
     folded : bool
         Of the corrected image; else of the initial one.
 
@@ -126,7 +132,7 @@ def content_extent(
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
-    if scene is not None:
+    if isinstance(scene, Scene):
         points += [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
     if plan is not None:
         points += plan.lines
@@ -153,7 +159,7 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
     return figure, axes
 
 
-def _legend(reconstruction: xr.DataTree, scene: Scene | None, plan: FloorPlan | None) -> list[Line2D]:
+def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
     """One entry for each colour in the picture, and one for the truth."""
     bounces = {int(count) for count in np.unique(reconstruction.children["objects"].dataset["bounces"].values)}
     bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.decibels import TRUTH_COLOUR, decibels
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, decibels
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
@@ -24,6 +25,7 @@ from mirrorfold.plotting.axes import (
     axes_or_new,
     colour_of,
     draw_radar,
+    draw_truth,
     expect_reconstruction,
     halo,
     in_metres,
@@ -52,7 +54,7 @@ def image(
     extent: Extent | None = None,
     colorbar: bool = True,
 ) -> Axes:
-    """Draw a plan view in dB.
+    """Draw a plan view in dB; of a single row or column, its level as a line.
 
     Parameters
     ----------
@@ -93,6 +95,8 @@ def image(
     if normalization == "r":
         radar = np.asarray(radar, dtype=float)
         amplitude = amplitude * np.hypot(image["y"].values[:, None] - radar[1], image["x"].values - radar[0])
+    if 1 in image.shape:
+        return _profile(image, decibels(amplitude, floor_db).ravel(), ax, floor_db)
     mesh = ax.imshow(
         decibels(amplitude, floor_db),
         extent=outer_edges(image["x"].values) + outer_edges(image["y"].values),
@@ -106,6 +110,15 @@ def image(
         label = "amplitude x range" if normalization == "r" else "amplitude"
         ax.figure.colorbar(mesh, ax=ax, label=f"{label} [dB], floor {floor_db:g} dB", shrink=0.7, pad=0.02)
     return in_metres(ax)
+
+
+def _profile(image: xr.DataArray, level: Array, ax: Axes, floor_db: float) -> Axes:
+    """The level [dB] along an image that is one pixel wide, such as the ranges that a single antenna sees."""
+    along, text = ("y", "range y [m]") if image.sizes["y"] > 1 else ("x", "cross-range x [m]")
+    ax.plot(image[along].values, level, color=COLOURS[5], linewidth=1.2)
+    ax.set(xlabel=text, ylabel=f"amplitude [dB], floor {floor_db:g} dB", ylim=(floor_db, 3.0))
+    ax.grid(alpha=0.3, linewidth=0.5)
+    return ax
 
 
 def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool = False) -> Axes:
@@ -127,7 +140,7 @@ def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool
     ax = axes_or_new(ax)
     for index, (ends, generation) in enumerate(mirror_lines(reconstruction, folded=folded)):
         colour = colour_of(generation - 1)
-        ax.plot(*ends.T, color=colour, linewidth=2.5, solid_capstyle="round", path_effects=halo(2.0))
+        ax.plot(*ends.T, color=colour, linewidth=3.4, solid_capstyle="round", path_effects=halo(2.4))
         along = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-9)
         ax.annotate(
             str(index),
@@ -198,7 +211,7 @@ def scene(scene: Scene, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
     ax = axes_or_new(ax)
     for surface in scene.surface:
         for piece in surface.pieces(CURVE_STEP):
-            ax.plot(*piece.T, color=TRUTH_COLOUR, linewidth=0.9, alpha=alpha)
+            draw_truth(ax, piece, alpha)
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))
     draw_radar(ax, radar[:2])
     return in_metres(ax)
@@ -259,21 +272,37 @@ def corrected(
         extent=extent,
         colorbar=colorbar,
     )
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
-    bounces = objects["bounces"].values
-    for count in np.unique(bounces):
-        chosen = bounces == count
-        ax.plot(
-            objects["x"].values[chosen],
-            objects["y"].values[chosen],
-            linestyle="none",
-            marker="o",
-            markersize=2.6,
-            markeredgewidth=0,
-            color=colour_of(int(count)),
-            alpha=0.8,
-            rasterized=True,
-        )
+    _points(reconstruction, ax, "")
     mirrors(reconstruction, ax, folded=True)
     draw_radar(ax, radar_of(reconstruction))
     return in_metres(ax)
+
+
+def ghosts(reconstruction: xr.DataTree, ax: Axes) -> Axes:
+    """Draw the points where they stood before folding: in the plan view of a volume walls outshine all else."""
+    _points(reconstruction, ax, "_initial")
+    return in_metres(ax)
+
+
+MANY_POINTS = 3000
+"""Of more points than this the marks are small and pale: where they are dense a shape shows."""
+
+
+def _points(reconstruction: xr.DataTree, ax: Axes, suffix: str) -> None:
+    """The points, in the colour of the number of bounces; `suffix` says whether folded or not."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    bounces = objects["bounces"].values
+    size, alpha = (1.3, 0.35) if bounces.size > MANY_POINTS else (2.6, 0.8)
+    for count in np.unique(bounces):
+        chosen = bounces == count
+        ax.plot(
+            objects[f"x{suffix}"].values[chosen],
+            objects[f"y{suffix}"].values[chosen],
+            linestyle="none",
+            marker="o",
+            markersize=size,
+            markeredgewidth=0,
+            color=colour_of(int(count)),
+            alpha=alpha,
+            rasterized=True,
+        )

@@ -184,13 +184,13 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
             px, py = place[parent[number]]
             ax.plot([px + 0.85, 0.5 * (px + x), 0.5 * (px + x), x - 0.85], [py, py, y, y], color="0.6", linewidth=1.0)
         count = int(np.count_nonzero(held == (chain[number] if number >= 0 else "")))
-        points = f"{count} point{'s' if count != 1 else ''}"
+        points = f"{count} of objects"
         if number >= 0:
             sizes = [float(mirrors[f"{a}1"][number] - mirrors[f"{a}0"][number]) for a in "xyz" if f"{a}0" in mirrors]
             text = f"mirror {number}\n{np.hypot.reduce(sizes):.2f} m, {points}"
             colour = COLOURS[(int(mirrors["generation"][number]) - 1) % len(COLOURS)]
         else:
-            text, colour = f"radar\n{points} in sight", "black"
+            text, colour = f"radar\n{points}", "black"
         box = FancyBboxPatch((x - 0.82, y - 0.3), 1.64, 0.6, boxstyle="round,pad=0.03,rounding_size=0.12",
                              facecolor="white", edgecolor=colour, linewidth=1.6)  # fmt: skip
         ax.add_patch(box)

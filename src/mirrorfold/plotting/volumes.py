@@ -12,10 +12,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.plotting.axes import expect_reconstruction
+from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -203,7 +203,7 @@ def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
 
     from mirrorfold.simulation.raster.meshes import solids
 
-    ax = Figure(figsize=(7.0, 6.0), layout="constrained", dpi=150).subplots() if ax is None else ax
+    ax = axes_or_new(ax)
     for solid in solids(scene):
         flat = solid.vertices[:, :2]
         try:
@@ -211,11 +211,9 @@ def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
         except QhullError:  # an upright panel has no area from above
             order = np.argsort(flat @ np.linalg.svd(flat - flat.mean(axis=0))[2][0])
             outline = flat[order[[0, -1]]]
-        ax.plot(*np.vstack([outline, outline[:1]]).T, color=TRUTH_COLOUR, linewidth=0.9)
-    ax.plot(*scene.scanner.origin[:2], marker="^", markersize=9, color="black", markeredgecolor="white",
-            linestyle="none", zorder=5)  # fmt: skip
-    ax.set(xlabel="cross-range x [m]", ylabel="range y [m]", aspect="equal")
-    return ax
+        draw_truth(ax, np.vstack([outline, outline[:1]]))
+    draw_radar(ax, np.asarray(scene.scanner.origin[:2]))
+    return in_metres(ax)
 
 
 def _draw_walls(axes: Any, scene: Scene3D) -> None:

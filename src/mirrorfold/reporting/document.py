@@ -20,7 +20,8 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
-from mirrorfold.describing.settings import recorded_settings
+from mirrorfold.describing.reconstructions import on_mirrors
+from mirrorfold.describing.settings import attribute_words, recorded_settings
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -123,8 +124,11 @@ def to_document(
         "points": _points(objects, axes, zero),
         "truth": truth,
         "settings": [setting._asdict() for setting in settings],
-        "parameters": [[str(name), _text(value)] for name, value in attrs.items() if name not in elsewhere],
+        "parameters": [
+            [str(name), attribute_words(str(name), value)] for name, value in attrs.items() if name not in elsewhere
+        ],
         "facts": found_rows(objects, mirrors),
+        "seen": _seen(objects),
     }
     if scene is not None and scored:
         from mirrorfold.scoring.score import score
@@ -205,7 +209,8 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
         for i, mirror in enumerate(score["mirrors"])
     ]  # fmt: skip
     hidden = score.get("hidden") or {}
-    points = [
+    points = [["points", *(str(part["points"]) if part else "-" for part in (score, hidden))]]
+    points += [
         [label, *(_number(part.get(name), form, scale) for part in (score, hidden))]
         for label, name, form, scale in (
             ("accuracy [mm]", "accuracy_m", ".1f", 1e3),
@@ -265,7 +270,6 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     if total > LARGEST_CLOUD:
         chosen = np.sort(np.argsort(-objects["amplitude"].values, kind="stable")[:LARGEST_CLOUD])
     names, number = np.unique(objects["chain"].values[chosen].astype(str), return_inverse=True)
-    surface = objects["surface"].values[chosen] if "surface" in objects else np.full(chosen.size, "object")
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(np.maximum(objects["amplitude"].values[chosen], 1e-30) / zero)
     columns = {
@@ -276,7 +280,7 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
         "confidence": objects["confidence"].values[chosen],
         "bounces": objects["bounces"].values[chosen],
         "chain": number.ravel(),
-        "face": surface == "mirror",
+        "face": on_mirrors(objects)[chosen],
     }
     return {
         "total": int(total),
@@ -286,13 +290,25 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     }
 
 
+def _seen(objects: xr.Dataset) -> dict[str, list[int]]:
+    """For each chain how many points were seen by way of it: of objects, and of walls."""
+    walls = on_mirrors(objects)
+    chains = objects["chain"].values.astype(str)
+    return {
+        str(chain): [int((~walls & (chains == chain)).sum()), int((walls & (chains == chain)).sum())]
+        for chain in np.unique(chains)
+    }
+
+
 def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
     """How much was found: rows of a name and a number, both in words."""
     bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
-    hidden = int(counts[bounces > 0].sum())
+    hidden, walls = int(counts[bounces > 0].sum()), int(on_mirrors(objects).sum())
     rows = [
         ["mirrors", str(len(mirrors))],
         ["points", str(int(counts.sum()))],
+        ["of objects", str(int(counts.sum()) - walls)],
+        ["of walls", str(walls)],
         ["seen around a corner", str(hidden)],
         ["generations", str(max((mirror["generation"] for mirror in mirrors), default=0))],
     ]
@@ -339,13 +355,7 @@ def _decibel(value: float, zero: float) -> float | None:
 
 
 def _number(value: float | None, form: str, scale: float = 1.0) -> str:
-    return "-" if value is None or not np.isfinite(value) else format(value * scale, form)
-
-
-def _text(value: Any) -> str:
-    """An attribute in words; numbers with all their digits."""
-    if isinstance(value, np.ndarray | list | tuple):
-        return "[" + ", ".join(_text(item) for item in np.asarray(value).ravel().tolist()) + "]"
-    if isinstance(value, np.generic):
-        return _text(value.item())
-    return "default" if value is None else str(value)
+    if value is None or not np.isfinite(value):
+        return "-"
+    text = format(value * scale, form)
+    return format(float(text), "g") if float(text).is_integer() else text  # 0 and 1 are exact

@@ -27,7 +27,8 @@ false. Chosen, not derived: a few resolution cells of a band of 10 to 30 GHz (5 
 class Figures(Record):
     """Points against the truth."""
 
-    points: int
+    points: int = fact("how many, as the reconstruction holds them: of objects and on the faces of mirrors")
+    cells: int = fact("how many after thinning to one in each cell of a centimetre; all other figures are of these")
     accuracy_m: Number = fact("mean distance of the points from the truth")
     precision_2cm: Number = fact("share of the points within 2 cm of the truth")
     completeness_2cm: Number = fact("share of the truth within 2 cm of the points")
@@ -53,22 +54,29 @@ def thin(points: Array, cell: float = CELL) -> Array:
     -------
     (m, d) array [m]
     """
+    return counted(points, cell)[0]
+
+
+def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]]:
+    """Points thinned, as by `thin`, and how many each of them stands for, (m,)."""
     if not len(points):
-        return points
+        return points, np.zeros(0, dtype=np.int64)
     _, which, counts = np.unique(
         np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
     which = which.ravel()
-    return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1)
+    return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1), counts
 
 
-def figures(points: Array, distance: Array, reachable: Array) -> Figures:
+def figures(points: Array, count: NDArray[np.int64], distance: Array, reachable: Array) -> Figures:
     """All the figures for one set of points; None where they are undefined.
 
     Parameters
     ----------
     points : (n, d) array [m]
         Thinned.
+    count : (n,) array of int
+        How many points each stands for.
     distance : (n,) array [m]
         Of each point from the nearest true surface.
     reachable : (m, d) array [m]
@@ -79,7 +87,8 @@ def figures(points: Array, distance: Array, reachable: Array) -> Figures:
     precision, completeness = ({limit: _share(d, limit) for limit in (NEAR, COVERED, WIDE)}
                                for d in (distance, to_points))  # fmt: skip
     return Figures(
-        points=len(points),
+        points=int(count.sum()),
+        cells=len(points),
         accuracy_m=one_way,
         precision_2cm=precision[NEAR],
         completeness_2cm=completeness[NEAR],

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
@@ -19,7 +20,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scoring import floor_plans
-from mirrorfold.scoring.figures import Figures, figures, thin
+from mirrorfold.scoring.figures import Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
 from mirrorfold.scoring.truth import BOUNCES, Array, Mask, Truth
 
@@ -110,14 +111,15 @@ def score(
     PlanScore or VolumeScore
         Facts to read as attributes or as items. `mirrors`: a list with `surface` (name of the true one or None),
         `angle_error_deg`, `offset_error_mm`, `generation` and `length_m` for every detected mirror, at its true place.
-        For all points: `points` (how many, after thinning), `accuracy_m` (mean distance from the nearest true
-        surface), `precision_2cm`, `precision_5cm`, `completeness_2cm`, `completeness_3cm`, `completeness_5cm` (share
-        of the reachable truth within that distance of a point), `f_score_2cm`, `f_score_5cm`, `chamfer_m` (mean of
-        both mean distances), `invented_fraction` and `false_fraction` (points further than 10 and 15 cm from any
-        truth), `reachable_m` (length of reachable truth) or `reachable_m2` (its area). `hidden`: the same for points
-        seen by way of mirrors, and for surfaces of which nothing is in line of sight. `surfaces`: the same for the
-        points nearest to each of these surfaces. In three dimensions `patches`: the contrast of each patch to its
-        surroundings, `contrast_db`. What is undefined, such as the accuracy of no points, is None.
+        For all points: `points` (how many), `cells` (how many after thinning), `accuracy_m` (mean distance from the
+        nearest true surface), `precision_2cm`, `precision_5cm`, `completeness_2cm`, `completeness_3cm`,
+        `completeness_5cm` (share of the reachable truth within that distance of a point), `f_score_2cm`,
+        `f_score_5cm`, `chamfer_m` (mean of both mean distances), `invented_fraction` and `false_fraction` (points
+        further than 10 and 15 cm from any truth), `reachable_m` (length of reachable truth) or `reachable_m2` (its
+        area). `hidden`: the same for points seen by way of mirrors, and for surfaces of which nothing is in line of
+        sight. `surfaces`: the same for the points nearest to each of these surfaces. In three dimensions `patches`:
+        the contrast of each patch to its surroundings, `contrast_db`. What is undefined, such as the accuracy of no
+        points, is None.
 
     Raises
     ------
@@ -173,18 +175,23 @@ def _judge(
         Adds the length or area of the reachable truth to figures.
     """
 
-    def compared(points: Array, distance: Array, of: Mask) -> SomeFigures:
+    def compared(points: Array, count: NDArray[np.int64], distance: Array, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
-        return sized(figures(points, distance, reachable), len(reachable) * truth.size)
+        return sized(figures(points, count, distance, reachable), len(reachable) * truth.size)
 
-    every = thin(points)
-    mirrored = thin(points[by_mirror])
+    every, each = counted(points)
+    mirrored, stands_for = counted(points[by_mirror])
     distance, nearest = truth.distances(mirrored)
     whose = truth.owner[nearest] if len(truth.owner) else np.full(len(mirrored), -1)
     return (
-        compared(every, truth.distances(every)[0], np.ones(len(truth.owner), dtype=bool)),
-        compared(mirrored, distance, np.isin(truth.owner, truth.hidden)),
-        {truth.names[i]: compared(mirrored[whose == i], distance[whose == i], truth.owner == i) for i in truth.hidden},
+        compared(every, each, truth.distances(every)[0], np.ones(len(truth.owner), dtype=bool)),
+        compared(mirrored, stands_for, distance, np.isin(truth.owner, truth.hidden)),
+        {
+            truth.names[i]: compared(
+                mirrored[whose == i], stands_for[whose == i], distance[whose == i], truth.owner == i
+            )
+            for i in truth.hidden
+        },
     )
 
 

@@ -63,6 +63,7 @@ def order_mirrors(
     minimum_length: float,
     wall_margin: float,
     opaque: bool = True,
+    walls: Mask | None = None,
     generations: int | None = None,
 ) -> Order:
     """Who is seen through whom.
@@ -78,6 +79,10 @@ def order_mirrors(
         How far behind a mirror echoes still belong to the wall.
     opaque : bool
         Whether objects end the view.
+    walls : (n,) bool array, optional
+        Where the mirrors are given by hand: the echoes of all walls that the image shows, used as mirrors or not. They
+        are no objects. As a given mirror is in view whatever stands before it, objects then hide only what is seen
+        behind the same mirrors, and all that is not folded stays.
     generations : int, optional
         Largest number of mirrors in a chain; deeper ones are left out.
 
@@ -85,15 +90,21 @@ def order_mirrors(
     -------
     Order
     """
-    found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque)
+    found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque, walls)
     if generations is not None and not all(shallow := _within(found.sight.parent, generations)):
         kept = [mirror for mirror, keep in zip(found.mirrors, shallow, strict=True) if keep]
-        found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque)
+        found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque, walls)
     return found
 
 
 def _ordered(
-    mirrors: Sequence[Mirror], view: View, echoes: Echoes, minimum_length: float, wall_margin: float, opaque: bool
+    mirrors: Sequence[Mirror],
+    view: View,
+    echoes: Echoes,
+    minimum_length: float,
+    wall_margin: float,
+    opaque: bool,
+    walls: Mask | None,
 ) -> Order:
     """Cut the mirrors, find what hides them, and the parent of each that is seen."""
     whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
@@ -106,12 +117,17 @@ def _ordered(
     face = faces(mirrors, view, echoes, wall_margin, nobody=NOBODY, root=ROOT)
     # A piece too small for a mirror is still the edge of a wall, and no object that hides anything.
     face[(face == ROOT) & (faces(remains, view, echoes, wall_margin, nobody=NOBODY, root=ROOT) != ROOT)] = NOBODY
+    crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
     cover = Cover.nothing(len(view.sight))
     if opaque:
-        cover = Cover.of(echoes.take(echoes.visible & echoes.strong & (face == ROOT)), view)
-    crossing = np.full((len(mirrors), len(view.sight)), np.inf)
+        hides = echoes.visible & echoes.strong & (face == ROOT)
+        nearest = crossing.min(axis=0, initial=np.inf)
+        if walls is not None:
+            hides &= ~walls & (nearest[echoes.direction] < echoes.range)
+        cover = Cover.of(echoes.take(hides), view)
+        if walls is not None:
+            cover = replace(cover, range=np.where(np.isfinite(nearest), cover.range, np.inf))
     for index, mirror in enumerate(mirrors):
-        crossing[index] = mirror.crossing(view)
         met = np.flatnonzero(np.isfinite(crossing[index]))
         behind = crossing[index, met] + view.object_depth(crossing[index, met])
         crossing[index, met[~cover.clear(behind, met, mirror.strength)]] = np.inf

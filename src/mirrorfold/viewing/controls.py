@@ -49,7 +49,13 @@ def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
         reach. None among the choices, or in an empty field, stands for the default.
     """
     return [
-        {"name": name, "label": label(name), "unit": rule.unit, "meaning": rule.meaning, **_kind(name, values[name])}
+        {
+            "name": name,
+            "label": label(name, rule),
+            "unit": rule.unit,
+            "meaning": rule.meaning,
+            **_kind(name, values[name]),
+        }
         for name, rule in CHANGEABLE.items()
     ]
 

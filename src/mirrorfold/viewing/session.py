@@ -25,7 +25,7 @@ from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.reconstruction import FoldPlan, fold, initial_image
-from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
+from mirrorfold.reporting.document import mirror_rows, shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
 
@@ -70,6 +70,7 @@ class Session:
         self.frame, self.plan = frame, plan
         self.scene = scene
         self._lock = threading.Lock()
+        self._lines: Array | None = None
         self._state: dict[str, Any] = {}
         self.open()
 
@@ -140,7 +141,9 @@ class Session:
         self._preset = preset
         self._settings = {name: value for name, value in held.items() if name in CHANGEABLE}
         self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
-        self._lines: Array | None = None
+        # Mirrors that were given are given to all further folds, too.
+        if self.editable and reconstruction.attrs.get("mirrors_given"):
+            self._lines = np.array([row["ends"] for row in mirror_rows(reconstruction)]).reshape(-1, 2, 2)
         truth = [] if self.scene is None else truth_lines(self.scene)
         truth += [] if self.plan is None else [line.tolist() for line in self.plan.lines]
         self._extent = shown_extent(reconstruction, truth)
@@ -153,7 +156,7 @@ class Session:
                 self._plan = FoldPlan(source)
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
             # The first fold finds what all further folds share, and the numbers of settings that the image decides.
-            first = self._plan.fold(**self._arguments(self._settings, None), grid=self._grid)
+            first = self._plan.fold(**self._arguments(self._settings, self._lines), grid=self._grid)
             used = held_settings(first.attrs, PRESETS[preset])
             self._settings = {name: used[name] for name in CHANGEABLE}
         return {**document, **self._edit_state()}

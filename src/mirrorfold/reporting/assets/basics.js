@@ -53,6 +53,8 @@ async function unpack(document_) {
   for (const [name, packed] of Object.entries(document_.images)) images[name] = await levelsOf(packed, nx);
   const points = { ...document_.points };
   for (const name of Object.keys(points)) if (typeof points[name] === "string") points[name] = floatsOf(points[name]);
+  // What people call it; the live page counts its lines.
+  for (const mirror of document_.mirrors) mirror.name = String(mirror.number);
   const number = new Map(document_.mirrors.map((mirror) => [mirror.chain, mirror.number]));
   // The mirrors on the way of each chain, from the radar on.
   points.ways = points.chains.map((chain) => {
@@ -95,8 +97,7 @@ function mapColour(name, t, dark) {
 
 const state = {
   content: null, floor: -40, map: "grey", swipe: 0.5, flip: false, mode: "swipe", lit: null, spot: null, confidence: 0,
-  off: new Set(), hidden: new Set(), show: { points: true, mirrors: true, shadows: true, truth: true },
-  view: null, dark: false, editing: false,
+  hidden: new Set(), show: { points: true, mirrors: true, shadows: true, truth: true }, view: null, dark: false,
 };
 const painters = [];
 let waiting = false;
@@ -107,15 +108,34 @@ function changed() {
   requestAnimationFrame(() => { waiting = false; for (const paint of painters) paint(); });
 }
 function light(number) { if (state.lit !== number) { state.lit = number; changed(); } }
+// What stands for a mirror lights it: while it is pointed at or has the focus, and after a tap, until the next one.
+const lights = (number) => ({
+  onpointerenter: () => light(number), onpointerleave: (event) => { if (event.pointerType !== "touch") light(null); },
+  onclick: (event) => { light(number); event.stopPropagation(); }, onfocus: () => light(number), onblur: () => light(null),
+});
+// Two fingers on a node: by what factor they spread, where they are, and how far they moved. One finger scrolls the page.
+function pinched(node, act) {
+  let last = null;
+  const follow = (event) => {
+    if (event.touches.length !== 2) { last = null; return; }
+    event.preventDefault();
+    const [a, b] = event.touches, box = node.getBoundingClientRect();
+    const now = { x: (a.clientX + b.clientX) / 2 - box.left, y: (a.clientY + b.clientY) / 2 - box.top,
+      apart: Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) };
+    if (last) act(now.apart / Math.max(last.apart, 1), [now.x, now.y], [now.x - last.x, now.y - last.y]);
+    last = now;
+  };
+  for (const name of ["touchstart", "touchmove", "touchend", "touchcancel"]) node.addEventListener(name, follow, { passive: false });
+}
+const touched = matchMedia("(pointer: coarse)").matches;
 const colourOf = (bounces) => state.content.colours[bounces % state.content.colours.length];
 // All colour maps but grey are dark at their floor, whatever the paper.
 const darkStage = () => state.dark || state.map !== "grey";
-const truthColour = () => (darkStage() ? "#ff7a70" : state.content.truth_colour);
+const truthColour = () => (darkStage() ? "#ff5c50" : state.content.truth_colour);
 const mirrorColour = (mirror) => colourOf(mirror.generation - 1);
 
 function pointShown(points, i) {
-  return points.confidence[i] >= state.confidence && !state.hidden.has(points.bounces[i])
-    && !points.ways[points.chain[i]].some((number) => state.off.has(number));
+  return points.confidence[i] >= state.confidence && !state.hidden.has(points.bounces[i]);
 }
 const pointLit = (points, i) => state.lit === null || points.ways[points.chain[i]].includes(state.lit);
 

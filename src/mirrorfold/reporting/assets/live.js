@@ -1,7 +1,8 @@
 // The live page: settings, mirrors that can be switched off, moved and drawn, and saving. Every change asks the server
 // for a new fold; while one is under way only the latest change waits.
 
-const edit = { settings: {}, lines: null, busy: false, again: false, took: null, message: "", saved: null };
+const edit = { settings: {}, lines: null, busy: false, again: false, took: null, message: "", saved: null, steps: [], at: 0 };
+const MOST_STEPS = 60;
 
 async function ask(path, request) {
   const options = request === undefined ? {} : { method: "POST", body: JSON.stringify(request),
@@ -23,8 +24,7 @@ async function loadLive(page) {
   for (;;) {
     const found = await ask("api/state");
     if (found.status === "ready") {
-      adopt(found.document);
-      return unpack(found.document);
+      return adopt(found.document, await unpack(found.document));
     }
     if (found.status === "failed") {
       await new Promise((again) => {
@@ -41,15 +41,51 @@ async function loadLive(page) {
     await new Promise((done) => setTimeout(done, 150));
   }
 }
-function adopt(found) {
+function adopt(found, content) {
   edit.settings = { ...found.values };
+  edit.lines = found.lines && found.lines.map((ends) => ({ ends, on: true }));
   edit.controls = found.controls;
   edit.name = found.save_as;
   edit.editable = found.editable;
-  edit.found = { ...found.values };
+  edit.first = { settings: { ...found.values }, lines: copied(edit.lines), content };
+  edit.steps = [edit.first];
   // Side by side: the divider of the swipe would hide mirrors that are to be moved.
   if (edit.editable) state.mode = "side";
+  return content;
 }
+
+// Undo and redo: every step holds the settings, the lines, and once it is folded what it shows. What one movement of the
+// hand changes, such as a mirror that is dragged, is one step: it hands over the same `gesture`.
+const copied = (all) => all && all.map(({ ends, on }) => ({ ends: ends.map((end) => [...end]), on }));
+function remember(gesture, content = null) {
+  const same = gesture && edit.steps[edit.at].gesture === gesture;
+  if (!same && ++edit.at > MOST_STEPS) edit.steps.splice(0, edit.at-- - MOST_STEPS);
+  edit.steps.splice(edit.at, Infinity, { settings: { ...edit.settings }, lines: copied(edit.lines), content, gesture });
+}
+function goTo(at) {
+  if (!edit.steps[at]) return;
+  const { settings, lines, content } = edit.steps[at];
+  Object.assign(edit, { at, settings: { ...settings }, lines: copied(lines), message: "", took: null, saved: null });
+  edit.showSettings();
+  if (content) show(content); else refold();
+}
+function show(content) {
+  Object.assign(state, { content, lit: null, spot: null });
+  if (content.truth.length && !content.score) scoreLater();
+  changed();
+}
+function startOver() {
+  const { settings, lines, content } = edit.first;
+  Object.assign(edit, { settings: { ...settings }, lines: copied(lines) });
+  remember(null, content);
+  goTo(edit.at);
+}
+document.addEventListener("keydown", (event) => {
+  const key = event.key.toLowerCase();
+  if (!(event.ctrlKey || event.metaKey) || !["z", "y"].includes(key) || event.target.matches("input[type=text], input[type=number]")) return;
+  event.preventDefault();
+  goTo(edit.at + (key === "y" || event.shiftKey ? 1 : -1));
+});
 
 // The lines as they are now: those given, or those that were found.
 const lines = () => edit.lines || state.content.mirrors.map((mirror) => ({ ends: mirror.ends.map((end) => [...end]), on: true }));
@@ -62,14 +98,14 @@ async function refold() {
   try {
     do {
       edit.again = false;
-      const start = performance.now(), answer = await ask("api/fold", request());
+      const start = performance.now(), step = edit.steps[edit.at], answer = await ask("api/fold", request());
       const content = await unpack(answer);
       content.images.initial = state.content.images.initial;
-      // For each mirror the number of the line that it lies on.
-      content.line_of = answer.line_of;
-      state.content = content;
-      state.lit = null;
-      state.spot = null;
+      if (step.lines) nameByLine(content, answer.line_of, step.lines);
+      step.content = content;
+      const now = edit.steps[edit.at];
+      if (now !== step && now.content) continue;
+      Object.assign(state, { content, lit: null, spot: null });
       edit.message = "";
       edit.took = performance.now() - start;
       document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1);
@@ -78,9 +114,19 @@ async function refold() {
   } catch (error) { edit.message = error.message; }
   edit.busy = false;
   if (edit.again) refold();
-  else if (state.content.truth.length) scoreLater();
+  else if (state.content.truth.length && !state.content.score) scoreLater();
   changed();
 }
+// A mirror is called by the number of its line; where a line was cut into several, with a letter.
+function nameByLine(content, lineOf, all) {
+  const numbers = all.flatMap((line, k) => (line.on ? [k] : [])), count = {};
+  content.used = new Set(lineOf.map((place) => numbers[place]));
+  content.mirrors.forEach((mirror, i) => {
+    const k = numbers[lineOf[i]], piece = (count[k] = (count[k] || 0) + 1) - 1;
+    mirror.name = lineOf.filter((place) => numbers[place] === k).length > 1 ? `${k}${String.fromCharCode(97 + piece)}` : String(k);
+  });
+}
+const used = (k) => !state.content.used || state.content.used.has(k);
 // The score takes longer than a fold: it follows when the hand rests.
 function scoreLater() {
   clearTimeout(edit.timer);
@@ -91,9 +137,10 @@ function scoreLater() {
     changed();
   }, 700);
 }
-function change(act) {
+function change(act, gesture) {
   edit.lines = lines();
   act(edit.lines);
+  remember(gesture);
   refold();
   changed();
 }
@@ -103,8 +150,10 @@ function handlesOf(panel) {
   if (!edit.editable || !state.show.mirrors) return [];
   return lines().flatMap((line, k) => {
     const screen = line.ends.map((end) => panel.toScreen(end)), parts = [];
-    if (edit.lines) parts.push(svg("line", { x1: screen[0][0], y1: screen[0][1], x2: screen[1][0], y2: screen[1][1],
-      stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": line.on ? "2 4" : "1 7" }));
+    const [[x1, y1], [x2, y2]] = screen, off = !line.on || !used(k);
+    if (edit.lines) parts.push(svg("line", { class: off ? "unused" : "given", x1, y1, x2, y2,
+      stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": off ? "1 7" : "2 4" }));
+    if (off) parts.push(svg("text", { class: "haloed unused", x: (x1 + x2) / 2, y: (y1 + y2) / 2 - 10, "text-anchor": "middle" }, `${k} not used`));
     if (!line.on) return parts;
     const spots = [[screen[0], [0]], [screen[1], [1]], [[0, 1].map((c) => (screen[0][c] + screen[1][c]) / 2), [0, 1]]];
     for (const [i, [[x, y], which]] of spots.entries())
@@ -116,20 +165,26 @@ function handlesOf(panel) {
     return parts;
   });
 }
-function move(k, which, dx, dy) {
-  change((all) => { for (const w of which) { all[k].ends[w][0] += dx; all[k].ends[w][1] += dy; } });
+function move(k, which, dx, dy, gesture) {
+  change((all) => { for (const w of which) { all[k].ends[w][0] += dx; all[k].ends[w][1] += dy; } }, gesture);
+}
+// Follow the pointer until it is lifted, wherever it goes.
+function follow(act, end = () => {}) {
+  const stop = () => { window.removeEventListener("pointermove", act); for (const name of ends) window.removeEventListener(name, stop); end(); };
+  const ends = ["pointerup", "pointercancel"];
+  window.addEventListener("pointermove", act);
+  for (const name of ends) window.addEventListener(name, stop);
 }
 function drag(panel, k, which, event) {
   event.preventDefault();
   event.stopPropagation();
+  const gesture = {};
   let last = panel.toWorld(panel.place(event));
-  const follow = (moved) => {
+  follow((moved) => {
     const now = panel.toWorld(panel.place(moved));
-    move(k, which, now[0] - last[0], now[1] - last[1]);
+    move(k, which, now[0] - last[0], now[1] - last[1], gesture);
     last = now;
-  };
-  window.addEventListener("pointermove", follow);
-  window.addEventListener("pointerup", () => window.removeEventListener("pointermove", follow), { once: true });
+  });
 }
 function nudge(k, which, event) {
   const size = event.shiftKey ? 0.001 : 0.01;
@@ -140,22 +195,20 @@ function nudge(k, which, event) {
 }
 
 // Draw a mirror by hand: press at one end, let go at the other.
-function startDrawing(button) {
+function startDrawing(button, stage) {
+  stage.classList.add("drawing");
   state.draw = (panel, event) => {
     state.draw = null;
     button.setAttribute("aria-pressed", "false");
     if (panel.which !== "initial") { edit.message = "Draw in the initial image: that is where mirrors are seen."; changed(); return; }
-    const start = panel.toWorld(panel.place(event));
-    edit.lines = lines();
-    const line = { ends: [start, [...start]], on: true };
-    edit.lines.push(line);
-    const follow = (moved) => { line.ends = [start, panel.toWorld(panel.place(moved))]; changed(); };
-    window.addEventListener("pointermove", follow);
-    window.addEventListener("pointerup", () => {
-      window.removeEventListener("pointermove", follow);
-      if (Math.hypot(line.ends[1][0] - start[0], line.ends[1][1] - start[1]) < 0.01) edit.lines.splice(edit.lines.indexOf(line), 1);
-      refold();
-    }, { once: true });
+    const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { ends: [start, [...start]], on: true };
+    edit.lines = [...lines(), line];
+    follow((moved) => { line.ends = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
+      stage.classList.remove("drawing");
+      const [a, b] = line.ends.map((end) => panel.toScreen(end));
+      if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 8) edit.lines = before; else { remember(); refold(); }
+      changed();
+    });
     changed();
   };
 }
@@ -165,15 +218,16 @@ function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highes
   const id = `set-${name}`, shown = el("output", { for: id });
   const digits = step ? Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) : 4;
   const say = (value) => { shown.textContent = kind === "range" ? `${fixed(value, digits)} ${unit}` : kind === "number" ? unit : ""; };
-  const take = (value) => { edit.settings[name] = value; say(value); refold(); };
+  let gesture = {};
+  const take = (value) => { edit.settings[name] = value; say(value); remember(gesture); refold(); };
   const makers = {
-    switch: () => el("input", { type: "checkbox", id, onchange: (event) => take(event.target.checked) }),
-    choice: () => el("select", { id, onchange: (event) => take(choices[event.target.selectedIndex]) },
+    switch: () => el("input", { type: "checkbox", id, onchange: (event) => { gesture = {}; take(event.target.checked); } }),
+    choice: () => el("select", { id, onchange: (event) => { gesture = {}; take(choices[event.target.selectedIndex]); } },
       choices.map((value) => el("option", {}, value === null ? "default" : String(value)))),
     range: () => el("input", { type: "range", id, min: String(lowest), max: String(highest), step: String(step),
-      oninput: (event) => take(Number(event.target.value)) }),
+      oninput: (event) => take(Number(event.target.value)), onchange: () => { gesture = {}; } }),
     number: () => el("input", { type: "number", id, step: "any", placeholder: "default",
-      onchange: (event) => take(event.target.value === "" ? null : Number(event.target.value)) }),
+      onchange: (event) => { gesture = {}; take(event.target.value === "" ? null : Number(event.target.value)); } }),
   };
   const input = makers[kind]();
   const show = () => {
@@ -197,13 +251,11 @@ function makeLive(panels) {
   panels[0].handles = () => handlesOf(panels[0]);
   const settings = edit.controls.map(makeSetting);
   const list = el("div", { class: "legend", id: "lines" });
-  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false", onclick: () => { pencil.setAttribute("aria-pressed", "true"); startDrawing(pencil); } }, "draw a mirror");
-  const again = el("button", { type: "button", id: "find", onclick: () => {
-    edit.lines = null;
-    edit.settings = { ...edit.found };
-    settings.forEach((setting) => setting.show());
-    refold();
-  } }, "start over");
+  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false", onclick: () => { pencil.setAttribute("aria-pressed", "true"); startDrawing(pencil, panels[0].node.parentNode); } }, "draw a mirror");
+  edit.showSettings = () => settings.forEach((setting) => setting.show());
+  const undo = el("button", { type: "button", id: "undo", title: "Ctrl+Z", onclick: () => goTo(edit.at - 1) }, "undo");
+  const redo = el("button", { type: "button", id: "redo", title: "Ctrl+Y or Ctrl+Shift+Z", onclick: () => goTo(edit.at + 1) }, "redo");
+  const again = el("button", { type: "button", id: "find", title: "the file as it was opened", onclick: startOver }, "start over");
   const took = el("p", { class: "hint", role: "status", id: "took" });
   const name = el("input", { type: "text", id: "save-name", "aria-label": "name of the file to save", value: edit.name });
   const saved = el("div", { id: "saved", role: "status" });
@@ -216,19 +268,22 @@ function makeLive(panels) {
   } }, "save");
   let drawn = null;
   painters.push(() => {
-    const all = lines(), key = JSON.stringify(all.map((line) => line.on));
+    undo.disabled = !edit.steps[edit.at - 1];
+    redo.disabled = !edit.steps[edit.at + 1];
+    again.disabled = state.content === edit.first.content;
+    const all = lines(), key = JSON.stringify(all.map((line, k) => [line.on, used(k)]));
     if (drawn !== key) {
       drawn = key;
-      list.replaceChildren(...all.map((line, k) => el("label", {}, el("input", { type: "checkbox", "data-line": String(k), checked: line.on,
-        onchange: (event) => change((now) => { now[k].on = event.target.checked; }) }), `mirror ${k}`)));
+      list.replaceChildren(...all.map((line, k) => el("label", { class: line.on && used(k) ? "" : "unused" }, el("input", { type: "checkbox", "data-line": String(k), checked: line.on,
+        onchange: (event) => change((now) => { now[k].on = event.target.checked; }) }), `mirror ${k}${line.on && !used(k) ? ", not used" : ""}`)));
     }
-    took.textContent = edit.busy ? "folding \u2026" : edit.took === null ? (edit.lines ? "" : "as it was found")
-      : `folded in ${Math.round(edit.took)} ms${edit.lines ? ", with these mirrors" : ""}`;
+    took.textContent = edit.busy ? "folding \u2026" : state.content === edit.first.content ? "as it is in the file"
+      : edit.took === null ? "" : `folded in ${Math.round(edit.took)} ms${edit.lines ? ", with these mirrors" : ""}`;
     if (saved.drawn !== edit.saved) {
       saved.drawn = edit.saved;
       saved.replaceChildren(...(edit.saved ? [el("p", { class: "hint" }, `saved ${edit.saved.files.join(", ")}; the same again:`), el("pre", { tabindex: "0" }, edit.saved.command)] : []));
     }
   });
   return { notice, card: el("section", { class: "card noprint" }, el("h2", {}, "Fold"), settings.map((setting) => setting.row),
-    list, el("div", { class: "row" }, pencil, again), took, el("div", { class: "row" }, name, save), saved) };
+    list, el("div", { class: "row" }, pencil, undo, redo, again), took, el("div", { class: "row" }, name, save), saved) };
 }

@@ -64,8 +64,8 @@ function makeHeader() {
     if (!content || facts.drawn === content) return;
     facts.drawn = content;
     title.textContent = content.title;
-    const shown = content.facts.slice(0, 4);
-    facts.replaceChildren(...shown.map(([name, value]) => el("span", {}, el("b", {}, value), ` ${value === "1" ? name.replace(/s$/, "") : name}`)));
+    const shown = content.facts.slice(0, 5);
+    facts.replaceChildren(...shown.map(([name, value]) => el("span", {}, el("b", {}, value), ` ${value === "1" ? name.replace(/^(mirror|point)s$/, "$1") : name}`)));
   });
   return el("header", {}, el("div", {}, title, facts), el("div", { class: "tools" },
     el("button", { type: "button", id: "theme", onclick: () => theme(!state.dark) }, "light / dark"),
@@ -97,9 +97,10 @@ function compose(page) {
   page.replaceChildren(makeHeader(), extra ? extra.notice : "", remark,
     el("div", { class: "layout" },
       el("main", { class: "card" }, makeBar(), stage, makeLegend(), note,
-        el("p", { class: "hint noprint" }, "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
+        el("p", { class: "hint noprint" }, touched ? "Drag the divider to compare; tap the picture to ask what is there, move and zoom it with two fingers."
+          : "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
       el("aside", {}, extra ? extra.card : null,
-        el("section", { class: "card noprint" }, el("h2", {}, "Under the pointer"), makeReadout()),
+        el("section", { class: "card noprint", id: "under" }, el("h2", {}, touched ? "Under the finger" : "Under the pointer"), makeReadout()),
         el("section", { class: "card" }, el("h2", {}, "Mirrors, by who is seen through whom"), makeTree()),
         el("section", { class: "card noprint" }, el("h2", {}, "Display"), makeControls()))),
     el("div", { class: "below" }, state.content ? makeSpace() : "",

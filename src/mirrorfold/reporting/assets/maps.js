@@ -22,7 +22,6 @@ function sight(p) {
   const dx = p[0] - radar[0], dy = p[1] - radar[1], length = Math.hypot(dx, dy);
   const met = [];
   for (const mirror of mirrors) {
-    if (state.off.has(mirror.number)) continue;
     const [[ax, ay], [bx, by]] = mirror.ends, sx = bx - ax, sy = by - ay, turn = dx * sy - dy * sx;
     const along = ((ax - radar[0]) * sy - (ay - radar[1]) * sx) / turn;
     const beside = ((ax - radar[0]) * dy - (ay - radar[1]) * dx) / turn;
@@ -83,8 +82,15 @@ class Panel {
       this.canvas, this.layer, el("span", { class: `name ${which}` }, which === "initial" ? "initial" : "corrected"));
     stage.append(this.node);
     this.picture = document.createElement("canvas");
-    this.node.addEventListener("pointermove", (event) => this.move(event));
-    this.node.addEventListener("pointerleave", () => { state.spot = null; changed(); });
+    this.node.addEventListener("pointermove", (event) => { if (event.pointerType !== "touch") this.move(event); });
+    this.node.addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") { state.spot = null; changed(); } });
+    // A tap shows what pointing shows.
+    this.node.addEventListener("click", (event) => { state.lit = null; this.point(event); });
+    pinched(this.node, (factor, at, [dx, dy]) => {
+      state.view.x -= dx / state.view.scale;
+      state.view.y += dy / state.view.scale;
+      zoom(factor, this.toWorld(at));
+    });
     this.node.addEventListener("pointerdown", (event) => this.grab(event));
     this.node.addEventListener("dblclick", () => { state.view = null; changed(); });
     this.node.addEventListener("wheel", (event) => {
@@ -108,6 +114,9 @@ class Panel {
       state.view.x = this.grabbed.x - (x - this.grabbed.from[0]) / state.view.scale;
       state.view.y = this.grabbed.y + (y - this.grabbed.from[1]) / state.view.scale;
     }
+    this.point(event);
+  }
+  point(event) {
     state.spot = look(this.which, this.toWorld(this.place(event)));
     changed();
   }
@@ -115,6 +124,7 @@ class Panel {
     this.node.focus({ preventScroll: true });
     if (event.button || event.target.closest(".mirror, .handle")) return;
     if (state.draw) return state.draw(this, event);
+    if (event.pointerType === "touch") return;
     this.grabbed = { x: state.view.x, y: state.view.y, from: this.place(event) };
     this.node.setPointerCapture(event.pointerId);
     const release = () => { this.grabbed = null; this.node.removeEventListener("pointerup", release); };
@@ -196,9 +206,6 @@ class Panel {
     const { content } = state, parts = [], old = document.activeElement, held = old && this.layer.contains(old) ? old.dataset : null;
     // For printing the image goes into the drawing itself: browsers may scale a canvas apart from what lies over it.
     if (state.printing) parts.push(svg("image", { href: this.canvas.toDataURL(), width: this.width, height: this.height }));
-    if (state.show.truth)
-      for (const line of content.truth)
-        parts.push(svg("polyline", { class: "truth", points: this.polyline(line), stroke: truthColour() }));
     const { spot } = state;
     if (spot && spot.path && spot.world !== null) {
       const way = this.which === "initial" ? [content.radar, spot.seemed] : spot.path;
@@ -209,6 +216,11 @@ class Panel {
     const [rx, ry] = this.toScreen(content.radar);
     parts.push(svg("path", { class: "radar", d: `M${rx - 8},${ry + 6}L${rx + 8},${ry + 6}L${rx},${ry - 8}Z` }));
     if (state.show.mirrors) for (const mirror of content.mirrors) parts.push(this.mirror(mirror));
+    // Thin, with a rim, over the thick mirrors, so that both can be seen where they agree.
+    if (state.show.truth)
+      for (const line of content.truth)
+        for (const [name, stroke] of [["truth rim", "var(--halo)"], ["truth", truthColour()]])
+          parts.push(svg("polyline", { class: name, points: this.polyline(line), stroke }));
     if (this.handles) parts.push(...this.handles());
     parts.push(...this.scaleBar(), ...this.ticks());
     this.layer.replaceChildren(...parts.filter(Boolean));
@@ -218,7 +230,7 @@ class Panel {
   // All that may be seen through a mirror; in the corrected image at its true place, for the mirror that is lit.
   paintShadow(context, mirror) {
     const { radar, dimensions, grid } = state.content, lit = state.lit === mirror.number;
-    if (state.off.has(mirror.number) || (!lit && (state.lit !== null || this.which === "corrected"))) return;
+    if (!lit && (state.lit !== null || this.which === "corrected")) return;
     if (this.which === "corrected" && dimensions === 3) return;
     const reach = 2 * Math.hypot(grid.nx * grid.dx, grid.ny * grid.dy);
     const far = mirror.ends.map(([x, y]) => {
@@ -239,14 +251,11 @@ class Panel {
     const [[x1, y1], [x2, y2]] = ends, colour = mirrorColour(mirror), number = String(mirror.number);
     const length = Math.hypot(x2 - x1, y2 - y1) || 1, mx = (x1 + x2) / 2 + (14 * (y2 - y1)) / length, my = (y1 + y2) / 2 - (14 * (x2 - x1)) / length;
     const line = (name) => svg("line", { class: name, x1, y1, x2, y2, stroke: name === "line" ? colour : undefined });
-    const names = ["mirror", state.lit === mirror.number && "lit", state.off.has(mirror.number) && "off"].filter(Boolean);
-    return svg("g", { class: names.join(" "), tabindex: "0", role: "img", "data-number": number,
-      "aria-label": `mirror ${number}, generation ${mirror.generation}, ${fixed(mirror.length, 2)} metres`,
-      onpointerenter: () => light(mirror.number), onpointerleave: () => light(null),
-      onfocus: () => light(mirror.number), onblur: () => light(null) },
+    return svg("g", { class: state.lit === mirror.number ? "mirror lit" : "mirror", tabindex: "0", role: "img", "data-number": number,
+      "aria-label": `mirror ${mirror.name}, generation ${mirror.generation}, ${fixed(mirror.length, 2)} metres`, ...lights(mirror.number) },
       line("halo"), line("line"), line("hit"),
       svg("circle", { class: "number", cx: mx, cy: my, r: 9.5, fill: colour }),
-      svg("text", { class: "label", x: mx, y: my + 0.5 }, number));
+      svg("text", { class: "label", x: mx, y: my + 0.5 }, mirror.name));
   }
   scaleBar() {
     const wanted = 0.18 * this.width / state.view.scale, power = 10 ** Math.floor(Math.log10(wanted));
@@ -258,25 +267,28 @@ class Panel {
       svg("text", { class: "haloed", x: x + size / 2, y: y - 6, "text-anchor": "middle" }, text)];
   }
   ticks() {
-    const { view } = state, parts = [], wanted = 90 / view.scale, power = 10 ** Math.floor(Math.log10(wanted));
+    const { view } = state, parts = [], wanted = Math.min(90, this.width / 7, this.height / 7) / view.scale, power = 10 ** Math.floor(Math.log10(wanted));
     const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= wanted), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const [left, bottom] = this.toWorld([0, this.height]), [right, top] = this.toWorld([this.width, 0]);
     for (let k = Math.ceil(left / step); k * step < right; k++) {
       const [x] = this.toScreen([k * step, 0]);
-      if (x < 34 || x > this.width - 30) continue;
+      if (x < 34 || x > this.width - 58) continue;
       parts.push(svg("line", { x1: x, x2: x, y1: this.height, y2: this.height - 5, stroke: "currentColor" }),
         svg("text", { class: "tick", x, y: this.height - 8, "text-anchor": "middle" }, fixed(k * step, digits)));
     }
     for (let k = Math.ceil(bottom / step); k * step < top; k++) {
       const [, y] = this.toScreen([0, k * step]);
-      if (y > this.height - 26 || y < 40) continue;
+      if (y > this.height - 26 || y < 64) continue;
       parts.push(svg("line", { x1: 0, x2: 5, y1: y, y2: y, stroke: "currentColor" }),
         svg("text", { class: "tick", x: 8, y: y + 4 }, fixed(k * step, digits)));
     }
-    parts.push(svg("text", { class: "tick", x: 8, y: this.height - 8 }, "m"));
+    parts.push(svg("text", { class: "tick axis", x: this.width - 8, y: this.height - 8, "text-anchor": "end" }, "x [m]"),
+      svg("text", { class: "tick axis", x: 8, y: 54 }, "y [m]"));
     return parts;
   }
 }
+
+const NARROW = 560; // pixels
 
 function zoom(factor, about) {
   const { view } = state, at = about || [view.x, view.y];
@@ -322,10 +334,15 @@ function makeStage() {
   stage.append(divider);
   painters.push(() => {
     if (!state.content) return;
-    const [left, right, low, top] = state.content.extent, side = state.mode === "side", across = stage.clientWidth / (side ? 2 : 1);
+    const [left, right, low, top] = state.content.extent, side = state.mode === "side";
+    // On a phone one below the other.
+    const stacked = side && stage.clientWidth < NARROW, across = stage.clientWidth / (side && !stacked ? 2 : 1);
     const wide = right - left, high = top - low;
     const height = Math.round(Math.min(Math.max((across * high) / wide, 300), state.printing ? 440 : 0.8 * window.innerHeight));
-    stage.className = `stage ${state.mode}`;
+    if (!across || !height) return; // not laid out yet: a resize follows
+    stage.classList.toggle("swipe", !side);
+    stage.classList.toggle("side", side);
+    stage.classList.toggle("stacked", stacked);
     divider.hidden = side;
     for (const panel of panels) panel.node.style.height = `${height}px`;
     if (!state.view) {

@@ -34,7 +34,8 @@ function makeSpace() {
     canvas.addEventListener("pointerup", () => canvas.removeEventListener("pointermove", move), { once: true });
   });
   const tilt = (dx, dy) => { turn.azimuth += 0.008 * dx; turn.elevation = Math.min(1.55, Math.max(-1.55, turn.elevation + 0.008 * dy)); };
-  drag(cloud, tilt);
+  drag(cloud, (dx, dy) => tilt(dx, touched ? 0 : dy));
+  pinched(cloud, (factor, _, shift) => { turn.zoom *= factor; tilt(...shift); changed(); });
   cloud.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: [-12, 0], ArrowRight: [12, 0], ArrowUp: [0, -12], ArrowDown: [0, 12] }[event.key];
     if (step) tilt(...step); else if (event.key === "+" || event.key === "=") turn.zoom *= 1.2; else if (event.key === "-") turn.zoom /= 1.2; else return;
@@ -104,7 +105,7 @@ function makeSpace() {
     context.fillStyle = style.getPropertyValue("--soft");
     context.font = "11px system-ui, DejaVu Sans, sans-serif";
     context.textAlign = "center";
-    for (let k = Math.ceil(2 * x0); k <= 2 * x1; k++) { const [x] = to(k / 2, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`${fixed(k / 2, 1)} m`, x, high - 8); }
+    for (let k = Math.ceil(2 * x0); k <= 2 * x1; k++) { const [x] = to(k / 2, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`x ${fixed(k / 2, 1)} m`, x, high - 8); }
     context.textAlign = "left";
     for (let k = Math.ceil(2 * z0); k <= 2 * z1; k++) { const [, y] = to(0, k / 2); context.beginPath(); context.moveTo(0, y); context.lineTo(wide, y); context.stroke(); context.fillText(`z ${fixed(k / 2, 1)} m`, 6, y - 4); }
     let inside = 0;

@@ -6,7 +6,7 @@ function makeReadout() {
     const { spot, content } = state;
     if (!content) return;
     const rows = [];
-    if (!spot) rows.push([null, "Point at a pixel of the images."]);
+    if (!spot) rows.push([null, `${touched ? "Tap" : "Point at"} a pixel of the images.`]);
     else {
       rows.push(["image", spot.which], ["position", `x ${metres(spot.place[0])}, y ${metres(spot.place[1])}`]);
       rows.push(["amplitude", spot.level === undefined ? "outside" : decibel(spot.level, content.images[spot.which].lowest)]);
@@ -14,7 +14,7 @@ function makeReadout() {
       else if (spot.world !== undefined) {
         const way = lineage(spot.world).reverse();
         rows.push(["bounces", bouncesText(way.length)]);
-        rows.push(["chain", ["radar", ...way.map((mirror) => `mirror ${mirror.number}`)].join(" \u2192 ")]);
+        rows.push(["chain", ["radar", ...way.map((mirror) => `mirror ${mirror.name}`)].join(" \u2192 ")]);
         if (spot.seemed && spot.which === "corrected" && way.length) rows.push(["seemed at", spot.seemed.map((v) => fixed(v, 3)).join(", ") + " m"]);
         if (spot.path && spot.which === "initial" && way.length) rows.push(["folds to", spot.path[spot.path.length - 1].map((v) => fixed(v, 3)).join(", ") + " m"]);
       }
@@ -44,16 +44,16 @@ function makeMirrors() {
       drawn = content;
       const solid = content.mirrors.some((mirror) => mirror.height !== undefined);
       const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", "<ends [m]"];
-      const rows = content.mirrors.map((mirror) => [String(mirror.number), mirror.parent < 0 ? "radar" : `mirror ${mirror.parent}`,
+      const rows = content.mirrors.map((mirror) => [mirror.name, mirror.parent < 0 ? "radar" : `mirror ${content.mirrors[mirror.parent].name}`,
         fixed(mirror.length, 3), ...(solid ? [fixed(mirror.height, 2)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
         fixed(mirror.offset_error === null ? null : 1000 * mirror.offset_error, 2), fixed(mirror.strength_db, 1), fixed(mirror.fill, 2),
         mirror.folded_ends.map((end) => `(${end.map((v) => fixed(v, 3)).join(", ")})`).join(" \u2013 ")]);
       box.replaceChildren(content.mirrors.length
-        ? table("Mirrors at their true places", headings, rows, (i) => ({ "data-number": String(i), onpointerenter: () => light(i), onpointerleave: () => light(null) }))
+        ? table("Mirrors at their true places", headings, rows, (i) => ({ "data-number": String(i), ...lights(i) }))
         : el("p", {}, "No mirror was found; the scene is shown unfolded."));
       content.mirrors.forEach((mirror, i) => {
         box.querySelectorAll("tbody tr")[i].firstChild.replaceChildren(
-          el("span", { class: "swatch", style: { background: mirrorColour(mirror), marginRight: "9px" } }), String(mirror.number));
+          el("span", { class: "swatch", style: { background: mirrorColour(mirror), marginRight: "9px" } }), mirror.name);
       });
     }
     for (const row of box.querySelectorAll("tbody tr")) row.classList.toggle("lit", Number(row.dataset.number) === state.lit);
@@ -70,7 +70,8 @@ function makeScore() {
     box.drawn = score;
     box.replaceChildren(el("h2", {}, "Against the truth"), el("div", { class: "space" },
       el("div", {}, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
-      el("div", {}, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]"], score.mirrors))));
+      el("div", {}, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]"],
+        score.mirrors.map(([number, ...rest]) => [state.content.mirrors[number].name, ...rest])))));
   });
   return box;
 }

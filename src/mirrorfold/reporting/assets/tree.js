@@ -2,7 +2,7 @@
 
 function makeTree() {
   const layer = svg("svg", { class: "tree", role: "tree", "aria-label": "tree of mirrors" });
-  const WIDE = 216, HIGH = 44, ROW = 52, INDENT = 34;
+  const WIDE = 246, HIGH = 44, ROW = 52, INDENT = 34;
   let drawn = null;
   painters.push(() => {
     const { content } = state;
@@ -14,17 +14,10 @@ function makeTree() {
     for (const node of layer.querySelectorAll(".node")) {
       const number = Number(node.dataset.number);
       node.classList.toggle("lit", number >= 0 && state.lit === number);
-      node.classList.toggle("off", state.off.has(number));
     }
   });
 
-  function draw({ mirrors, points }) {
-    const counts = new Map();
-    for (let i = 0; i < points.count; i++) {
-      if (points.face[i]) continue;
-      const way = points.ways[points.chain[i]], last = way.length ? way[way.length - 1] : -1;
-      counts.set(last, (counts.get(last) || 0) + 1);
-    }
+  function draw({ mirrors, seen }) {
     const nodes = new Map(), links = [];
     let row = 0, deepest = 0;
     // Depth first, as a folder shows what is in it.
@@ -44,14 +37,11 @@ function makeTree() {
       return svg("path", { class: "link", d: `M${x},${a.y + HIGH}V${y - 8}Q${x},${y} ${x + 8},${y}H${b.x}` });
     });
     for (const [number, { x, y }] of nodes) {
-      const mirror = mirrors[number], count = counts.get(number) || 0;
-      const seen = `${count} point${count === 1 ? "" : "s"}`;
-      const what = mirror ? `mirror ${number}` : "radar";
-      const more = mirror ? `${fixed(mirror.length, 2)} m \u00b7 ${seen} through it` : `${seen} in sight`;
-      const acts = mirror ? { onpointerenter: () => light(number), onpointerleave: () => light(null),
-        onfocus: () => light(number), onblur: () => light(null) } : {};
+      const mirror = mirrors[number], [objects, walls] = seen[mirror ? mirror.chain : ""] || [0, 0];
+      const what = mirror ? `mirror ${mirror.name}, ${fixed(mirror.length, 2)} m` : "radar";
+      const more = `points: ${objects} of objects, ${walls} of walls`;
       parts.push(svg("g", { class: "node", tabindex: mirror ? "0" : undefined, role: "treeitem", "data-number": String(number),
-        "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...acts },
+        "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...(mirror ? lights(number) : {}) },
         svg("rect", { class: "pill", x, y, width: WIDE, height: HIGH, rx: 10 }),
         svg("circle", { cx: x + 18, cy: y + HIGH / 2, r: 6.5, fill: mirror ? mirrorColour(mirror) : "currentColor" }),
         svg("text", { class: "what", x: x + 33, y: y + 19 }, what),

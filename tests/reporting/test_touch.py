@@ -1,0 +1,167 @@
+"""The page under fingers, at the size of a phone: a tap points, a swipe scrolls, two fingers zoom and move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from browser import number, opened, pixels, readout, settle, to_screen
+from numpy.testing import assert_allclose
+from serving import served, two_walls
+
+import mirrorfold as mf
+
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
+
+
+def to_picture(page):
+    """Scroll to the picture."""
+    page.locator(".stage").evaluate(
+        "(stage) => window.scrollTo(0, stage.getBoundingClientRect().top + window.scrollY - 60)"
+    )
+    settle(page)
+
+
+@pytest.fixture
+def page(reconstruction, scene_file, tmp_path, chromium):
+    path = mf.report(reconstruction, tmp_path / "report.html", scene=scene_file)
+    with opened(chromium, path.as_uri(), **PHONE) as page:
+        to_picture(page)
+        yield page
+
+
+def fingers(page, *paths, steps=8):
+    """Fingers that go down, move along straight paths ((x0, y0), (x1, y1)) on the screen, and are lifted."""
+    session = page.context.new_cdp_session(page)
+    for k in range(steps + 1):
+        points = [{"x": float(a[0] + (b[0] - a[0]) * k / steps), "y": float(a[1] + (b[1] - a[1]) * k / steps), "id": i}
+                  for i, (a, b) in enumerate(paths)]  # fmt: skip
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points})
+        page.wait_for_timeout(16)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    page.wait_for_timeout(100)
+    settle(page)
+
+
+def scale(page):
+    """Pixels of the screen for one metre, and where x = 0.5, y = 1 is."""
+    a, b = (np.array(to_screen(page, "initial", 0.5, y)) for y in (1.0, 1.5))
+    return float(np.abs(b - a).max()) / 0.5, a
+
+
+def test_the_page_fits_a_phone(page):
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+def test_a_tap_shows_what_pointing_shows(page, reconstruction):
+    objects = reconstruction["objects"].to_dataset(inherit=False)
+    page.locator("[data-mode=side]").tap()
+    to_picture(page)
+    for i, bounces, chain in ((3, "1 bounce", "radar \u2192 mirror 0"), (0, "in line of sight", "radar")):
+        x, y = float(objects["x_initial"][i]), float(objects["y_initial"][i])
+        page.touchscreen.tap(*to_screen(page, "initial", x, y))
+        page.wait_for_timeout(100)
+        told = readout(page)
+        assert told["image"] == "initial"
+        assert told["bounces"] == bounces
+        assert told["chain"] == chain
+        assert_allclose([number(part) for part in told["position"].split(",")], [x, y], atol=0.03)
+        # It stays, and can be read where the picture is.
+        page.wait_for_timeout(200)
+        assert readout(page) == told
+        box = page.locator("#readout").bounding_box()
+        assert box["y"] + box["height"] <= 844
+
+
+def test_a_tap_lights_a_mirror_until_the_next_tap(page):
+    page.locator("[data-mode=side]").tap()
+    to_picture(page)
+    ends = np.array([to_screen(page, "initial", *end) for end in ((0.4, 1.6), (0.6, 0.9))])
+    page.touchscreen.tap(*(0.7 * ends[0] + 0.3 * ends[1]))
+    page.wait_for_timeout(150)
+    settle(page)
+    assert page.locator(".panel[data-which=initial] .mirror.lit").count() == 1
+    page.touchscreen.tap(*to_screen(page, "initial", -0.1, 0.9))
+    page.wait_for_timeout(150)
+    settle(page)
+    assert page.locator(".mirror.lit").count() == 0
+
+
+def test_a_swipe_on_the_picture_scrolls_the_page(page):
+    before, (metre, place) = page.evaluate("() => window.scrollY"), scale(page)
+    box = page.locator(".panel[data-which=initial]").bounding_box()
+    x, y = box["x"] + 0.2 * box["width"], box["y"] + 0.8 * box["height"]
+    fingers(page, ((x, y), (x, y - 150)))
+    page.wait_for_timeout(300)
+    moved = page.evaluate("() => window.scrollY") - before
+    assert moved > 80
+    # The picture has gone with the page, and shows what it showed.
+    assert scale(page)[0] == pytest.approx(metre)
+    assert_allclose(scale(page)[1] - place, [0.0, -moved], atol=1.0)
+
+
+def test_two_fingers_zoom_about_the_place_between_them_and_move(page):
+    scrolled, (metre, place) = page.evaluate("() => window.scrollY"), scale(page)
+    box = page.locator(".panel[data-which=initial]").bounding_box()
+    middle = np.array([box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"]])
+    wide = np.array([0.0, 40.0])
+    fingers(page, (middle - wide, middle - 1.5 * wide), (middle + wide, middle + 1.5 * wide))
+    assert page.evaluate("() => window.scrollY") == scrolled
+    now, there = scale(page)
+    assert now == pytest.approx(1.5 * metre, rel=0.03)
+    assert_allclose(there, middle + 1.5 * (place - middle), atol=6.0)
+    assert page.evaluate("() => visualViewport.scale") == 1.0
+    fingers(page, (middle - wide, middle - wide + [30, 20]), (middle + wide, middle + wide + [30, 20]))
+    assert scale(page)[0] == pytest.approx(now, rel=0.02)
+    assert_allclose(scale(page)[1] - there, [30.0, 20.0], atol=5.0)
+
+
+def test_the_divider_slides_under_a_finger(page):
+    box = page.locator(".divider").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 3
+    before = int(page.locator(".divider").get_attribute("aria-valuenow"))
+    fingers(page, ((x, y), (x - 70, y)))
+    assert int(page.locator(".divider").get_attribute("aria-valuenow")) < before - 10
+
+
+def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan, tmp_path, chromium):
+    path = mf.report(folded_scan, tmp_path / "volume.html")
+    with opened(chromium, path.as_uri(), **PHONE) as page:
+        cloud = page.locator("#cloud")
+        cloud.evaluate("(cloud) => window.scrollTo(0, cloud.getBoundingClientRect().top + window.scrollY - 100)")
+        settle(page)
+        shown = pixels(page, "#cloud")
+        box = cloud.bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        fingers(page, ((x - 40, y), (x + 60, y)))
+        turned = pixels(page, "#cloud")
+        assert (turned != shown).any()
+        fingers(page, ((x, y - 30), (x, y - 60)), ((x, y + 30), (x, y + 60)))
+        assert (pixels(page, "#cloud") != turned).any()
+        before = page.evaluate("() => window.scrollY")
+        fingers(page, ((x, y), (x, y - 120)))
+        page.wait_for_timeout(300)
+        assert page.evaluate("() => window.scrollY") > before + 60
+
+
+def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
+    path = tmp_path / "image.nc"
+    mf.save(two_walls(), path)
+    with served(path) as server, opened(chromium, server.address, **PHONE) as page:
+        start = np.array([mirror["ends"] for mirror in server.session.state["document"]["mirrors"]])
+        to_picture(page)
+        handle = page.locator("[data-handle='0-2']").bounding_box()
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        scrolled = page.evaluate("() => window.scrollY")
+        fingers(page, ((x, y), (x, y + 20)))
+        page.wait_for_function("() => document.querySelector('#took').innerText.includes('these mirrors')")
+        page.wait_for_timeout(300)
+        # The words above the picture have changed, and with them the height of their lines.
+        assert abs(page.evaluate("() => window.scrollY") - scrolled) < 10
+        moved = server.session._lines[0] - start[0]
+        assert_allclose(moved[0], moved[1], atol=1e-9)
+        assert moved[0, 1] < -0.05
+        page.locator("#draw").tap()
+        to_picture(page)
+        fingers(page, (to_screen(page, "initial", -0.3, 0.8), to_screen(page, "initial", 0.3, 0.5)))
+        page.wait_for_timeout(500)
+        assert len(server.session._lines) == 3
