@@ -23,6 +23,7 @@ def folder(tmp_path, monkeypatch, sweep):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_bad_file_is_named_and_the_others_are_done(folder, capsys):
     assert main(["reconstruct", "a.nc", "bad.nc", "b.nc", "-o", "out", *GRID, "--json"]) == 2
     printed = capsys.readouterr()

@@ -72,6 +72,7 @@ def test_a_recording_has_frames_in_its_pictures_and_tables(folded):
         np.testing.assert_allclose(place, [-0.4 + 0.1 * number, 1.225], atol=0.03)
 
 
+@pytest.mark.slow
 def test_a_sweep_with_frames_is_focused_and_folded_frame_by_frame(sweep, tmp_path):
     s = sweep["s"].values
     recording = sweep.assign(s=(("frame", *sweep["s"].dims), np.stack([s, 2.0 * s, s[:, ::-1, ::-1]])))
@@ -105,6 +106,7 @@ def test_frames_that_are_done_are_not_done_again(recording, folded, monkeypatch)
     assert len(done) == 1
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(recording, "recording.nc")
@@ -169,6 +171,7 @@ def files(recording, folded, tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_every_verb_can_deal_with_a_recording(files, scene_file, capsys):
     assert main(["info", "folded.nc", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

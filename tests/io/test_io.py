@@ -348,8 +348,11 @@ def test_many_images_are_kept_in_one_file(tmp_path, dims):
     assert list(found["extent"]) == [name for name in dims if name in "xyz"]
     brightest = np.unravel_index(np.abs(values).argmax(), shape)
     assert found["strongest_at"] == dict(zip(dims, brightest, strict=True))
-    with pytest.raises(InputError, match="image: has dimensions"):
-        mf.fold(again)
+    if "polarization" in dims:
+        with pytest.raises(InputError, match="image: has dimensions"):
+            mf.fold(again)
+    else:
+        assert mf.fold(again)["intensity"].sizes["frame"] == shape[0]
 
 
 def test_frames_are_focused_to_a_file(tmp_path):
