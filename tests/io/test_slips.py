@@ -80,6 +80,14 @@ def test_sound_is_as_welcome_as_light(tmp_path):
         assert not {"frequency-unit", "position-unit"}.intersection(names)
     with pytest.raises(mf.InputError, match="probably in MHz"):
         mf.make_sweep(S, frequency=np.linspace(2, 5, 41), tx_position=TX, rx_position=RX, wave_speed=6300.0)
+    # Ultrasound whose speed is said when the image is made: a warning, and no image at the speed of light.
+    f, tx = np.linspace(2e6, 5e6, 41), line_of(9, pitch=0.6e-3)
+    with pytest.warns(UserWarning, match="the speed of sound is missing"):
+        sweep = mf.make_sweep(echo(f, tx, tx, 6300.0), frequency=f, tx_position=tx, rx_position=tx)
+    x, y = np.linspace(-0.02, 0.02, 9), np.linspace(0.01, 0.04, 9)
+    assert mf.focus(sweep, x=x, y=y, wave_speed=6300.0).size == 81
+    with pytest.raises(mf.InputError, match="give the speed of sound as wave_speed"):
+        mf.focus(sweep, x=x, y=y)
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1e3, "mm"), (1e2, "cm")])

@@ -34,6 +34,12 @@ SLOWEST_LIGHT = 1e6
 LOWEST_RADIO_FREQUENCY = 1e6
 """No imaging radar works below this frequency [Hz]."""
 
+SPEEDS_OF_SOUND = 300.0, 6500.0
+"""From air to metal [m/s]."""
+
+LOWEST_ULTRASOUND = 2e4
+"""Of frequencies below this [Hz] one has to say that they are sound."""
+
 HIGHEST = {True: 2e13, False: 2e10}
 """Highest frequencies [Hz] of electromagnetic waves that are measured with their phase, and of sound."""
 
@@ -96,6 +102,19 @@ def frequency_unit(highest: float, length: float, step: float, speed: float) -> 
             wanted = USUAL_PITCH / max((step or length) * highest / speed, 1e-300)
             misfit[unit] = abs(np.log(factor / wanted)) if length else -factor
     return min(misfit, key=misfit.__getitem__) if misfit else None
+
+
+def may_be_sound(highest: float, length: float, step: float) -> bool:
+    """Whether an array makes sense for ultrasound, in air or in the hardest matter: nobody may have said the speed.
+
+    Examples
+    --------
+    >>> may_be_sound(9e6, length=0.019, step=0.3e-3), may_be_sound(300.0, length=0.08, step=0.5e-3)
+    (True, False)
+    """
+    slowest, fastest = SPEEDS_OF_SOUND
+    fits = length * highest / slowest >= LONG_ENOUGH and step * highest / fastest <= FINE_PITCH[1]
+    return highest >= LOWEST_ULTRASOUND and fits
 
 
 def length_unit(step: float, wavelength: float) -> str | None:

@@ -97,7 +97,11 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
 
 def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
     """Positions or directions that are probably in another unit, by their size alone."""
-    return [Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option) for doubt in doubts(sweep)]
+    return [
+        Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option)
+        for doubt in doubts(sweep)
+        if doubt.name != "frequency-unit"
+    ]
 
 
 def _unit_finding(unit: str) -> Finding:

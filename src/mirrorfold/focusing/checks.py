@@ -20,6 +20,7 @@ from mirrorfold.sweep import (
     PAIR_DIMENSIONS,
     antenna_positions,
     check_sweep,
+    check_waves,
     is_raster,
     wave_speed,
     wavenumber,
@@ -38,6 +39,7 @@ def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
     """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
     if not isinstance(sweep, xr.Dataset) or "s" in sweep:
         sweep = check_sweep(sweep)
+        check_waves(sweep)
         if is_raster(sweep):
             raise InputError("sweep: is a raster scan, which is imaged beam by beam and needs no plan; call focus")
         return sweep

@@ -13,7 +13,7 @@ that were not measured, whose samples are zero and therefore missing from every 
 
 from __future__ import annotations
 
-from mirrorfold.sweep.checks import STEP_TOLERANCE, Doubt, check_sweep, doubts, frequency_unit_of
+from mirrorfold.sweep.checks import STEP_TOLERANCE, Doubt, check_sweep, check_waves, doubts, frequency_unit_of
 from mirrorfold.sweep.facts import (
     AXES,
     MONOSTATIC_DIMENSIONS,
@@ -44,6 +44,7 @@ __all__ = [
     "ambiguous_range",
     "antenna_positions",
     "check_sweep",
+    "check_waves",
     "doubts",
     "frequency_step",
     "frequency_unit_of",

@@ -10,7 +10,15 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import shown, wrong_kind
-from mirrorfold.common.plausible import extent, frequency_unit, length_unit, one_part, pitch, radians_for_degrees
+from mirrorfold.common.plausible import (
+    extent,
+    frequency_unit,
+    length_unit,
+    may_be_sound,
+    one_part,
+    pitch,
+    radians_for_degrees,
+)
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     PAIR_DIMENSIONS,
@@ -81,7 +89,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
                 "sort them or resample to a uniform grid"
             )
     unit = frequency_unit_of(sweep)
-    if unit is not None:
+    if unit is not None and not _speed_may_follow(sweep):
         raise refuse(
             f"frequencies up to {frequency.max():g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
             f"give them in hertz (calibrate --frequency-unit {unit}), or for other waves than light the attr wave_speed"
@@ -123,6 +131,29 @@ def _length_and_pitch(sweep: xr.Dataset) -> tuple[float, float]:
     return extent(*places), min((step for step in map(pitch, places) if step), default=0.0)
 
 
+def _speed_may_follow(sweep: xr.Dataset) -> bool:
+    """Whether the speed of the waves is not said and may be that of sound, which `focus` takes as an argument too."""
+    length, step = _length_and_pitch(sweep)
+    return "wave_speed" not in sweep.attrs and may_be_sound(float(sweep["frequency"].max()), length, step)
+
+
+def check_waves(sweep: xr.Dataset) -> None:
+    """Refuse to image a valid sweep whose frequencies make no sense at the speed of its waves, light by default.
+
+    Raises
+    ------
+    InputError
+        With the unit that was probably meant.
+    """
+    unit = frequency_unit_of(sweep)
+    if unit is not None:
+        raise InputError(
+            f"sweep: frequencies up to {float(sweep['frequency'].max()):g} Hz make no sense with {_size(sweep)}; give "
+            f"the speed of sound as wave_speed, or the frequencies in hertz: they are probably in {unit} (calibrate "
+            f"--frequency-unit {unit})"
+        )
+
+
 def _size(sweep: xr.Dataset) -> str:
     """The array in wavelengths, for messages."""
     length = _length_and_pitch(sweep)[0]
@@ -149,6 +180,13 @@ class Doubt(NamedTuple):
 def doubts(sweep: xr.Dataset) -> list[Doubt]:
     """Numbers of a valid sweep that make little sense together: positions or angles in another unit."""
     wavelength = wave_speed(sweep) / float(sweep["frequency"].max())
+    unit = frequency_unit_of(sweep)
+    if unit is not None:
+        what = (
+            f"The frequencies make no sense with {_size(sweep)}: they are probably in {unit}, or the speed of sound is "
+            "missing as wave_speed."
+        )
+        return [Doubt("frequency-unit", what, f"--frequency-unit {unit}")]
     if is_raster(sweep):
         if not radians_for_degrees(sweep["azimuth"].values, sweep["elevation"].values, wavelength):
             return []
