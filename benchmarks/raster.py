@@ -30,7 +30,7 @@ from mirrorfold.common.geometry import reflect
 from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
-from mirrorfold.folding.volume_picture import draw_volume
+from mirrorfold.folding.pictures import draw
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scoring.volumes import patch_contrast
@@ -268,7 +268,7 @@ def speed() -> Table:
     add(
         "fold 10 million voxels",
         0.3,
-        timed(lambda: draw_volume(x, y, z, found.sight, folds, margin)),
+        timed(lambda: draw(found.sight, folds, margin, (x, y, z))),
     )
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))

@@ -14,9 +14,8 @@ changes, in `find_tree`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -46,9 +45,6 @@ from mirrorfold.tree.ordering import order_mirrors
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
-
-MIXED_ROUNDS = 3
-"""Rounds of the test for mixed paths: their ghosts rarely stand behind one another, so that each uncovers little."""
 
 GHOST_CELLS = 0.5
 """An echo this close, in resolution cells, to a known ghost of mixed paths is that ghost."""
@@ -135,15 +131,7 @@ def fold(
 
 
 class FoldPlan:
-    """An image that is folded again and again: what does not change is found once.
-
-    Parameters
-    ----------
-    image : DataArray or DataTree
-        As for `fold`.
-    sweep : xarray.Dataset, optional
-        As for `fold`.
-    """
+    """An image that is folded again and again, as by `fold`: what does not change is found once."""
 
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
@@ -151,9 +139,9 @@ class FoldPlan:
         if isinstance(image, xr.DataTree) and sweep is None:
             places = [np.ravel(image.attrs.get(f"mixed_{axis}", ())).astype(float) for axis in "xy"]
             self._ghosts = np.stack(places, axis=-1)
-        self._sweep = None if sweep is None else check_sweep(sweep)
-        if self._sweep is not None and is_monostatic(self._sweep):
-            self._sweep = None  # one antenna hears an echo from where it sent it to
+        # One antenna hears an echo from where it sent it to.
+        checked = None if sweep is None else check_sweep(sweep)
+        self._sweep = None if checked is None or is_monostatic(checked) else checked
         self._views: dict[str | None, View] = {}
         self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
         self._ratios: dict[str, dict[tuple[float, float], float]] = {}
@@ -199,11 +187,9 @@ class FoldPlan:
         report(1, 3)
         found = find_tree(view, echoes, settings, known=known, mixed_paths=self._mixed_paths(view, settings))
         report(2, 3)
-        result = collect(
-            self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
-            mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
-            grid=grid,
-        )  # fmt: skip
+        mixed = np.concatenate([self._ghosts, found.mixed]) if view.dimensions == 2 else found.mixed
+        points = fold_back(found.tree)
+        result = collect(self.image, found.echoes, found.tree, found.sight, points, settings, mixed=mixed, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": known is not None}
         report(3, 3)
         return result
@@ -231,19 +217,8 @@ class FoldPlan:
         return partial(of_mixed_paths, sweep=self._sweep, view=view, known=known)
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What steps 2 to 4 find.
-
-    Attributes
-    ----------
-    echoes : Echoes
-        Without those of mixed paths.
-    tree : MirrorTree
-    sight : LinesOfSight
-    mixed : (n, d) array [m]
-        Where echoes of mixed paths stood.
-    """
+class Found(NamedTuple):
+    """What steps 2 to 4 find: echoes without those of mixed paths, and where these stood, (n, d) [m]."""
 
     echoes: Echoes
     tree: MirrorTree
@@ -272,27 +247,25 @@ def find_tree(
     mixed_paths : callable, optional
         Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
         tested in its turn.
-
-    Returns
-    -------
-    Found
     """
-    found = _settled(view, echoes, settings, known)
-    ghosts = [np.empty((0, view.dimensions))]
+    mixed = np.empty((0, view.dimensions))
     trusted = np.zeros(len(echoes), dtype=bool)
-    for _ in range(MIXED_ROUNDS if mixed_paths is not None else 0):
-        new = ~trusted & found.sight.clear(echoes)
+    while True:
+        seen, tree, sight = _settled(view, echoes, settings, known)
+        new = ~trusted & sight.clear(echoes)
         if mixed_paths is None or not new.any():
-            break
+            return Found(seen, tree, sight, mixed)
         ghost = np.zeros_like(new)
         ghost[new] = mixed_paths(echoes.take(new))
-        ghosts.append(echoes.position[ghost])
+        if not ghost.any():
+            return Found(seen, tree, sight, mixed)
+        mixed = np.concatenate([mixed, echoes.position[ghost]])
         trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
-        found = _settled(view, echoes, settings, known)
-    return Found(found.echoes, found.tree, found.sight, np.concatenate(ghosts))
 
 
-def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | None) -> Found:
+def _settled(
+    view: View, echoes: Echoes, settings: FoldSettings, known: Array | None
+) -> tuple[Echoes, MirrorTree, LinesOfSight]:
     """Steps 2 to 4 of given echoes: mirrors and their order in turn, until both agree with what is visible.
 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
@@ -310,8 +283,7 @@ def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | 
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break
         echoes = seen
-    tree, sight = assign_echoes(order, seen, opaque=opaque)
-    return Found(seen, tree, sight, np.empty((0, view.dimensions)))
+    return seen, *assign_echoes(order, seen, opaque=opaque)
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
@@ -326,10 +298,9 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
         raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
-    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore")
-    attrs = {str(name).removeprefix("image_"): value for name, value in reconstruction.attrs.items()
-             if str(name).startswith("image_")}  # fmt: skip
-    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
-    attrs = {"radar_position": radar, **attrs}
-    attrs["normalization"] = str(reconstruction.attrs.get("fold_normalization", "r"))
-    return image.rename("image").assign_attrs(attrs)
+    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore").rename("image")
+    attrs = {str(name): value for name, value in reconstruction.attrs.items()}
+    known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
+    radar = [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    done = str(attrs.get("fold_normalization", "r"))
+    return image.assign_attrs({"radar_position": radar} | known | {"normalization": done})

@@ -14,7 +14,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
-from mirrorfold.detection.known_mirrors import known_lines, known_planes
+from mirrorfold.detection.known_mirrors import known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
@@ -105,15 +105,12 @@ def find_mirrors(
     if known is not None and len(known) and known.shape[2] != view.dimensions:
         wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
         raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
+    if known is not None:
+        return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
     if isinstance(view, VolumeView):
-        if known is not None:
-            return known_planes(known, echoes, view)
         return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
-    view = _image(view)
-    if known is not None:
-        return known_lines(known, echoes, view)
-    return lines.find_lines(echoes, view, minimum_length=length, tested=tested)
+    return lines.find_lines(echoes, _image(view), minimum_length=length, tested=tested)
 
 
 def usual_threshold(view: View) -> float:

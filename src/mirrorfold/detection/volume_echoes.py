@@ -6,8 +6,6 @@ neighbouring beams see the same surface, those count whose axis passes near it.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numba
 import numpy as np
 
@@ -32,20 +30,11 @@ MOST_ECHOES = 24
 
 
 def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
-    """All echoes above the noise, with ranges to a fraction of a sample.
+    """All echoes above the noise, strong above a threshold [dB] relative to the reference echo.
 
-    Parameters
-    ----------
-    view : VolumeView
-    threshold_db : float [dB]
-        Of strong echoes, relative to the reference echo.
-
-    Returns
-    -------
-    Echoes
-        Maybe none. Their ranges are the centres of power of the runs.
+    Their ranges are the centres of power of the runs, finer than a sample.
     """
-    cell = max(1, round(0.5 * view.range_cell / view.step))
+    cell = max(1, round(0.5 * view.range_cell / view.dr))
     columns, rows = view.shape
     beams = np.zeros((columns, rows * MOST_ECHOES), dtype=np.int64)
     found = np.zeros((columns, rows * MOST_ECHOES, 2))
@@ -60,7 +49,7 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
     for_each(column, range(columns))
     beam = np.concatenate([beams[i, :n] + i * rows for i, n in enumerate(counts)])
     values = np.concatenate([found[i, :n] for i, n in enumerate(counts)])
-    range_: Array = view.range[0] + view.step * values[:, 0]
+    range_: Array = view.range[0] + view.dr * values[:, 0]
     gain = np.interp(range_, view.range, view.gain)
     amplitude = values[:, 1] * gain
     reference = reference_echo(brightest_of(beam, amplitude))
@@ -71,25 +60,13 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
 
 
 def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
-    """Every sample above a threshold relative to the brightest one: objects, as published.
-
-    Parameters
-    ----------
-    view : VolumeView
-    threshold_db : float [dB]
-
-    Returns
-    -------
-    Echoes
-        All of amplitude one: the published transform counts pixels.
-    """
+    """Every sample above a threshold [dB] relative to the brightest one, as published."""
     level = view.amplitude.reshape(-1, view.range.size) * view.gain
     brightest = float(level.max())
     threshold = brightest * 10.0 ** (threshold_db / 20.0)
     beam, sample = np.nonzero((level >= threshold) & (level > 0.0))
-    range_, ones = view.range[sample], np.ones(beam.size)
-    echoes = Echoes.found(view.points(range_, beam), range_, beam, ones, ones, 0.0 * ones, threshold, brightest)
-    return replace(echoes, strong=ones > 0.0)
+    range_ = view.range[sample]
+    return Echoes.pixels(view.points(range_, beam), range_, beam, np.ones(beam.size), brightest, threshold)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ from mirrorfold.common.types import Chain
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
-from mirrorfold.tree.ordering import Order, visible_objects
+from mirrorfold.tree.ordering import Order
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
@@ -28,7 +28,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     Returns
     -------
     tree : MirrorTree
-        Its root; without mirrors if there are none.
+        Its root.
     sight : LinesOfSight
         With the chains of the mirrors.
     """
@@ -36,7 +36,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     if opaque:
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
     through = sight.seen_through(echoes.range, echoes.direction)
-    owner = np.where(visible_objects(order, echoes), through, NOBODY)
+    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, NOBODY)
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain, fold: Isometry) -> MirrorTree:
