@@ -56,17 +56,16 @@ LEFT_OUT = {
     "PIXEL_RADII": "size of the picture; no point depends on it",
     "BORDER_RADII": "size of the picture; no point depends on it",
     "RAYLEIGH_MEDIAN": "follows from a formula",
-    "FOOTPRINT": "follows from a formula",
+    "HALF_AMPLITUDES": "follows from a formula",
     "HANN_CELL": "follows from a formula",
-    "HANN_DEVIATION": "follows from a formula",
+    "DEVIATION": "follows from a formula",
     "SHORTEST": "checks mirrors that are given; here they are found",
     "FLATTEST": "checks mirrors that are given; here they are found",
     "LARGEST_COUNT": "checks mirrors that are given; here they are found",
-    "known_mirrors.SAMPLES": "for mirrors that are given; here they are found",
 }
 """Constants that are no tuning, by name or by module and name, with the reason."""
 
-SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_RATIO", "LARGEST_SINE", "HALF")
+SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_RATIO", "LARGEST_SINE")
 """Shares of one, and a sine: with 1 or more nothing would ever pass, or there is no angle."""
 LARGEST_SHARE = 0.99
 

@@ -31,11 +31,7 @@ VOLUME = ("range", "azimuth", "elevation")
 def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
     """The radar's own view of an image (y, x), of the plan view of voxels (z, y, x), or of a raster volume.
 
-    Parameters
-    ----------
-    image : DataArray
-    normalization : {"r", "r2", "none", "beam"}, optional
-        How the spreading with range is undone before anything is judged; see the views.
+    The `normalization`, "r", "r2", "none" or "beam", undoes the spreading with range before anything is judged.
 
     Raises
     ------

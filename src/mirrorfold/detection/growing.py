@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
@@ -24,9 +24,9 @@ from mirrorfold.detection.view import View
 CLIP = 2.0
 """Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
 
-PROPOSALS = 300
+PROPOSALS = 200
 """Groups of echoes drawn for each mirror. Of a wall that holds a third of the echoes one in ten falls on it, so that
-the chance that none of all these does is ``0.9^300``."""
+the chance that none of all these does is ``0.9^200``."""
 
 JUDGES = 1500
 """Echoes, evenly drawn, that propose and judge."""
@@ -72,6 +72,7 @@ class Search(ABC, Generic[M]):
         self.every, self.echoes = echoes, evidence(echoes, view)
         usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
+        self.extent = view.extents(self.echoes.position)
         self.random = np.random.default_rng(seed)
 
     @abstractmethod
@@ -110,11 +111,9 @@ class Search(ABC, Generic[M]):
         points, weight = self.echoes.position[judge], self.weight[judge]
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
         cell = np.median(self.view.cell(self.echoes.range[judge]))
-        around = cKDTree(points).query_ball_point(points[seeds], REACH_CELLS * cell)
-        partners = [
-            [near[i] for i in self.random.integers(len(near), size=self.view.dimensions - 1)] for near in around
-        ]
-        group = points[np.column_stack([seeds, partners])]
+        near = cdist(points[seeds], points) < REACH_CELLS * cell
+        partners = [np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(self.view.dimensions - 1)]
+        group = points[np.column_stack([seeds, *partners])]
         group = group - points[seeds][:, None]
         normal = np.linalg.svd(group)[2][:, -1]
         distance = np.abs(points @ normal.T - np.sum(points[seeds] * normal, axis=1))
@@ -126,7 +125,7 @@ class Search(ABC, Generic[M]):
         """The mirror that a proposal grows to, None if it is none; and the echoes to take out of the search."""
         points, member = self.echoes.position, free
         for i in range(ROUNDS + 1):
-            across = self.view.extent(points, normal)
+            across = self.extent(normal)
             near = free & (np.abs((points - center) @ normal) <= (NEAR if i else 1.0) * across)
             if np.count_nonzero(near) < self.fewest:
                 return None, member if i else near

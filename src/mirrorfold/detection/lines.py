@@ -97,7 +97,7 @@ class _Lines(Search[LineMirror]):
         points = self.echoes.position
         position, before = mirror.along(points), -mirror.behind(self.view, points)
         weight = np.where((position >= 0.0) & (position <= mirror.length), self.weight, 0.0)
-        across = self.view.extent(points, mirror.normal)
+        across = self.extent(mirror.normal)
         in_front = (before > BEFORE_LINE[0] * across) & (before <= BEFORE_LINE[1] * across)
         return bool(weight[np.abs(before) <= ON_LINE * across].sum() >= SMALLEST_CONTRAST * weight[in_front].sum())
 

@@ -8,6 +8,7 @@ a scanner; all that differs between the floor plan and space stands behind the m
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,12 +114,20 @@ class View(ABC):
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
+    def extents(self, points: Array) -> Callable[[Array], Array]:
+        """What tells the `extent` at points (n, d) of any unit vectors."""
+        offset, cross = points - self.radar, self.cross_cell(points)
+        sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
+
+        def extent(along: Array) -> Array:
+            cosine = np.minimum(np.abs(along.T @ sight), 1.0)
+            return np.hypot(self.range_cell * cosine, cross * np.sqrt(1.0 - cosine**2)).T
+
+        return extent
+
     def extent(self, points: Array, along: Array) -> Array:
-        """Width of the resolution cell [m] at points (n, d) along a unit vector (d,), or each of (d, m): (n, m)."""
-        offset = points - self.radar
-        range_ = np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
-        cosine = np.minimum(np.abs(offset @ along).T / range_, 1.0)
-        return np.hypot(self.range_cell * cosine, self.cross_cell(points) * np.sqrt(1.0 - cosine**2)).T
+        """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
+        return self.extents(points)(along)
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""

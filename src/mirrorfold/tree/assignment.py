@@ -15,22 +15,9 @@ from mirrorfold.tree.ordering import Order
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
-    """The tree of the mirrors with their echoes, less those that the radar's own view contradicts.
+    """The tree of the mirrors with their echoes, by its root, and the lines of sight with the chains of the mirrors.
 
-    Parameters
-    ----------
-    order : Order
-    echoes : Echoes
-        With their marks `visible` and `strong`.
-    opaque : bool
-        Whether the radar's own view is taken to show all that it looks at.
-
-    Returns
-    -------
-    tree : MirrorTree
-        Its root.
-    sight : LinesOfSight
-        With the chains of the mirrors.
+    Where objects are `opaque`, echoes are left out that the radar's own view contradicts.
     """
     sight = order.sight
     if opaque:
