@@ -46,7 +46,7 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
 
 
 def find_echoes(view: View, *, threshold_db: float | None = None, published: bool = False) -> Echoes:
-    """The echoes of a view: what stands above noise, threshold and side lobes.
+    """The echoes of a view, maybe none: what stands above noise, threshold and side lobes.
 
     Parameters
     ----------
@@ -55,11 +55,6 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
         Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
     published : bool
         Every pixel above the threshold, relative to the brightest pixel, is an echo.
-
-    Returns
-    -------
-    Echoes
-        Maybe none.
     """
     level = usual_threshold(view) if threshold_db is None else threshold_db
     if isinstance(view, VolumeView):
@@ -88,10 +83,6 @@ def find_mirrors(
         Whether a mirror must be straight, filled and stand out of its surroundings, not only long enough.
     known : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
         Mirrors that are given in the place of those found: ends of lines, or corners of planes.
-
-    Returns
-    -------
-    sequence of Mirror
 
     Raises
     ------

@@ -171,13 +171,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], and `normalization`
     what was undone already. Where they are missing, the radar stands at the origin with its array along x, and two
     pixels make a resolution cell.
-
-    Parameters
-    ----------
-    image : (y, x) DataArray
-        Complex or amplitude. Complex images are demodulated before they are interpolated.
-    normalization : {"r", "none", "r2"}, optional
-        "r" by default: line sources spread as ``1/sqrt(r)``, there and back.
+    Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
+    "r": line sources spread as ``1/sqrt(r)``, there and back.
 
     Raises
     ------

@@ -205,15 +205,11 @@ class VolumeView(View):
 
 
 def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
-    """What the steps after imaging need to know of a raster volume.
+    """What the steps after imaging need to know of a raster volume, (range, azimuth, elevation).
 
-    Parameters
-    ----------
-    volume : (range, azimuth, elevation) DataArray
-        Complex or amplitude. Attrs: `normalization` done already, `frequency_start`, `frequency_stop`,
-        `spot_radius`, `focus_distance` [m], `wave_speed` [m/s], `radar_position` [m].
-    normalization : {"beam", "r2", "none"}, optional
-        By default for the beam if it is known, else for range squared.
+    Attrs: `normalization` done already, `frequency_start`, `frequency_stop`, `spot_radius`, `focus_distance` [m],
+    `wave_speed` [m/s], `radar_position` [m]. The `normalization`, "beam", "r2" or "none", is by default for the beam if
+    it is known, else for range squared.
 
     Raises
     ------

@@ -56,9 +56,9 @@ def mirror_errors(reconstruction: xr.DataTree, faces: list[Face]) -> list[Mirror
         best = min(near, key=lambda face: _distance(center, normal, face), default=None)
         rows.append(
             MirrorError(
-                surface=best and best.surface,
-                angle_error_deg=best and _angle_deg(normal, best.normal),
-                offset_error_mm=best and 1e3 * abs(float((center - best.center) @ best.normal)),
+                surface=best.surface if best else None,
+                angle_error_deg=_angle_deg(normal, best.normal) if best else None,
+                offset_error_mm=1e3 * abs(float((center - best.center) @ best.normal)) if best else None,
                 generation=int(found["generation"].values[i]),
                 length_m=length,
             )

@@ -161,7 +161,7 @@ def _judge(
 
     def compared(points: Array, distance: Array, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
-        return kind(**figures(points, distance, reachable), **{size: len(reachable) * truth.size})
+        return kind(**{**figures(points, distance, reachable), size: len(reachable) * truth.size})
 
     every, mirrored = thin(points), thin(points[by_mirror])
     distance, nearest = truth.distances(mirrored)

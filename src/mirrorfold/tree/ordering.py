@@ -72,14 +72,8 @@ def order_mirrors(
     mirrors : sequence of Mirror
     view : View
     echoes : Echoes
-    minimum_length : float [m]
-        Of the pieces that a mirror is cut into.
-    wall_margin : float [m]
-        How far behind a mirror echoes still belong to the wall.
-    opaque : bool
-        Whether objects end the view.
-    generations : int, optional
-        Largest number of mirrors in a chain; deeper ones are left out.
+    minimum_length, wall_margin, opaque, generations
+        See `FoldSettings`; `minimum_length` [m] is also that of the pieces that a mirror is cut into.
     """
     found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque)
     if generations is not None:
