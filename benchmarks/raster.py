@@ -30,8 +30,8 @@ from mirrorfold.common.geometry import reflect
 from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, folded_blobs
-from mirrorfold.folding.volume_picture import draw_volume
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scoring.volumes import patch_contrast
@@ -270,7 +270,7 @@ def speed() -> Table:
     add(
         "fold 10 million voxels",
         0.3,
-        timed(lambda: draw_volume(x, y, z, found.sight, folds, margin, blobs)),
+        timed(lambda: draw(found.sight, folds, margin, (x, y, z), blobs)),
     )
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))

@@ -56,21 +56,20 @@ LEFT_OUT = {
     "PIXEL_RADII": "size of the picture; no point depends on it",
     "BORDER_RADII": "size of the picture; no point depends on it",
     "RAYLEIGH_MEDIAN": "follows from a formula",
-    "FOOTPRINT": "follows from a formula",
+    "HALF_AMPLITUDES": "follows from a formula",
     "HANN_CELL": "follows from a formula",
-    "HANN_DEVIATION": "follows from a formula",
+    "DEVIATION": "follows from a formula",
     "SHORTEST": "checks mirrors that are given; here they are found",
     "FLATTEST": "checks mirrors that are given; here they are found",
     "LARGEST_COUNT": "checks mirrors that are given; here they are found",
-    "known_mirrors.SAMPLES": "for mirrors that are given; here they are found",
 }
 """Constants that are no tuning, by name or by module and name, with the reason."""
 
-SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_RATIO", "LARGEST_SINE", "HALF")
+SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_RATIO", "LARGEST_SINE")
 """Shares of one, and a sine: with 1 or more nothing would ever pass, or there is no angle."""
 LARGEST_SHARE = 0.99
 
-WITH_SWEEP = ("directions.", "reconstruction.MIXED_")
+WITH_SWEEP = ("directions.",)
 """Constants of the test for mixed paths, which needs the sweep; by the beginning of their labels."""
 AGAIN = ("reconstruction.GHOST_",)
 """Constants that matter when a reconstruction is folded again."""
@@ -115,8 +114,8 @@ def concerned(constant: Constant, case: Case) -> bool:
         return False
     part = constant.label
     if case.group == "volumes":
-        return not part.startswith(("image_", "line_", "lines.", "directions."))
-    return not part.startswith(("plane_", "planes.", "volume_"))
+        return not part.startswith(("image_", "line_mirror.", "lines.", "directions."))
+    return not part.startswith(("plane_mirror.", "planes.", "volume_"))
 
 
 def selected(sources: Sources, names: list[str] | None) -> tuple[list[Constant], list[str]]:

@@ -14,10 +14,10 @@ changes, in `find_tree`.
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -52,9 +52,6 @@ from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
-
-MIXED_ROUNDS = 3
-"""Rounds of the test for mixed paths: their ghosts rarely stand behind one another, so that each uncovers little."""
 
 GHOST_CELLS = 0.5
 """An echo this close, in resolution cells, to a known ghost of mixed paths is that ghost."""
@@ -171,15 +168,7 @@ def fold(
 
 
 class FoldPlan:
-    """An image that is folded again and again: what does not change is found once.
-
-    Parameters
-    ----------
-    image : DataArray or DataTree
-        As for `fold`.
-    sweep : xarray.Dataset, optional
-        As for `fold`.
-    """
+    """An image that is folded again and again, as by `fold`: what does not change is found once."""
 
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
         if not isinstance(image, xr.DataArray | xr.DataTree):
@@ -189,9 +178,9 @@ class FoldPlan:
         if isinstance(image, xr.DataTree) and sweep is None:
             places = [np.ravel(image.attrs.get(f"mixed_{axis}", ())).astype(float) for axis in "xy"]
             self._ghosts = np.stack(places, axis=-1)
-        self._sweep = None if sweep is None else check_sweep(sweep)
-        if self._sweep is not None and is_monostatic(self._sweep):
-            self._sweep = None  # one antenna hears an echo from where it sent it to
+        # One antenna hears an echo from where it sent it to.
+        checked = None if sweep is None else check_sweep(sweep)
+        self._sweep = None if checked is None or is_monostatic(checked) else checked
         self._views: dict[str | None, View] = {}
         self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
         self._walls: tuple[FoldSettings, tuple[Echoes, Mask]] | None = None
@@ -249,11 +238,9 @@ class FoldPlan:
         mixed_paths = self._mixed_paths(view, settings)
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, mixed_paths=mixed_paths)
         report(2, 3)
-        result = collect(
-            self.image, found.echoes, found.tree, found.sight, fold_back(found.tree), settings,
-            mixed=np.concatenate([self._ghosts[:, : view.dimensions], found.mixed]) if view.dimensions == 2 else None,
-            grid=grid,
-        )  # fmt: skip
+        mixed = np.concatenate([self._ghosts, found.mixed]) if view.dimensions == 2 else found.mixed
+        points = fold_back(found.tree)
+        result = collect(self.image, found.echoes, found.tree, found.sight, points, settings, mixed=mixed, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
@@ -287,19 +274,8 @@ class FoldPlan:
         return partial(of_mixed_paths, sweep=self._sweep, view=view, known=known)
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What steps 2 to 4 find.
-
-    Attributes
-    ----------
-    echoes : Echoes
-        Without those of mixed paths.
-    tree : MirrorTree
-    sight : LinesOfSight
-    mixed : (n, d) array [m]
-        Where echoes of mixed paths stood.
-    """
+class Found(NamedTuple):
+    """What steps 2 to 4 find: echoes without those of mixed paths, and where these stood, (n, d) [m]."""
 
     echoes: Echoes
     tree: MirrorTree
@@ -331,25 +307,21 @@ def find_tree(
     mixed_paths : callable, optional
         Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
         tested in its turn.
-
-    Returns
-    -------
-    Found
     """
-    found = _settled(view, echoes, settings, known, walls)
-    ghosts = [np.empty((0, view.dimensions))]
+    mixed = np.empty((0, view.dimensions))
     trusted = np.zeros(len(echoes), dtype=bool)
-    for _ in range(MIXED_ROUNDS if mixed_paths is not None else 0):
-        new = ~trusted & found.sight.clear(echoes)
+    while True:
+        seen, tree, sight = _settled(view, echoes, settings, known, walls)
+        new = ~trusted & sight.clear(echoes)
         if mixed_paths is None or not new.any():
-            break
+            return Found(seen, tree, sight, mixed)
         ghost = np.zeros_like(new)
         ghost[new] = mixed_paths(echoes.take(new))
-        ghosts.append(echoes.position[ghost])
+        if not ghost.any():
+            return Found(seen, tree, sight, mixed)
+        mixed = np.concatenate([mixed, echoes.position[ghost]])
         trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
         walls = None if walls is None else walls[~ghost]
-        found = _settled(view, echoes, settings, known, walls)
-    return Found(found.echoes, found.tree, found.sight, np.concatenate(ghosts))
 
 
 def shown_walls(view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Echoes, Mask]:
@@ -361,11 +333,12 @@ def shown_walls(view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Ech
     return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
 
 
-def _settled(view: View, echoes: Echoes, settings: FoldSettings, known: Array | None, walls: Mask | None) -> Found:
+def _settled(
+    view: View, echoes: Echoes, settings: FoldSettings, known: Array | None, walls: Mask | None
+) -> tuple[Echoes, MirrorTree, LinesOfSight]:
     """Steps 2 to 4 of given echoes."""
     order, seen = _agreed(view, echoes, settings, known, walls)
-    tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-    return Found(seen, tree, sight, np.empty((0, view.dimensions)))
+    return seen, *assign_echoes(order, seen, opaque=settings.opaque)
 
 
 def _agreed(
@@ -403,10 +376,9 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
         raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
-    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore")
-    attrs = {str(name).removeprefix("image_"): value for name, value in reconstruction.attrs.items()
-             if str(name).startswith("image_")}  # fmt: skip
-    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
-    attrs = {"radar_position": radar, **attrs}
-    attrs["normalization"] = str(reconstruction.attrs.get("fold_normalization", "r"))
-    return image.rename("image").assign_attrs(attrs)
+    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore").rename("image")
+    attrs = {str(name): value for name, value in reconstruction.attrs.items()}
+    known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
+    radar = [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    done = str(attrs.get("fold_normalization", "r"))
+    return image.assign_attrs({"radar_position": radar} | known | {"normalization": done})

@@ -16,7 +16,8 @@ from scipy.constants import speed_of_light
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image
 
 import mirrorfold as mf
-from mirrorfold.detection.image_view import LARGEST_SINE, ImageView, check_image, to_image_view
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView, to_image_view
+from mirrorfold.detection.view import check_samples
 from mirrorfold.sweep import make_sweep
 
 
@@ -79,7 +80,8 @@ def test_the_cell_across_the_line_of_sight_is_what_a_step_in_u_spans():
     view = empty_view()
     for range_, u in ((0.7, 0.0), (2.0, 0.6), (1.3, -0.9)):
         ends = view.to_points(np.full(2, range_), np.array([u - 0.5e-3, u + 0.5e-3]))
-        assert_allclose(view.cross_cell(range_, u), np.linalg.norm(ends[1] - ends[0]) / 1e-3 * view.u_cell, rtol=1e-4)
+        point = view.to_points([range_], [u])
+        assert_allclose(view.cross_cell(point), np.linalg.norm(ends[1] - ends[0]) / 1e-3 * view.u_cell, rtol=1e-4)
 
 
 def test_amplitude_is_linear_between_samples_and_zero_outside_of_the_view():
@@ -209,13 +211,13 @@ def broken(image, **what):
 )
 def test_what_is_no_image_is_refused_in_one_sentence(image, change, message):
     with pytest.raises(mf.InputError, match=message) as caught:
-        check_image(change(image), source="photo.nc")
+        check_samples(change(image), ("y", "x"), source="photo.nc")
     assert str(caught.value).startswith("photo.nc: ")
     assert "\n" not in str(caught.value)
 
 
 def test_a_valid_image_passes_unchanged(image):
-    assert check_image(image) is image
+    check_samples(image, ("y", "x"))
 
 
 def test_an_image_smaller_than_a_resolution_cell_is_refused():

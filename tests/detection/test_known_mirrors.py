@@ -13,10 +13,10 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
-from mirrorfold.folding.image_picture import draw_image
+from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, folded_blobs
 from mirrorfold.reconstruction import FoldPlan, initial_image
-from mirrorfold.tree.lines_of_sight import ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
 """A wall in line of sight, and what it shows of the object."""
@@ -172,7 +172,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
             sample = np.clip(np.rint((range_ - polar.range[0]) / polar.dr).astype(int), 0, polar.range.size - 1)
             seen &= blobs[column, sample] == mirror
         expected = np.maximum(expected, np.where(seen, amplitude, 0.0))
-    intensity, initial = draw_image(x, y, polar, sight, folds, 0.04, blobs)
+    intensity, initial = (draw(s, folds, 0.04, (x, y), blobs) for s in (sight, LinesOfSight.unfolded(polar)))
     assert len(mirrors) == 2
     assert_allclose(intensity, expected, rtol=1e-5, atol=1e-6 * expected.max())
     assert_allclose(initial, polar.at(*polar.to_polar(grid)), rtol=1e-5, atol=1e-6 * expected.max())

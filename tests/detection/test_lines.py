@@ -15,9 +15,10 @@ from synthetic import diffuse, empty_view, radar_view, together
 from mirrorfold.common.geometry import cross2
 from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.fit import front_depth, refined
 from mirrorfold.detection.image_echoes import find_pixels, find_ridges
-from mirrorfold.detection.line_fit import across_profiles, leading_edge, refined
-from mirrorfold.detection.line_mirror import LineMirror, line_cell
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.lines import DEEP, LOBE
 
 NOISE = 0.01
 
@@ -60,7 +61,7 @@ def thick(start, end, seed, depth):
 def bare_mirrors(echoes, view, monkeypatch):
     """Mirrors without the search for the leading edge."""
     with monkeypatch.context() as patch:
-        patch.setattr("mirrorfold.detection.lines.leading_edge", lambda mirror, view: mirror)
+        patch.setattr("mirrorfold.detection.lines.front_depth", lambda mirror, view: 0.0)
         return find_mirrors(view, echoes)
 
 
@@ -94,7 +95,7 @@ def test_a_wall_is_found_to_a_tenth_of_a_degree_and_half_a_millimetre(seed, rang
     assert angle < 0.1
     assert offset < 0.5
     # Its ends are as sharp as the resolution along it.
-    _, cell = line_cell(view, np.stack([start, end]), mirror.direction)
+    cell = view.extent(np.stack([start, end]), mirror.direction)
     ends = [mirror.start, mirror.end]
     if np.linalg.norm(mirror.start - start) > np.linalg.norm(mirror.end - start):
         ends.reverse()
@@ -264,7 +265,7 @@ def test_the_line_of_a_wall_that_scatters_from_inside_is_moved_to_its_face(depth
 def test_the_line_of_a_thin_wall_is_left_where_it_is(seed):
     start, end = random_wall(seed, length=0.9)
     view, _, (mirror,) = look(*diffuse(start, end, seed), seed=seed)
-    assert leading_edge(mirror, view) is mirror
+    assert front_depth(mirror, view) < DEEP * view.range_cell
 
 
 def test_a_line_a_little_wrong_is_refined_to_the_image():
@@ -273,7 +274,7 @@ def test_a_line_a_little_wrong_is_refined_to_the_image():
     # Half a degree and half a centimetre off.
     wrong = LineMirror(start + np.array([0.0, 0.009]), end + np.array([0.0, 0.001]))
     assert errors(wrong, start, end)[0] > 0.4
-    angle, offset = errors(refined(wrong, view), start, end)
+    angle, offset = errors(refined(wrong, view, *LOBE)[0], start, end)
     assert angle < 0.05
     assert offset < 0.2
 
@@ -281,23 +282,27 @@ def test_a_line_a_little_wrong_is_refined_to_the_image():
 def test_profiles_across_a_mirror_peak_on_it():
     start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
     view, _, _ = look(*diffuse(start, end, 6))
-    along, offset, amplitude = across_profiles(LineMirror(start, end), view, reach=1.5, spacing=0.5)
-    assert amplitude.shape == offset.shape == (along.size, 121)
-    assert_allclose(along[[0, -1]], [0.0, np.hypot(0.9, 0.3)])
+    mirror = LineMirror(start, end)
+    places = mirror.places(view)
+    assert_allclose(mirror.beside(places), 0.0, atol=1e-12)
+    assert 0.0 <= mirror.along(places).min() < mirror.along(places).max() <= mirror.length
+    depth = np.broadcast_to(1.5 * view.range_cell * np.linspace(-1.0, 1.0, 121), (len(places), 121))
+    inward, power = mirror.profiles(view, places, depth)
+    assert_allclose(np.linalg.norm(inward, axis=1), 1.0)
+    assert (inward @ (view.radar - mirror.center) < 0.0).all()
     # Where speckle fades, what is left may lie beside the line.
-    bright = amplitude.max(axis=1) > np.median(amplitude.max(axis=1))
-    top = offset[np.arange(along.size), amplitude.argmax(axis=1)]
+    bright = power.max(axis=1) > np.median(power.max(axis=1))
+    top = depth[0, power.argmax(axis=1)]
     assert np.abs(top[bright]).max() < 0.2 * view.range_cell
-    assert (amplitude[:, [0, -1]].max(axis=1) < 0.3 * amplitude.max(axis=1)).mean() > 0.9
+    assert (power[:, [0, -1]].max(axis=1) < 0.1 * power.max(axis=1)).mean() > 0.9
 
 
 def test_the_cell_along_and_across_a_line_is_that_of_range_and_of_angle():
     view = empty_view()
     ahead = np.array([[0.0, 2.0]])
     cross = 2.0 * view.u_cell
-    assert_allclose(np.concatenate(line_cell(view, ahead, np.array([1.0, 0.0]))), [view.range_cell, cross])
-    assert_allclose(np.concatenate(line_cell(view, ahead, np.array([0.0, 1.0]))), [cross, view.range_cell])
-    diagonal = np.concatenate(line_cell(view, ahead, np.array([1.0, 1.0]) / np.sqrt(2.0)))
+    assert_allclose(view.extent(ahead, np.eye(2)), [[cross, view.range_cell]])
+    diagonal = view.extent(ahead, np.array([1.0, 1.0]) / np.sqrt(2.0))
     assert_allclose(diagonal, np.hypot(view.range_cell, cross) / np.sqrt(2.0))
 
 

@@ -20,8 +20,8 @@ from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, folded_blobs
-from mirrorfold.folding.volume_picture import draw_volume
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.sweep import make_raster_sweep
 from mirrorfold.tree.lines_of_sight import ROOT
@@ -279,7 +279,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     found = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes)))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
     blobs = folded_blobs(fold_back(found.tree), found.sight)
-    drawn = draw_volume(x, y, z, found.sight, found.tree.folds(), 0.04, blobs)
+    drawn = draw(found.sight, found.tree.folds(), 0.04, (x, y, z), blobs)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(grid))
     for number, chain in [(ROOT, ()), *((i, c) for i, c in enumerate(found.sight.chain) if c)]:
@@ -289,7 +289,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
         place = [
             (azimuth - view.azimuth[0]) / np.diff(view.azimuth).mean(),
             (elevation - view.elevation[0]) / np.diff(view.elevation).mean(),
-            (range_ - view.range[0]) / view.step,
+            (range_ - view.range[0]) / view.dr,
         ]
         edge = [(p >= 0.0) & (p <= n - 1) for p, n in zip(place, view.amplitude.shape, strict=True)]
         value = map_coordinates(view.amplitude.astype(float), place, order=1)
@@ -349,7 +349,7 @@ def test_wrong_volumes_and_settings_are_refused():
         mf.fold(volume * 0.0)
     with pytest.raises(mf.InputError, match="not finite"):
         mf.fold(volume.where(volume["range"] > 1.2))
-    with pytest.raises(mf.InputError, match="at least four samples"):
+    with pytest.raises(mf.InputError, match="at least 4 pixels"):
         mf.fold(volume[:, :2])
     with pytest.raises(mf.InputError, match="normalization is 'r3'"):
         mf.fold(volume, normalization="r3")

@@ -86,7 +86,7 @@ def test_three_bounces_arrive_where_the_targets_are(periscope_tree):
     deepest = list(tree.walk())[-1]
     places = folds[0, 0, 0](deepest.objects.position)
     # An echo lies within the main lobe of its point.
-    assert nearest(places, TARGETS).max() < 0.8 * view.cross_cell(3.65, 0.0)
+    assert nearest(places, TARGETS).max() < 0.8 * view.cross_cell(view.to_points([3.65], [0.0]))
     for target in TARGETS:
         mine = np.linalg.norm(places - target, axis=1) < 0.05
         assert mine.any()

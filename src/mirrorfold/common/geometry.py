@@ -90,21 +90,10 @@ def cross2(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: ArrayLike) -> tuple[Array, Array]:
-    """Where the rays origin -> target meet the line through start and end (2D).
+    """Where the rays origin -> target, (..., 2) [m], meet the line through start and end (2,) [m].
 
-    Parameters
-    ----------
-    origin, targets : (..., 2) arrays [m]
-        Broadcast against each other.
-    start, end : (2,) arrays [m]
-
-    Returns
-    -------
-    along_ray : (...) array
-        Fraction of the way from origin to target at the crossing: below 1, the line is met before the target.
-        Infinite for rays parallel to the line.
-    along_segment : (...) array
-        Fraction of the way from start to end; the segment itself is met where it lies in [0, 1].
+    Returns the fraction of the way from origin to target, (...): below 1, the line is met before the target; and that
+    from start to end, (...): the segment itself is met in [0, 1]. Both are infinite for rays parallel to the line.
     """
     origin, start = np.asarray(origin, dtype=float), np.asarray(start, dtype=float)
     ray = np.asarray(targets, dtype=float) - origin

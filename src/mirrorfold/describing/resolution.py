@@ -105,7 +105,7 @@ def resolution(
     if pitches and min(pitches) > (1.0 + PITCH_TOLERANCE) * shortest / 2.0:
         remarks.append(
             f"The pitch of {min(pitches) * 1e3:.3g} mm exceeds half a wavelength, {shortest * 500:.3g} mm: grating "
-            f"lobes will show things at wrong places outside a field of view of {field_of_view:.0f} degrees."
+            f"lobes will show objects at wrong places outside a field of view of {field_of_view:.0f} degrees."
         )
     return facts, remarks
 
@@ -149,7 +149,7 @@ def scan_resolution(
         widest = 2.0 * float(np.degrees(beam[0] / beam[1]))
         if any(angle is not None and angle > widest for angle in steps):
             remarks.append(
-                f"The scan steps are wider than the beam, {widest:.2g} degrees: things between two beams are seen by "
+                f"The scan steps are wider than the beam, {widest:.2g} degrees: objects between two beams are seen by "
                 "neither."
             )
     return facts, remarks

@@ -14,7 +14,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
-from mirrorfold.detection.known_mirrors import known_lines, known_planes
+from mirrorfold.detection.known_mirrors import known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
@@ -31,11 +31,7 @@ VOLUME = ("range", "azimuth", "elevation")
 def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
     """The radar's own view of an image (y, x), of the plan view of voxels (z, y, x), or of a raster volume.
 
-    Parameters
-    ----------
-    image : DataArray
-    normalization : {"r", "r2", "none", "beam"}, optional
-        How the spreading with range is undone before anything is judged; see the views.
+    The `normalization`, "r", "r2", "none" or "beam", undoes the spreading with range before anything is judged.
 
     Raises
     ------
@@ -50,7 +46,7 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
 
 
 def find_echoes(view: View, *, threshold_db: float | None = None, published: bool = False) -> Echoes:
-    """The echoes of a view: what stands above noise, threshold and side lobes.
+    """The echoes of a view, maybe none: what stands above noise, threshold and side lobes.
 
     Parameters
     ----------
@@ -59,11 +55,6 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
         Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
     published : bool
         Every pixel above the threshold, relative to the brightest pixel, is an echo.
-
-    Returns
-    -------
-    Echoes
-        Maybe none.
     """
     level = usual_threshold(view) if threshold_db is None else threshold_db
     if isinstance(view, VolumeView):
@@ -93,10 +84,6 @@ def find_mirrors(
     known : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
         Mirrors that are given in the place of those found: ends of lines, or corners of planes.
 
-    Returns
-    -------
-    sequence of Mirror
-
     Raises
     ------
     InputError
@@ -105,15 +92,12 @@ def find_mirrors(
     if known is not None and len(known) and known.shape[2] != view.dimensions:
         wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
         raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
+    if known is not None:
+        return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
     if isinstance(view, VolumeView):
-        if known is not None:
-            return known_planes(known, echoes, view)
         return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
-    view = _image(view)
-    if known is not None:
-        return known_lines(known, echoes, view)
-    return lines.find_lines(echoes, view, minimum_length=length, tested=tested)
+    return lines.find_lines(echoes, _image(view), minimum_length=length, tested=tested)
 
 
 def usual_threshold(view: View) -> float:

@@ -6,13 +6,11 @@ the side lobes of brighter echoes, and the ridges that remain.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import maximum_filter, maximum_filter1d
 
-from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.echoes import FALSE_ALARMS, RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, reference_echo
+from mirrorfold.common.types import Array
+from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, noise_limit, reference_echo
 from mirrorfold.detection.image_view import ImageView
 
 THRESHOLD_DB = -18.0
@@ -31,16 +29,12 @@ between neighbouring cells, and the beam falls as fast from one cell to the next
 def noise_floor(view: ImageView) -> Array:
     """Amplitude that noise stays below, (nr,).
 
-    A Rayleigh amplitude exceeds ``k sigma`` with probability ``exp(-k^2/2)``, so that of N samples none may be
-    expected to beyond ``k = sqrt(2 ln(N / p))``: about 6.2 for `FALSE_ALARMS` p = 1e-3 and 300 000 samples.
     Noise has the same strength in the whole image before the range normalisation, and most of an image is empty: its
     median tells the noise. Where there is no noise this is the level of far side lobes, and harmless.
     """
     spreading = view.range**view.power
-    seen = view.amplitude > 0.0
-    raw = (view.amplitude / spreading[:, None])[seen]
-    sigma = float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0
-    return np.sqrt(2.0 * np.log(max(raw.size, 1) / FALSE_ALARMS)) * sigma * spreading
+    raw = (view.amplitude / spreading[:, None])[view.amplitude > 0.0]
+    return noise_limit(float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0, raw.size) * spreading
 
 
 def side_lobes(view: ImageView) -> Array:
@@ -68,19 +62,7 @@ def side_lobes(view: ImageView) -> Array:
 
 
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
-    """The ridges of the image that stand above noise, threshold and side lobes.
-
-    Parameters
-    ----------
-    view : ImageView
-    threshold_db : float [dB]
-        Relative to the reference echo.
-
-    Returns
-    -------
-    Echoes
-        Maybe none.
-    """
+    """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo."""
     amplitude = view.amplitude
     floor = np.maximum(noise_floor(view)[:, None], side_lobes(view) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0))
     above = amplitude > floor
@@ -93,46 +75,26 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoe
     in_range = above & (amplitude == maximum_filter1d(amplitude, 3, axis=0, mode="constant"))
     in_u = above & (amplitude == maximum_filter1d(amplitude, 3, axis=1, mode="constant"))
     rows, columns = np.nonzero(in_range | in_u)
-    range_ = view.range[rows] + view.dr * np.where(in_range[rows, columns], _vertex(amplitude, rows, columns, 0), 0.0)
-    u = view.u[columns] + view.du * np.where(in_u[rows, columns], _vertex(amplitude, rows, columns, 1), 0.0)
-    length = np.where(in_range[rows, columns], view.cross_cell(range_, u) * view.du / view.u_cell, view.dr)
-    found = amplitude[rows, columns]
-    noise = floor[rows, columns]
-    return Echoes.found(view.to_points(range_, u), range_, view.column(u), found, length, noise, threshold, reference)
-
-
-def _vertex(amplitude: Array, rows: Index, columns: Index, axis: int) -> Array:
-    """Offset, in samples, of the vertex of the parabola through a sample and its two neighbours along `axis`."""
-    step = (1, 0) if axis == 0 else (0, 1)
     padded = np.pad(amplitude, 1)
-    before = padded[rows + 1 - step[0], columns + 1 - step[1]]
-    after = padded[rows + 1 + step[0], columns + 1 + step[1]]
-    curvature = before - 2.0 * amplitude[rows, columns] + after
-    with np.errstate(divide="ignore", invalid="ignore"):
-        offset = np.where(curvature < 0.0, 0.5 * (before - after) / curvature, 0.0)
-    return np.asarray(np.clip(offset, -0.5, 0.5))
+    found = padded[rows + 1, columns + 1]
+    range_ = view.range[rows] + view.dr * _vertex(padded[rows, columns + 1], found, padded[rows + 2, columns + 1])
+    u = view.u[columns] + view.du * _vertex(padded[rows + 1, columns], found, padded[rows + 1, columns + 2])
+    points = view.to_points(range_, u)
+    length = np.where(in_range[rows, columns], view.cross_cell(points) * view.du / view.u_cell, view.dr)
+    return Echoes.found(points, range_, view.column(u), found, length, floor[rows, columns], threshold, reference)
+
+
+def _vertex(before: Array, at: Array, after: Array) -> Array:
+    """Offset, in samples, of the vertex of the parabola through samples that are a local maximum; zero elsewhere."""
+    curvature = np.where((at >= before) & (at >= after), before - 2.0 * at + after, 0.0)
+    return np.divide(0.5 * (before - after), curvature, out=np.zeros_like(at), where=curvature < 0.0)
 
 
 def find_pixels(view: ImageView, *, threshold_db: float) -> Echoes:
-    """Every sample above a threshold relative to the brightest one: objects, as published.
-
-    Parameters
-    ----------
-    view : ImageView
-    threshold_db : float [dB]
-
-    Returns
-    -------
-    Echoes
-        All of amplitude one: the published transform counts pixels.
-    """
+    """Every sample above a threshold [dB] relative to the brightest one, as published; each weighs with its area."""
     brightest = float(view.amplitude.max())
     threshold = brightest * 10.0 ** (threshold_db / 20.0)
     rows, columns = np.nonzero((view.amplitude >= threshold) & (view.amplitude > 0.0))
-    range_, u = view.range[rows], view.u[columns]
-    # Pixels of equal area on the floor plan weigh equally.
-    area = view.dr * view.cross_cell(range_, u) * view.du / view.u_cell
-    length = area / view.range_cell
-    ones = np.ones(rows.size)
-    echoes = Echoes.found(view.to_points(range_, u), range_, columns, ones, length, 0.0 * ones, threshold, brightest)
-    return replace(echoes, strong=ones > 0.0)
+    points = view.to_points(view.range[rows], view.u[columns])
+    area = view.dr * view.cross_cell(points) * view.du / view.u_cell
+    return Echoes.pixels(points, view.range[rows], columns, area / view.range_cell, brightest, threshold)

@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
+from mirrorfold.common.geometry import unit
+from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.view import View
+from mirrorfold.detection.view import View, check_samples
 from mirrorfold.errors import InputError
 
 SAMPLES_PER_CELL = 3
@@ -36,9 +38,6 @@ OPAQUE_CELLS = 2.5
 LARGEST_SINE = 0.985
 """Directions closer to the line of the array are left out: the array does not resolve them (80 degrees)."""
 
-NORMALIZATIONS = {"none": 0.0, "r": 1.0, "r2": 2.0}
-"""Power of range that undoes the spreading. Line sources spread as ``1/sqrt(r)`` each way: r in 2D."""
-
 
 @dataclass(frozen=True, eq=False)
 class ImageView(View):
@@ -46,27 +45,20 @@ class ImageView(View):
 
     Attributes
     ----------
-    radar : (2,) array [m]
-        Where the radar stands: mean of the tx and rx positions.
     along, broadside : (2,) arrays
         Unit vectors: along the array, and where it looks.
-    range : (nr,) array [m]
-        Uniform, rising.
     u : (nu,) array
         Sine of the angle from broadside towards `along`, uniform, rising.
     amplitude : (nr, nu) array
         Linear; zero where the image has no pixels.
     power : float
         The power of range that `amplitude` was multiplied by.
-    range_cell : float [m]
     u_cell : float
-        Width of the resolution cells between half-amplitude points.
+        Width of the resolution cells in u between half-amplitude points.
     aperture_tx, aperture_rx : float
         Lengths of the arrays in mean wavelengths; what makes the side lobes in u.
-    normalization : str
-        The name of that power.
-    wavelength : float [m]
-        In the middle of the band; infinite where it is not known.
+    radar, range, range_cell, normalization, wavelength
+        See `View`.
     """
 
     radar: Array
@@ -140,11 +132,6 @@ class ImageView(View):
         return self.u_cell
 
     @property
-    def dr(self) -> float:
-        """Range step [m]."""
-        return float(self.range[1] - self.range[0])
-
-    @property
     def du(self) -> float:
         """Step of u."""
         return float(self.u[1] - self.u[0])
@@ -169,77 +156,37 @@ class ImageView(View):
         columns = (np.asarray(u, dtype=float) - self.u[0]) / self.du
         # NaN marks what lies behind the radar.
         columns = np.where(np.isnan(columns), -10.0, columns)
-        return np.asarray(map_coordinates(self.amplitude, [rows, columns], order=1, mode="constant"))
+        return np.asarray(map_coordinates(self.amplitude, [rows, columns], order=1))
 
-    def cross_cell(self, range_: ArrayLike, u: ArrayLike) -> Array:
+    def cross_cell(self, points: Array) -> Array:
         """Width of the resolution cell across the line of sight [m]: ``r du / cos``."""
-        cosine = np.sqrt(np.maximum(1.0 - np.asarray(u, dtype=float) ** 2, 1.0 - LARGEST_SINE**2))
-        return np.asarray(range_, dtype=float) * self.u_cell / cosine
-
-
-def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
-    """The image, if it can be folded.
-
-    Raises
-    ------
-    InputError
-        If it is not a 2D image on a regular rising grid of finite values, at least 4 x 4 pixels.
-    """
-    if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
-        found = getattr(image, "dims", type(image).__name__)
-        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == ("y", "x") else ""
-        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions (y, x){many}")
-    for name in image.dims:
-        if name not in image.coords or image.sizes[name] < 4:
-            raise InputError(f"{source}: axis {name} needs a coordinate [m] with at least 4 pixels")
-        step = np.diff(image[name].values.astype(float))
-        if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
-            raise InputError(
-                f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid"
-            )
-    if image.dtype.kind not in "cfiu":
-        raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
-    if missing:
-        raise InputError(
-            f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
-        )
-    return image
+        range_, u = self.to_polar(points)
+        return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
 
 
 def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> ImageView:
     """Resample an image to the radar's view and undo the spreading with range.
 
     The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
-    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m],
-    and `normalization` what was undone already. Where they are
-    missing, the radar stands at the origin with its array along x, and two pixels make a resolution cell.
-
-    Parameters
-    ----------
-    image : (y, x) DataArray
-        Complex or amplitude. Complex images are demodulated before they are interpolated.
-    normalization : {"r", "none", "r2"}, optional
-        "r" by default: as a line source spreads, there and back.
-
-    Returns
-    -------
-    ImageView
+    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], and `normalization`
+    what was undone already. Where they are missing, the radar stands at the origin with its array along x, and two
+    pixels make a resolution cell.
+    Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
+    "r": line sources spread as ``1/sqrt(r)``, there and back.
 
     Raises
     ------
     InputError
-        If the image cannot be used; see `check_image`.
+        If the image cannot be used; see `check_samples`.
     """
-    check_image(image)
+    check_samples(image, ("y", "x"))
     normalization = normalization or "r"
-    if normalization not in NORMALIZATIONS:
-        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(NORMALIZATIONS)}")
+    if normalization not in RANGE_POWERS:
+        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
     attrs = image.attrs
     x, y = image["x"].values.astype(float), image["y"].values.astype(float)
-    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)[:2]
-    along = np.asarray(attrs.get("array_direction", (1.0, 0.0, 0.0)), dtype=float)[:2]
-    along = along / np.linalg.norm(along)
+    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float)[:2]
+    along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
     broadside = np.array([-along[1], along[0]])
     corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
     if corners.mean(axis=0) @ broadside < 0.0:
@@ -248,49 +195,40 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     pixel = max(x[1] - x[0], y[1] - y[0])
     farthest = float(np.linalg.norm(corners, axis=1).max())
     points = int(attrs.get("frequency_points", 0))
-    demodulate, wavelength = 0.0, np.inf
-    if points > 1 and attrs.get("tx_aperture", 0.0) > 0.0 and attrs.get("rx_aperture", 0.0) > 0.0:
-        band = (attrs["frequency_stop"] - attrs["frequency_start"]) * points / (points - 1)
+    aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
+    wavelength = np.inf
+    if points > 1 and aperture.min() > 0.0:
+        low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
-        center = 0.5 * (attrs["frequency_start"] + attrs["frequency_stop"])
+        wavelength = speed / (0.5 * (low + high))
         # A Hann taper over the band makes the half-amplitude width twice that of the ideal c/(2B).
-        range_cell = max(2.0 * speed / (2.0 * band), 2.0 * pixel)
-        wavelength = speed / center
-        aperture_tx = float(attrs["tx_aperture"]) / wavelength
-        aperture_rx = float(attrs["rx_aperture"]) / wavelength
+        range_cell = max(speed / ((high - low) * points / (points - 1)), 2.0 * pixel)
+        aperture /= wavelength
         # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
-        u_cell = 1.207 / max(np.hypot(aperture_tx, aperture_rx), 1.0)
+        u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
         farthest = min(farthest, float(attrs.get("ambiguous_range", farthest)))
-        if np.iscomplexobj(image.values):
-            demodulate = 4.0 * np.pi * center / speed
     else:
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
-        aperture_tx = aperture_rx = 1.207 / np.sqrt(2.0) / u_cell
+        aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
     nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
     range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
     half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
     u = np.arange(-half, half + 1) * (u_cell / SAMPLES_PER_CELL)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
-    empty = ImageView(
-        radar, along, broadside, range_, u, np.empty((0, 0)), NORMALIZATIONS[normalization],
-        range_cell, u_cell, aperture_tx, aperture_rx, normalization, wavelength,
+    view = ImageView(
+        radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+        range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
     )  # fmt: skip
-    where = empty.to_points(range_[:, None], u[None, :])
-    rows = (where[..., 1] - y[0]) / (y[1] - y[0])
-    columns = (where[..., 0] - x[0]) / (x[1] - x[0])
-    values = image.values
-    if demodulate:
+    where = view.to_points(range_[:, None], u[None, :])
+    pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
+    if np.iscomplexobj(image.values) and np.isfinite(wavelength):
         distance = np.hypot(x[None, :] - radar[0], y[:, None] - radar[1])
-        values = values * np.exp(-1j * demodulate * distance).astype(np.complex64)
-        parts = [
-            map_coordinates(part, [rows, columns], order=3, mode="constant", output=np.float32)
-            for part in (values.real, values.imag)
-        ]
+        values = image.values * np.exp(-4j * np.pi / wavelength * distance).astype(np.complex64)
+        parts = (map_coordinates(part, pixels, order=3, output=np.float32) for part in (values.real, values.imag))
         amplitude = np.hypot(*parts)
     else:
-        amplitude = np.abs(map_coordinates(np.abs(values), [rows, columns], order=1, mode="constant"))
-    done = NORMALIZATIONS.get(str(attrs.get("normalization", "none")), 0.0)
-    amplitude = amplitude.astype(np.float64) * range_[:, None] ** (empty.power - done)
-    return replace(empty, amplitude=amplitude)
+        amplitude = np.abs(map_coordinates(np.abs(image.values), pixels, order=1))
+    done = RANGE_POWERS.get(str(attrs.get("normalization", "none")), 0)
+    return replace(view, amplitude=amplitude.astype(np.float64) * range_[:, None] ** float(view.power - done))

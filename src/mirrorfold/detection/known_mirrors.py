@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.growing import evidence
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror, line_cell
-from mirrorfold.detection.lines import filled
-from mirrorfold.detection.plane_mirror import PlaneMirror, plane_ranges
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.plane_mirror import PlaneMirror
+from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.errors import InputError
 
@@ -32,9 +34,6 @@ FLATTEST = 0.01
 
 LARGEST_COUNT = 1000
 """More mirrors than this are no room but a mistake."""
-
-SAMPLES = 64
-"""Places along a line where the image tells how strong it is."""
 
 EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 
@@ -75,16 +74,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
 
 
 def read_mirrors(path: str | Path) -> Array:
-    """Read a file of mirrors.
-
-    Parameters
-    ----------
-    path : path
-        JSON, see above.
-
-    Returns
-    -------
-    (mirrors, 2, 2) or (mirrors, 4, 3) array [m]
+    """Read a file of mirrors, see above, to an array as of `check_mirrors`.
 
     Raises
     ------
@@ -125,69 +115,35 @@ def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
     return path
 
 
-def known_lines(ends: Array, echoes: Echoes, view: ImageView) -> list[LineMirror]:
-    """Lines as mirrors, with what the image says of each.
+def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
+    """Given mirrors, as `check_mirrors` returns them, with what the image or volume says of each.
 
-    Parameters
-    ----------
-    ends : (mirrors, 2, 2) array [m]
-    echoes : Echoes
-    view : ImageView
-
-    Returns
-    -------
-    list of LineMirror
-        Strength is the median amplitude of the echoes on the line, or of the image along it where there are none.
-        Their errors are not known: NaN.
+    Strength is the median amplitude of the echoes on it, where there are none that of an image along it, and in a
+    volume zero. Errors are not known: NaN.
     """
-    mirrors = []
-    for start, end in ends:
-        line = LineMirror(start, end, angle_error=np.nan, offset_error=np.nan)
-        across, _ = line_cell(view, echoes.position, line.direction)
-        position = line.along(echoes.position)
-        on_it = (np.abs(line.beside(echoes.position)) <= across) & (position >= 0.0) & (position <= line.length)
-        if on_it.any():
-            strength = float(np.median(echoes.amplitude[on_it]))
-        else:
-            along = start + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (end - start)
-            strength = float(np.median(view.at(*view.to_polar(along))))
-        mirrors.append(replace(line, strength=strength, fill=filled(echoes.position[on_it], line, view)))
-    return mirrors
-
-
-def known_planes(corners: Array, echoes: Echoes, view: VolumeView) -> list[PlaneMirror]:
-    """Planes as mirrors, with what the volume says of each.
-
-    Parameters
-    ----------
-    corners : (mirrors, 4, 3) array [m]
-        Of convex faces, in order around each.
-    echoes : Echoes
-    view : VolumeView
-
-    Returns
-    -------
-    list of PlaneMirror
-        Strength is the median amplitude of the echoes on the face, zero where there are none; fill the share of its
-        beams that show one. Their errors are not known: NaN.
-    """
-    mirrors = []
-    for outline in corners:
-        center = outline.mean(axis=0)
-        normal = np.linalg.svd(outline - center)[2][2]
-        normal = normal * (-np.sign((center - view.radar) @ normal) or 1.0)
-        met = view.radar + plane_ranges(view, normal, center)[:, None] * view.sight
-        # Inside a convex outline a point lies on one side of all its edges.
-        edges = np.roll(outline, -1, axis=0) - outline
-        with np.errstate(invalid="ignore"):
-            sides = np.stack(
-                [np.cross(edge, met - corner) @ normal for edge, corner in zip(edges, outline, strict=True)]
-            )
-            beams = np.all(sides >= 0.0, axis=0) | np.all(sides <= 0.0, axis=0)
-        mirror = PlaneMirror(center, normal, outline, beams, angle_error=np.nan, offset_error=np.nan)
+    mirrors: list[Mirror] = []
+    for points in places:
+        mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else LineMirror(*points)
         _, own, across = mirror.near(view, echoes)
-        on_it = own & (np.abs(mirror.beside(echoes.position)) <= across)
-        strength = float(np.median(echoes.amplitude[on_it])) if on_it.any() else 0.0
-        fill = np.unique(echoes.direction[on_it]).size / max(int(beams.sum()), 1)
-        mirrors.append(replace(mirror, strength=strength, fill=min(fill, 1.0)))
+        on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
+        strength = 0.0
+        if len(on_it):
+            strength = float(np.median(on_it.amplitude))
+        elif isinstance(view, ImageView):
+            strength = float(np.median(view.at(*view.to_polar(mirror.places(view)))))
+        fill = mirror.filled(view, evidence(on_it, view))
+        mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
     return mirrors
+
+
+def _plane(outline: Array, view: VolumeView) -> PlaneMirror:
+    """The plane with these corners, (4, 3) [m], in order around a convex face."""
+    center = outline.mean(axis=0)
+    normal = np.linalg.svd(outline - center)[2][2]
+    normal = normal * (-np.sign((center - view.radar) @ normal) or 1.0)
+    met = view.radar + view.meets(normal, center)[:, None] * view.sight
+    # Inside a convex outline a point lies on one side of all its edges.
+    edges = np.roll(outline, -1, axis=0) - outline
+    with np.errstate(invalid="ignore"):
+        sides = np.cross(edges[:, None], met - outline[:, None]) @ normal
+    return PlaneMirror(center, normal, outline, np.all(sides >= 0.0, axis=0) | np.all(sides <= 0.0, axis=0))

@@ -8,11 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry, cross2, segment_normal
+from mirrorfold.common.geometry import Isometry, segment_normal, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
+
+SPACING = 0.25
+"""Step along a mirror, in range cells, from one profile across it to the next."""
+
+END_CELLS = 0.6
+"""Profiles leave out this much of a slanting resolution cell at either end of a row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,17 +29,15 @@ class LineMirror(Mirror):
     ----------
     start, end : (2,) arrays [m]
         Its ends.
-    strength, angle_error, offset_error, fill, depth : float
-        See `Mirror`.
     """
 
     start: Array
     end: Array
-    strength: float = 1.0
-    angle_error: float = 0.0
-    offset_error: float = 0.0
-    fill: float = 1.0
-    depth: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", 0.5 * (self.start + self.end))
+        with np.errstate(invalid="ignore"):  # what is cut off may have no length
+            object.__setattr__(self, "normal", segment_normal(self.start, self.end))
 
     @property
     def length(self) -> float:
@@ -46,14 +50,14 @@ class LineMirror(Mirror):
         return (self.end - self.start) / self.length
 
     @property
-    def normal(self) -> Array:  # type: ignore[override]
-        """Unit normal, to the left of `direction`, (2,)."""
-        return np.asarray(segment_normal(self.start, self.end))
+    def tangents(self) -> Array:
+        """`direction` as a row, (1, 2)."""
+        return self.direction[None]
 
     @property
-    def center(self) -> Array:  # type: ignore[override]
-        """Midpoint (2,) [m]."""
-        return 0.5 * (self.start + self.end)
+    def sides(self) -> Array:
+        """Where it begins and ends along `direction`, seen from `center`, (1, 2) [m]."""
+        return 0.5 * self.length * np.array([[-1.0, 1.0]])
 
     @property
     def ends(self) -> Array:
@@ -64,20 +68,62 @@ class LineMirror(Mirror):
         """Position [m] of points (..., 2) along the mirror, from its start."""
         return np.asarray((points - self.start) @ self.direction)
 
+    def part(self, first: float, last: float) -> LineMirror:
+        """The mirror from one position [m] along it to another."""
+        return replace(self, start=self.start + first * self.direction, end=self.start + last * self.direction)
+
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
-        towards = view.sight @ self.normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            range_ = ((self.start - view.radar) @ self.normal) / towards
+        range_ = view.meets(self.normal, self.center)
+        with np.errstate(invalid="ignore"):
             along = self.along(view.radar + range_[:, None] * view.sight)
-        return np.where((range_ > 0.0) & (along >= 0.0) & (along <= self.length), range_, np.inf)
+        return np.where((along >= 0.0) & (along <= self.length), range_, np.inf)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
-        across, along_cell = line_cell(view, echoes.position, self.direction)
-        position = self.along(echoes.position)
-        beside = (position >= -along_cell) & (position <= self.length + along_cell)
-        return beside, beside.copy(), across
+        position, cell = self.along(echoes.position), view.extent(echoes.position, self.direction)
+        beside = (position >= -cell) & (position <= self.length + cell)
+        return beside, beside.copy(), view.extent(echoes.position, self.normal)
+
+    def places(self, view: ImageView) -> Array:  # type: ignore[override]
+        """A row along it, without its ends.
+
+        A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the
+        line, to opposite sides at the two ends, and turns a short wall. It does so as much as the cell's extents along
+        and across the row are correlated.
+        """
+        across, along = (view.extent(self.ends, axis) for axis in (self.normal, self.direction))
+        overlap = view.range_cell * view.cross_cell(self.ends) / (across * along)
+        left_out = END_CELLS * np.sqrt(np.maximum(1.0 - overlap**2, 0.0)) * along
+        left_out *= min(1.0, 0.5 * self.length / left_out.sum())
+        count = max(8, int(self.length / (SPACING * view.range_cell)))
+        return self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
+
+    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+        """Square to it."""
+        inward = np.broadcast_to(
+            self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0), places.shape
+        )
+        return inward, view.at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None])) ** 2
+
+    def independent(self, view: ImageView) -> float:  # type: ignore[override]
+        """Its length in cells."""
+        return self.length / float(view.extent(self.center[None], self.direction)[0])
+
+    def moved(self, normal: Array, center: Array) -> LineMirror:
+        """The same length about where its middle is nearest."""
+        middle = self.center - ((self.center - center) @ normal) * normal
+        half = 0.5 * self.length * unit(self.direction - (self.direction @ normal) * normal)
+        return replace(self, start=middle - half, end=middle + half)
+
+    def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
+        """Share of its length within half a resolution cell of one of the echoes."""
+        position, half = self.along(echoes.position), 0.5 * view.extent(echoes.position, self.direction)
+        first, last = np.clip([position - half, position + half], 0.0, self.length)
+        order = np.argsort(first)
+        # What each echo covers beyond all before it.
+        covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
+        return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / self.length)
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """Its echoes, moved square onto its line."""
@@ -89,29 +135,12 @@ class LineMirror(Mirror):
     ) -> tuple[list[LineMirror], list[LineMirror]]:
         """Cut it where `before` changes: mirrors of at least the smallest length [m], and what is shorter."""
         position = self.along(view.points(self.crossing(view)[direction], direction))
-        cuts = [0.0, self.length]
-        for i in np.flatnonzero(before[1:] != before[:-1]):
-            cuts.append(0.5 * (position[i] + position[i + 1]))
-        cuts.sort()
-        parts = [
-            replace(self, start=self.start + a * self.direction, end=self.start + b * self.direction)
-            for a, b in pairwise(cuts)
-        ]
+        changes = np.flatnonzero(before[1:] != before[:-1])
+        cuts = sorted([0.0, self.length, *(0.5 * (position[changes] + position[changes + 1]))])
+        parts = [self.part(first, last) for first, last in pairwise(cuts)]
         kept = [part for part in parts if part.length >= smallest]
-        if not kept:
-            return [self], []
-        return kept, [part for part in parts if 0.0 < part.length < smallest]
+        return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])
 
     def columns(self, fold: Isometry) -> dict[str, Any]:
         """The ends after a map: x0, y0, x1 and y1."""
         return {f"{axis}{end}": fold(self.ends)[end, i] for end in (0, 1) for i, axis in enumerate("xy")}
-
-
-def line_cell(view: ImageView, points: Array, direction: Array) -> tuple[Array, Array]:
-    """Extent of the resolution cell at points (n, 2), across and along a line of the given direction, each (n,) [m]."""
-    range_, u = view.to_polar(points)
-    sight = (points - view.radar) / range_[:, None]
-    cosine = np.abs(sight @ direction)
-    sine = np.abs(cross2(sight, direction))
-    cross = view.cross_cell(range_, u)
-    return np.hypot(view.range_cell * sine, cross * cosine), np.hypot(view.range_cell * cosine, cross * sine)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -18,6 +20,7 @@ Building materials scatter from 1 to 3 cm deep at 0.3 THz, and waves reach the s
 material loses the same share of them in each."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Mirror(ABC):
     """A mirror in the coordinates of the unfolded image: one that is seen through another is a ghost itself.
 
@@ -38,13 +41,23 @@ class Mirror(ABC):
         How deep the centroid of its echoes lies behind its face.
     """
 
-    center: Array
-    normal: Array
-    strength: float
-    angle_error: float
-    offset_error: float
-    fill: float
-    depth: float
+    center: Array = field(init=False)
+    normal: Array = field(init=False)
+    strength: float = 1.0
+    angle_error: float = 0.0
+    offset_error: float = 0.0
+    fill: float = 1.0
+    depth: float = 0.0
+
+    @property
+    @abstractmethod
+    def tangents(self) -> Array:
+        """Unit vectors along the mirror, (d - 1, d), the first of them horizontal."""
+
+    @property
+    @abstractmethod
+    def sides(self) -> Array:
+        """Where the mirror begins and ends along each of them, seen from its center, (d - 1, 2) [m]."""
 
     @property
     @abstractmethod
@@ -58,6 +71,26 @@ class Mirror(ABC):
     @abstractmethod
     def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Which echoes may belong to its wall, which to its face, by direction; and its cell's width across [m]."""
+
+    @abstractmethod
+    def places(self, view: View) -> Array:
+        """Places on the mirror where the view is sampled across it, (n, d) [m]."""
+
+    @abstractmethod
+    def profiles(self, view: View, places: Array, depth: Array) -> tuple[Array, Array]:
+        """The way inwards at places (n, d), a metre behind the face, and the power at depths (n, m) [m] along it."""
+
+    @abstractmethod
+    def independent(self, view: View) -> float:
+        """Resolution cells along it, each with a speckle of its own."""
+
+    @abstractmethod
+    def moved(self, normal: Array, center: Array) -> Self:
+        """The mirror, as large as it is, on another line or plane, of that normal and through that point."""
+
+    @abstractmethod
+    def filled(self, view: View, echoes: Echoes) -> float:
+        """Share of its extent that echoes on it fill."""
 
     @abstractmethod
     def snapped(self, view: View, echoes: Echoes) -> Echoes:
@@ -79,27 +112,23 @@ class Mirror(ABC):
     @property
     def reflection(self) -> Isometry:
         """The map from what is seen in the mirror to where it stands."""
-        return Isometry.reflection(self.ends[0], self.normal)
+        return Isometry.reflection(self.center, self.normal)
 
     def beside(self, points: Array) -> Array:
         """Signed distance [m] of points (..., d), positive on the side of `normal`."""
-        return signed_distance(points, self.ends[0], self.normal)
+        return signed_distance(points, self.center, self.normal)
 
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
         return self.beside(points) * -np.sign((view.radar - self.center) @ self.normal)
 
 
-def faces(mirrors: list[Any], view: View, echoes: Echoes, wall_margin: float, *, nobody: int, root: int) -> Index:
+def faces(
+    mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, nobody: int, root: int
+) -> Index:
     """The mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
 
-    Parameters
-    ----------
-    mirrors : list of Mirror
-    view : View
-    echoes : Echoes
-    wall_margin : float [m]
-        How far behind a mirror echoes still belong to its wall; twice the depth that was measured, where that is more.
+    Echoes up to `wall_margin` [m] behind a mirror belong to its wall, or to twice the depth that was measured.
     """
     face = np.full(len(echoes), root, dtype=np.intp)
     nearest = np.full(len(echoes), np.inf)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_dilation, label
-from scipy.spatial import ConvexHull
 
 from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.view import DEVIATION
 from mirrorfold.detection.volume_view import VolumeView
 
 EDGE_RADII = 1.0
@@ -37,65 +37,87 @@ class PlaneMirror(Mirror):
     normal : (3,) array
         Unit normal, towards the radar.
     outline : (n, 3) array [m]
-        Corners of the hull of all that is seen of it.
+        Its corners, or all points of its face that beams meet.
     beams : (azimuths * elevations,) bool array
         Which beams meet it.
-    strength, angle_error, offset_error, fill, depth : float
-        See `Mirror`.
     """
 
     center: Array
     normal: Array
     outline: Array = field(repr=False)
     beams: Mask = field(repr=False)
-    strength: float = 1.0
-    angle_error: float = 0.0
-    offset_error: float = 0.0
-    fill: float = 1.0
-    depth: float = 0.0
 
     @cached_property
-    def right(self) -> Array:
-        """Horizontal unit vector in the plane, (3,)."""
-        return horizontal(self.normal)
+    def tangents(self) -> Array:
+        """Unit vectors in the plane, horizontal and up, (2, 3)."""
+        across = np.cross([0.0, 0.0, 1.0], self.normal)
+        right = unit(across) if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        return np.stack([right, np.cross(self.normal, right)])
 
     @cached_property
     def sides(self) -> Array:
-        """Where the face begins and ends along `right`, and along the direction up in the plane, (2, 2) [m]."""
-        offset = self.outline - self.center
-        flat = np.stack([offset @ self.right, offset @ np.cross(self.normal, self.right)])
+        """Where the face begins and ends along `tangents`, seen from `center`, (2, 2) [m]."""
+        flat = self.tangents @ (self.outline - self.center).T
         return np.stack([flat.min(axis=1), flat.max(axis=1)], axis=1)
 
     @property
-    def extent(self) -> tuple[float, float]:
-        """Width along `right` and height across it [m]."""
-        return float(np.ptp(self.sides[0])), float(np.ptp(self.sides[1]))
+    def extent(self) -> Array:
+        """Width and height [m], (2,)."""
+        return np.asarray(np.ptp(self.sides, axis=1))
 
     @property
     def ends(self) -> Array:
         """Ends of its horizontal middle line, (2, 3) [m]."""
-        return np.asarray(self.center + self.sides[0][:, None] * self.right)
+        return np.asarray(self.center + self.sides[0][:, None] * self.tangents[0])
 
     @property
     def corners(self) -> Array:
         """The rectangle around what is seen of it, its sides horizontal and upright, (4, 3) [m]."""
         (left, right), (low, high) = self.sides
-        up = np.cross(self.normal, self.right)
-        around = ((left, low), (right, low), (right, high), (left, high))
-        return np.array([self.center + u * self.right + v * up for u, v in around])
+        return self.center + np.array([[left, low], [right, low], [right, high], [left, high]]) @ self.tangents
 
     def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
         """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""
-        return np.where(self.beams, plane_ranges(view, self.normal, self.center), np.inf)
+        return np.where(self.beams, view.meets(self.normal, self.center), np.inf)
 
     def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes in beams that reach over to the mirror, in those that meet it; and how far they stray [m]."""
         distance = float(np.linalg.norm(self.center - view.radar))
         steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
         wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
-        cosine = np.abs(view.sight[echoes.direction] @ self.normal)
-        stray = view.range_cell + STRAY_DEVIATIONS * view.spread_across(echoes.range, cosine)
+        stray = view.range_cell + STRAY_DEVIATIONS * DEVIATION * view.extent(echoes.position, self.normal)
         return wide[echoes.direction], self.beams[echoes.direction], stray
+
+    def places(self, view: VolumeView) -> Array:  # type: ignore[override]
+        """Where its beams meet it."""
+        return self.shown(view, self.beams).outline
+
+    def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+        """Along its beams: a beam gathers echoes from all of its footprint, symmetrically about its axis."""
+        sight = view.sight[self.beams]
+        inward = sight / np.abs(sight @ self.normal)[:, None]
+        range_ = np.linalg.norm(places - view.radar, axis=1)[:, None] + np.linalg.norm(inward, axis=1)[:, None] * depth
+        return inward, view.power_at(range_, np.flatnonzero(self.beams)[:, None])
+
+    def independent(self, view: VolumeView) -> float:  # type: ignore[override]
+        """Its beams; those a beam radius apart see the same speckle."""
+        return np.count_nonzero(self.beams) / max(
+            float(np.mean(view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1)) ** 2)), 1.0
+        )
+
+    def moved(self, normal: Array, center: Array) -> PlaneMirror:
+        """With the same beams."""
+        middle = self.center - ((self.center - center) @ normal) * normal
+        return replace(self, center=middle, normal=normal * np.sign(normal @ self.normal))
+
+    def filled(self, view: VolumeView, echoes: Echoes) -> float:  # type: ignore[override]
+        """Share of its beams in which one of the echoes stands."""
+        return float(self.beams[np.unique(echoes.direction)].sum() / max(self.beams.sum(), 1))
+
+    def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
+        """As much of its plane as some of the beams show."""
+        points = view.points(view.meets(self.normal, self.center)[beams], np.flatnonzero(beams))
+        return replace(self, center=points.mean(axis=0), outline=points, beams=beams)
 
     def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """One echo a beam, the strongest, where the beam's axis meets the mirror."""
@@ -118,12 +140,9 @@ class PlaneMirror(Mirror):
                 beams = (regions == number).ravel()
                 if beams.sum() < FEWEST_BEAMS:
                     continue
-                points = plane_points(view, self.normal, self.center, beams)
-                piece = replace(self, center=points.mean(axis=0), outline=points, beams=beams)
+                piece = self.shown(view, beams)
                 (kept if min(piece.extent) >= 0.5 * smallest else remains).append(piece)
-        if not kept:
-            return [self], []
-        return [replace(piece, outline=hull(piece.outline, piece.normal)) for piece in kept], remains
+        return (kept, remains) if kept else ([self], [])
 
     def columns(self, fold: Isometry) -> dict[str, Any]:
         """Ends x0 ... z1, center, normal and corners after a map."""
@@ -134,29 +153,3 @@ class PlaneMirror(Mirror):
             found |= {f"{axis}{end}": ends[end, i] for end in (0, 1)}
             found |= {f"center_{axis}": center[i], f"normal_{axis}": normal[i], f"corner_{axis}": corners[:, i]}
         return found
-
-
-def horizontal(normal: Array) -> Array:
-    """Horizontal unit vector in the plane of that normal, (3,)."""
-    across = np.cross([0.0, 0.0, 1.0], normal)
-    return unit(across) if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
-
-
-def plane_ranges(view: VolumeView, normal: Array, center: Array) -> Array:
-    """Range [m] at which each beam meets an endless plane, (beams,); infinite where it does not."""
-    towards = view.sight @ normal
-    with np.errstate(divide="ignore", invalid="ignore"):
-        range_ = float((center - view.radar) @ normal) / towards
-    return np.where(range_ > 0.0, range_, np.inf)
-
-
-def plane_points(view: VolumeView, normal: Array, center: Array, beams: Mask) -> Array:
-    """Where some of the beams meet an endless plane, (n, 3) [m]."""
-    return view.points(plane_ranges(view, normal, center)[beams], np.flatnonzero(beams))
-
-
-def hull(points: Array, normal: Array) -> Array:
-    """Corners of the convex hull of points (n, 3) of a plane, in order."""
-    right = horizontal(normal)
-    flat = np.stack([points @ right, points @ np.cross(normal, right)], axis=1)
-    return np.asarray(points[ConvexHull(flat).vertices])

@@ -8,15 +8,23 @@ a scanner; all that differs between the floor plan and space stands behind the m
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     from mirrorfold.detection.echoes import Echoes
+
+
+DEVIATION = 0.3
+"""Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
+lobe of the Hann window, and of a Gaussian beam there and back."""
 
 
 class View(ABC):
@@ -71,6 +79,10 @@ class View(ABC):
         """
 
     @abstractmethod
+    def cross_cell(self, points: Array) -> Array:
+        """Width of the resolution cell square to the line of sight [m] at points (n, d), between half amplitudes."""
+
+    @abstractmethod
     def object_depth(self, range_: Array) -> Array:
         """How far [m] behind the first echo of an object others may be the object's own, at that range."""
 
@@ -93,10 +105,59 @@ class View(ABC):
         """2 for the floor plan, 3 for space."""
         return self.radar.size
 
+    @property
+    def dr(self) -> float:
+        """Range step [m]."""
+        return float(self.range[1] - self.range[0])
+
     def cell_at(self, point: Array) -> float:
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
+    def extents(self, points: Array) -> Callable[[Array], Array]:
+        """What tells the `extent` at points (n, d) of any unit vectors."""
+        offset, cross = points - self.radar, self.cross_cell(points)
+        sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
+
+        def extent(along: Array) -> Array:
+            cosine = np.minimum(np.abs(along.T @ sight), 1.0)
+            return np.hypot(self.range_cell * cosine, cross * np.sqrt(1.0 - cosine**2)).T
+
+        return extent
+
+    def extent(self, points: Array, along: Array) -> Array:
+        """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
+        return self.extents(points)(along)
+
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""
         return self.radar + range_[..., None] * self.sight[direction]
+
+    def meets(self, normal: Array, center: Array) -> Array:
+        """Range [m] at which each line of sight meets an endless line or plane, (n,); infinite where it does not."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            range_ = float((center - self.radar) @ normal) / (self.sight @ normal)
+        return np.where(range_ > 0.0, range_, np.inf)
+
+
+def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "image") -> None:
+    """Refuse what is no image of these dimensions, with finite values on a regular grid, 4 or more along each."""
+    if not isinstance(image, xr.DataArray) or image.dims != dims:
+        found = getattr(image, "dims", type(image).__name__)
+        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
+        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions {dims}{many}")
+    for name in dims:
+        if name not in image.coords or image.sizes[name] < 4:
+            raise InputError(f"{source}: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
+        step = np.diff(image[name].values.astype(float))
+        if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
+            raise InputError(
+                f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid"
+            )
+    if image.dtype.kind not in "cfiu":
+        raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
+    missing = int(np.count_nonzero(~np.isfinite(image.values)))
+    if missing:
+        raise InputError(
+            f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
+        )

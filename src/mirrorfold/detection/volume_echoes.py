@@ -6,8 +6,6 @@ neighbouring beams see the same surface, those count whose axis passes near it.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numba
 import numpy as np
 
@@ -32,20 +30,11 @@ MOST_ECHOES = 24
 
 
 def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
-    """All echoes above the noise, with ranges to a fraction of a sample.
+    """All echoes above the noise, strong above a threshold [dB] relative to the reference echo.
 
-    Parameters
-    ----------
-    view : VolumeView
-    threshold_db : float [dB]
-        Of strong echoes, relative to the reference echo.
-
-    Returns
-    -------
-    Echoes
-        Maybe none. Their ranges are the centres of power of the runs.
+    Their ranges are the centres of power of the runs, finer than a sample.
     """
-    cell = max(1, round(0.5 * view.range_cell / view.step))
+    cell = max(1, round(0.5 * view.range_cell / view.dr))
     columns, rows = view.shape
     beams = np.zeros((columns, rows * MOST_ECHOES), dtype=np.int64)
     found = np.zeros((columns, rows * MOST_ECHOES, 2))
@@ -54,13 +43,13 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
     def column(i: int) -> None:
         counts[i] = _runs_of(
             view.amplitude, i, np.float32(view.floor), np.float32(10.0 ** (RUN_DB / 20.0)),
-            np.float32(10.0 ** (RIDGE_DB / 20.0)), view.side_lobes, cell, beams[i], found[i],
+            np.float32(10.0 ** (RIDGE_DB / 20.0)), view.side_lobes, cell, MOST_ECHOES, beams[i], found[i],
         )  # fmt: skip
 
     for_each(column, range(columns))
     beam = np.concatenate([beams[i, :n] + i * rows for i, n in enumerate(counts)])
     values = np.concatenate([found[i, :n] for i, n in enumerate(counts)])
-    range_: Array = view.range[0] + view.step * values[:, 0]
+    range_: Array = view.range[0] + view.dr * values[:, 0]
     gain = np.interp(range_, view.range, view.gain)
     amplitude = values[:, 1] * gain
     reference = reference_echo(brightest_of(beam, amplitude))
@@ -71,88 +60,57 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
 
 
 def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
-    """Every sample above a threshold relative to the brightest one: objects, as published.
-
-    Parameters
-    ----------
-    view : VolumeView
-    threshold_db : float [dB]
-
-    Returns
-    -------
-    Echoes
-        All of amplitude one: the published transform counts pixels.
-    """
+    """Every sample above a threshold [dB] relative to the brightest one, as published."""
     level = view.amplitude.reshape(-1, view.range.size) * view.gain
     brightest = float(level.max())
     threshold = brightest * 10.0 ** (threshold_db / 20.0)
     beam, sample = np.nonzero((level >= threshold) & (level > 0.0))
-    range_, ones = view.range[sample], np.ones(beam.size)
-    echoes = Echoes.found(view.points(range_, beam), range_, beam, ones, ones, 0.0 * ones, threshold, brightest)
-    return replace(echoes, strong=ones > 0.0)
+    range_ = view.range[sample]
+    return Echoes.pixels(view.points(range_, beam), range_, beam, np.ones(beam.size), brightest, threshold)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, beams, found):  # type: ignore[no-untyped-def]
+def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, most, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 
     The strongest sample of a beam begins a run that goes on, both ways, as long as no more than `cell` samples lie
     below ``run`` times the peak; the next run begins at the strongest sample that is left and no side lobe of the runs
-    before it.
+    before it. There are at `most` so many in a beam.
     """
-    edges = np.zeros((MOST_ECHOES, 2), dtype=np.int64)
-    brightness = np.zeros(MOST_ECHOES, dtype=np.float32)
-    columns, rows, size = amplitude.shape
-    taken = np.zeros(size, dtype=np.bool_)
+    rows, size = amplitude.shape[1:]
+    edges = np.zeros((most, 2), dtype=np.int64)
+    brightness = np.zeros(most, dtype=np.float32)
     count = 0
     for j in range(rows):
         profile = amplitude[column, j]
-        taken[:] = False
+        claimed = np.zeros(size, dtype=np.bool_)
         candidates = np.flatnonzero(profile > floor)
-        order = candidates[np.argsort(-profile[candidates])]
-        here = runs = 0
-        for k in order:
-            if taken[k]:
-                continue
-            if here == MOST_ECHOES or runs == MOST_ECHOES:
+        runs = 0
+        for k in candidates[np.argsort(-profile[candidates])]:
+            if runs == most:
                 break
-            side_lobe = False
+            skipped = claimed[k]
             for m in range(runs):
-                away = max(edges[m, 0] - k, k - edges[m, 1])
-                side_lobe = side_lobe or profile[k] < brightness[m] * lobes[max(away, 1) - 1]
-            if side_lobe:
+                away = max(edges[m, 0] - k, k - edges[m, 1], 1)
+                skipped |= profile[k] < brightness[m] * lobes[away - 1]
+            if skipped:
                 continue
             low = max(run * profile[k], 0.5 * floor)
-            first, gap, n = k, 0, k
-            while n > 0 and gap <= cell and not taken[n - 1]:
-                n -= 1
-                gap = gap + 1 if profile[n] < low else 0
-                if gap == 0:
-                    first = n
-            last, gap, n = k, 0, k
-            while n + 1 < size and gap <= cell and not taken[n + 1]:
-                n += 1
-                gap = gap + 1 if profile[n] < low else 0
-                if gap == 0:
-                    last = n
-            power = moment = 0.0
-            for n in range(first, last + 1):
-                power += profile[n] * profile[n]
-                moment += n * profile[n] * profile[n]
-            for n in range(max(first - cell, 0), min(last + cell + 1, size)):
-                taken[n] = True
-            edges[runs, 0], edges[runs, 1], brightness[runs] = first, last, profile[k]
+            for side in range(2):
+                edges[runs, side], gap, n = k, 0, k + 2 * side - 1
+                while 0 <= n < size and gap <= cell and not claimed[n]:
+                    gap = gap + 1 if profile[n] < low else 0
+                    edges[runs, side] = n if gap == 0 else edges[runs, side]
+                    n += 2 * side - 1
+            first, last = edges[runs]
+            claimed[max(first - cell, 0) : last + cell + 1] = True
+            brightness[runs] = profile[k]
             runs += 1
-            brightest = profile[k]
-            for a in range(max(column - 1, 0), min(column + 2, columns)):
-                for b in range(max(j - 1, 0), min(j + 2, rows)):
-                    for n in range(max(k - cell, 0), min(k + cell + 1, size)):
-                        brightest = max(brightest, amplitude[a, b, n])
-            if profile[k] < ridge * brightest:
-                continue
-            beams[count] = j
-            found[count, 0] = moment / power
-            found[count, 1] = profile[k]
-            count += 1
-            here += 1
+            around = amplitude[max(column - 1, 0) : column + 2, max(j - 1, 0) : j + 2, max(k - cell, 0) : k + cell + 1]
+            if profile[k] >= ridge * around.max():
+                power = profile[first : last + 1].astype(np.float64) ** 2
+                beams[count] = j
+                found[count, 0] = first + (np.arange(power.size) * power).sum() / power.sum()
+                found[count, 1] = profile[k]
+                count += 1
     return count

@@ -13,10 +13,10 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import FALSE_ALARMS, RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes
-from mirrorfold.detection.view import View
+from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, noise_limit
+from mirrorfold.detection.view import View, check_samples
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.range_profiles import angle_table, beam_area, beams_of
+from mirrorfold.focusing.range_profiles import angle_table, beams_of, spreading
 
 HANN_CELL = 2.0
 """Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
@@ -31,11 +31,8 @@ STEPS_A_BEAM = 2.0
 NOISE_SAMPLES = 400_000
 """From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
 
-FOOTPRINT = 1.0 / (2.0 * np.sqrt(2.0))
-"""Standard deviation of the two-way beam's power, in beam radii: it falls as ``exp(-4 (x/w)^2)``."""
-
-HANN_DEVIATION = 0.3
-"""Standard deviation of the power of the Hann window's main lobe, in half-amplitude widths."""
+HALF_AMPLITUDES = float(np.sqrt(2.0 * np.log(2.0)))
+"""Where a beam has half its amplitude there and back, ``exp(-2 (x/w)^2)``: from side to side, in beam radii w."""
 
 OPAQUE_RADII = 5.7
 """Depth of an object in radii of the beam: how far the footprint of a beam reaches to either side along a surface that
@@ -50,23 +47,18 @@ class VolumeView(View):
     ----------
     amplitude : (azimuths, elevations, ranges) array
         Single precision, without any normalisation.
-    range : (ranges,) array [m]
     azimuth, elevation : 1D arrays [degree]
     gain : (ranges,) array
         What normalises the amplitude.
-    normalization : str
-        The name of that.
     noise : float
         Standard deviation of the real part of the noise in `amplitude`.
-    radar : (3,) array [m]
-        Where all beams start.
-    range_cell : float [m]
-        Width of an echo between half-amplitude points.
     beam : tuple of float [m], optional
         Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to be as
         wide as the step from one to the next.
     taper : str
         Window over frequency.
+    radar, range, range_cell, normalization
+        See `View`.
     """
 
     amplitude: NDArray[np.float32]
@@ -86,20 +78,11 @@ class VolumeView(View):
         """In the middle of the band [m]; infinite where it is not known."""
         return np.inf if self.beam is None else self.beam[2]
 
-    @property
-    def step(self) -> float:
-        """Range step [m]."""
-        return float(self.range[1] - self.range[0])
-
     @cached_property
     def floor(self) -> float:
-        """Amplitude, not normalised, that noise stays below in the whole volume.
-
-        As in an image: a Rayleigh amplitude exceeds ``k sigma`` with probability ``exp(-k^2/2)``, so that of N samples
-        none may be expected to beyond ``k = sqrt(2 ln(N / p))``, with p = `FALSE_ALARMS`.
-        """
-        noise = float(np.sqrt(2.0 * np.log(self.amplitude.size / FALSE_ALARMS)) * self.noise)
-        return max(noise, float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0))
+        """Amplitude, not normalised, that noise stays below in the whole volume."""
+        weakest = float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0)
+        return max(noise_limit(self.noise, self.amplitude.size), weakest)
 
     @cached_property
     def side_lobes(self) -> NDArray[np.float32]:
@@ -109,7 +92,7 @@ class VolumeView(View):
         ``1 / (pi x)``, the slowest, for any other window (Harris, Proc. IEEE 66, 1978).
         """
         # The edge of a run, 12 dB below its peak, is more than one unit away from it.
-        x = 1.0 + np.arange(1, self.range.size + 1) * self.step / (self.range_cell / HANN_CELL)
+        x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / (self.range_cell / HANN_CELL)
         envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
         level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
         return np.minimum(level, 1.0).astype(np.float32)
@@ -136,23 +119,26 @@ class VolumeView(View):
         spot_radius, focus_distance, wavelength = self.beam
         return beam_radius(range_, spot_radius=spot_radius, focus_distance=focus_distance, wavelength=wavelength)
 
-    def spread_across(self, range_: Array, cosine: Array) -> Array:
-        """Standard deviation [m], across a surface met at that cosine, of the echoes that a beam gathers on it.
+    def cross_cell(self, points: Array) -> Array:
+        """Width of the beam there and back [m]."""
+        return HALF_AMPLITUDES * self.width(np.linalg.norm(points - self.radar, axis=-1))
 
-        The beam's footprint, seen obliquely, and the range cell together.
-        """
-        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-        return np.hypot(FOOTPRINT * self.width(range_) * sine, HANN_DEVIATION * self.range_cell * cosine)
+    def power_at(self, range_: Array, beam: Index) -> Array:
+        """Power at ranges [m] in beams, from the linear amplitude, less that of the noise; none outside."""
+        row = (range_ - self.range[0]) / self.dr
+        first = np.clip(row.astype(np.intp), 0, self.range.size - 2)
+        profile, share = self.amplitude.reshape(-1, self.range.size), row - first
+        value = profile[beam, first] * (1.0 - share) + profile[beam, first + 1] * share
+        return np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
 
     def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
         """Range [m] and nearest beam of points (..., 3) [m], and whether they lie inside the scan."""
         offset = np.asarray(points, dtype=float) - self.radar
         range_ = np.linalg.norm(offset, axis=-1)
-        azimuth, elevation = beam_angles(offset)
-        column = np.rint((azimuth - self.azimuth[0]) / np.diff(self.azimuth).mean()).astype(np.intp)
-        row = np.rint((elevation - self.elevation[0]) / np.diff(self.elevation).mean()).astype(np.intp)
-        inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
-        return range_, np.where(inside, column * self.shape[1] + row, 0), inside & (range_ >= self.range[0])
+        steps = [(angle - axis[0]) / np.diff(axis).mean()
+                 for angle, axis in zip(beam_angles(offset), (self.azimuth, self.elevation), strict=True)]  # fmt: skip
+        beam, inside = self._beam(*np.rint(steps).astype(np.intp))
+        return range_, np.where(inside, beam, 0), inside & (range_ >= self.range[0])
 
     def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
         """Every pair of a point (n, 3) and a beam in the square of half-width `aside` [rad] about it, each (pairs,)."""
@@ -162,28 +148,28 @@ class VolumeView(View):
         beams: list[Index] = [np.empty(0, dtype=np.intp)]
         for steps in np.unique(reach):
             which = np.flatnonzero(reach == steps)
-            for across in range(-steps, steps + 1):
-                for up in range(-steps, steps + 1):
-                    beam, inside = self._moved(direction[which], across, up)
-                    rows.append(which[inside])
-                    beams.append(beam[inside])
+            square = np.mgrid[-steps : steps + 1, -steps : steps + 1].reshape(2, -1, 1)
+            beam, inside = self._moved(direction[which], *square)
+            rows.append(np.broadcast_to(which, beam.shape)[inside])
+            beams.append(beam[inside])
         return np.concatenate(rows), np.concatenate(beams)
 
     def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
         """Beams to the left, to the right, above and below, a beam's radius away; at the scan's end the beam itself."""
-        steps, sides = self.beside_steps(range_), []
-        for across, up in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-            beam, inside = self._moved(direction, across * steps, up * steps)
-            sides.append(np.where(inside, beam, direction))
-        return tuple(sides)
+        steps = self.beside_steps(range_)
+        moved = [self._moved(direction, i * steps, j * steps) for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1))]
+        return tuple(np.where(inside, beam, direction) for beam, inside in moved)
 
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""
-        return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.step))).astype(np.intp)
+        return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
 
     def _moved(self, direction: Index, across: Index | int, up: Index | int) -> tuple[Index, Mask]:
         """Beams so many azimuths and elevations away, and whether they belong to the scan."""
-        column, row = direction // self.shape[1] + across, direction % self.shape[1] + up
+        return self._beam(direction // self.shape[1] + across, direction % self.shape[1] + up)
+
+    def _beam(self, column: Index, row: Index) -> tuple[Index, Mask]:
+        """The beam of an azimuth and an elevation by their numbers, and whether it belongs to the scan."""
         inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
         return column * self.shape[1] + row, inside
 
@@ -191,7 +177,7 @@ class VolumeView(View):
         """Range, azimuth and elevation of points (n, 3) in units of the range cell and the beam's radius, (n, 3)."""
         offset = points - self.radar
         range_ = np.linalg.norm(offset, axis=-1)
-        angle = self.width(range_) / np.maximum(range_, self.step)
+        angle = self.width(range_) / np.maximum(range_, self.dr)
         azimuth, elevation = beam_angles(offset)
         return np.stack([range_ / self.range_cell, np.radians(azimuth) / angle, np.radians(elevation) / angle], axis=-1)
 
@@ -219,43 +205,24 @@ class VolumeView(View):
 
 
 def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
-    """What the steps after imaging need to know of a raster volume.
+    """What the steps after imaging need to know of a raster volume, (range, azimuth, elevation).
 
-    Parameters
-    ----------
-    volume : (range, azimuth, elevation) DataArray
-        Complex or amplitude. Attrs: `normalization` done already, `frequency_start`, `frequency_stop`,
-        `spot_radius`, `focus_distance` [m], `wave_speed` [m/s], `radar_position` [m].
-    normalization : {"beam", "r2", "none"}, optional
-        By default for the beam if it is known, else for range squared.
-
-    Returns
-    -------
-    VolumeView
+    Attrs: `normalization` done already, `frequency_start`, `frequency_stop`, `spot_radius`, `focus_distance` [m],
+    `wave_speed` [m/s], `radar_position` [m]. The `normalization`, "beam", "r2" or "none", is by default for the beam if
+    it is known, else for range squared.
 
     Raises
     ------
     InputError
         If the volume cannot be used.
     """
-    if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
-        found = getattr(volume, "dims", type(volume).__name__)
-        raise InputError(f"image: has dimensions {found}, expected a volume (range, azimuth, elevation)")
-    if min(volume.shape) < 4:
-        raise InputError(f"image: has the shape {volume.shape}, expected at least four samples along each axis")
-    axes = [volume[name].values.astype(float) for name in volume.dims]
-    for name, axis in zip(volume.dims, axes, strict=True):
-        steps = np.diff(axis)
-        if not np.isfinite(axis).all() or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
-            raise InputError(f"image: the coordinate {name} does not rise in equal steps; resample to a regular grid")
-    angle_table(axes[1])
+    check_samples(volume, ("range", "azimuth", "elevation"))
+    range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
+    angle_table(azimuth)
     amplitude: NDArray[np.float32] = _magnitudes(beams_of(volume))
-    if not np.isfinite(amplitude).all():
-        raise InputError("image: holds pixels that are not finite (NaN or infinite); mask them with 0")
     if not amplitude.any():
         raise InputError("image: every pixel is zero; there is nothing to fold")
     attrs = volume.attrs
-    range_ = axes[0]
     step = float(range_[1] - range_[0])
     beam, frequency = None, 0.0
     if all(name in attrs for name in ("spot_radius", "focus_distance", "frequency_start", "frequency_stop")):
@@ -263,28 +230,17 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
         wavelength = float(attrs.get("wave_speed", speed_of_light)) / frequency
         beam = (float(attrs["spot_radius"]), float(attrs["focus_distance"]), wavelength)
     chosen = normalization if normalization is not None else ("beam" if beam else "r2")
-
-    def gain_of(kind: str) -> Array:
-        if kind == "beam":
-            return beam_area(attrs, range_, frequency, "image")
-        if kind == "r2":
-            return range_**2
-        if kind == "none":
-            return np.ones_like(range_)
-        raise InputError(f"normalization is {kind!r}, expected one of none, r2, beam")
-
-    done = gain_of(str(attrs.get("normalization", "none")))
+    done = spreading(attrs, range_, frequency, str(attrs.get("normalization", "none")), "image")
     if np.ptp(done) > 0.0:
         amplitude /= np.maximum(done, np.finfo(np.float32).tiny).astype(np.float32)
-    stride = max(1, amplitude.size // NOISE_SAMPLES)
     # An odd stride visits all ranges and beams alike.
-    sample = amplitude.ravel()[:: stride | 1]
+    sample = amplitude.ravel()[:: max(1, amplitude.size // NOISE_SAMPLES) | 1]
     return VolumeView(
         amplitude=amplitude,
         range=range_,
-        azimuth=axes[1],
-        elevation=axes[2],
-        gain=gain_of(chosen),
+        azimuth=azimuth,
+        elevation=elevation,
+        gain=spreading(attrs, range_, frequency, chosen, "image"),
         normalization=chosen,
         noise=float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN,
         radar=np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float),

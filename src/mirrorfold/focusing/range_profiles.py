@@ -13,7 +13,7 @@ from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
-from mirrorfold.common.normalization import VOLUME_NORMALIZATIONS
+from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Progress
@@ -90,11 +90,6 @@ def focus_raster(
     if padding < 1 or int(padding) != padding:
         raise InputError(f"padding is {padding!r}, expected a whole number of at least 1")
     normalization = settings.normalization
-    if normalization not in VOLUME_NORMALIZATIONS:
-        raise InputError(
-            f"normalization is {normalization!r}, which a raster scan does not have; "
-            f"expected one of {', '.join(VOLUME_NORMALIZATIONS)}"
-        )
     frequency = sweep["frequency"].values.astype(float)
     weights = window(settings.taper, frequency.size, "taper")
     size = int(next_fast_len(int(padding) * frequency.size))
@@ -112,7 +107,7 @@ def focus_raster(
         )
     range_: Array = step * np.arange(first, last, dtype=float)
     turn = np.exp(2j * (wavenumber(sweep)[0] * range_))
-    turn *= size * _spreading(sweep, range_, normalization)
+    turn *= size * spreading(sweep.attrs, range_, float(frequency.mean()), normalization, "sweep")
     turn = turn.astype(np.complex64)
     s = np.moveaxis(sweep["s"].values, 0, -1)
     volume = np.empty((*s.shape[:2], last - first), dtype=np.complex64)
@@ -168,25 +163,24 @@ def _common(volume: NDArray[np.complex64]) -> NDArray[np.complex64]:
     return np.asarray(middle, dtype=np.complex64)
 
 
-def _spreading(sweep: xr.Dataset, range_: Array, normalization: str) -> Array:
-    """What a normalisation multiplies each range with."""
-    if normalization == "r2":
-        return range_**2
-    if normalization == "beam":
-        return beam_area(sweep.attrs, range_, float(sweep["frequency"].values.mean()), "sweep")
-    return np.ones_like(range_)
+def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:
+    """What one of the `VOLUME_NORMALIZATIONS` multiplies each range [m] with.
 
-
-def beam_area(attrs: dict[Any, Any], range_: Array, frequency: float, source: str) -> Array:
-    """``w(r)^2 / w0^2`` of the focused beam that the attrs `spot_radius` and `focus_distance` [m] describe.
-
-    Its wavelength is that of the attr `wave_speed` [m/s], by default of light, at a frequency [Hz].
+    That of the beam is ``w(r)^2 / w0^2`` of the focused beam that the attrs `spot_radius` and `focus_distance` [m]
+    describe. Its wavelength is that of the attr `wave_speed` [m/s], by default of light, at a frequency [Hz].
 
     Raises
     ------
     InputError
-        If the attrs are missing.
+        If the attrs are missing, or the normalization is none of a volume; `source` names where they are missing.
     """
+    if normalization not in VOLUME_NORMALIZATIONS:
+        raise InputError(
+            f"normalization is {normalization!r}, which a raster scan does not have; "
+            f"expected one of {', '.join(VOLUME_NORMALIZATIONS)}"
+        )
+    if normalization != "beam":
+        return np.asarray(range_ ** float(RANGE_POWERS[normalization]))
     if "spot_radius" not in attrs or "focus_distance" not in attrs:
         raise InputError(
             f"{source}: has no attrs spot_radius and focus_distance [m], which the normalization 'beam' needs; "

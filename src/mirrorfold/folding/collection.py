@@ -39,20 +39,18 @@ def collect(
         The unfolded image or volume.
     echoes : Echoes
         All of it; their threshold and reference are recorded.
-    tree : MirrorTree
-    sight : LinesOfSight
-    points : Points
-    settings : FoldSettings
+    tree, sight, points, settings
+        What the steps before returned, and what they were told.
     mixed : (n, d) array [m], optional
         Where echoes stood in the image that went out by one chain of mirrors and back by another, and were left out.
     grid : tuple of 1D arrays [m], optional
-        Pixel coordinates (x, y) of the pictures, and of a volume z.
+        Pixel coordinates (x, y) of the pictures, and of a volume z. By default that of the image, grown where something
+        folds to outside of it, or one around all points of a volume.
 
     Returns
     -------
     xarray.DataTree
-        ``/``: `intensity`; ``/initial``: `initial`; ``/objects`` and ``/mirrors``. The pictures share one grid: that of
-        the image, grown where something folds to outside of it, or one around all points of a volume.
+        ``/``: `intensity`; ``/initial``: `initial`; ``/objects`` and ``/mirrors``.
     """
     axes = "xyz"[: sight.view.dimensions]
     left_out = np.empty((0, len(axes))) if mixed is None else mixed
@@ -67,31 +65,25 @@ def collect(
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
         "remark": "" if tree.mirrors else "no mirror was found; the scene is shown unfolded",
     }
-    if "title" in image.attrs:
-        attrs["title"] = image.attrs["title"]
+    attrs |= {name: image.attrs[name] for name in ("title",) if name in image.attrs}
     (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin or 0.0, grid)
-    coords = {
-        "y": ("y", y, {"units": "m", "long_name": "range"}),
-        "x": ("x", x, {"units": "m", "long_name": "cross-range"}),
-    }
-    long_name = {"long_name": what}
-    root = xr.Dataset({"intensity": (("y", "x"), intensity, long_name)}, coords=coords, attrs=attrs)
-    unfolded = xr.Dataset({"initial": (("y", "x"), initial, long_name)}, coords=coords)
-    return xr.DataTree.from_dict(
-        {"/": root, "/initial": unfolded, "/objects": _objects(points), "/mirrors": _mirrors(tree)}
-    )
+    coords = {name: (name, axis, {"units": "m", "long_name": text})
+              for name, axis, text in (("y", y, "range"), ("x", x, "cross-range"))}  # fmt: skip
+    drawn = {name: xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, coords=coords)
+             for name, picture in (("intensity", intensity), ("initial", initial))}  # fmt: skip
+    groups = {"/initial": drawn["initial"], "/objects": _objects(points), "/mirrors": _mirrors(tree)}
+    return xr.DataTree.from_dict({"/": drawn["intensity"].assign_attrs(attrs)} | groups)
 
 
 def _objects(points: Points) -> xr.Dataset:
     """The points as a table."""
     axes = "xyz"[: points.position.shape[1]]
-    data: dict[str, Any] = {}
-    for suffix, place, text in (
-        ("", points.position, "folded position"),
-        ("_initial", points.initial, "position before folding"),
-    ):
-        for i, axis in enumerate(axes):
-            data[axis + suffix] = ("point", place[:, i], {"units": "m", "long_name": text})
+    places = (("", points.position, "folded position"), ("_initial", points.initial, "position before folding"))
+    data: dict[str, Any] = {
+        axis + suffix: ("point", place[:, i], {"units": "m", "long_name": text})
+        for suffix, place, text in places
+        for i, axis in enumerate(axes)
+    }
     confidence = "share of power above what had to be exceeded, times the filled share of each mirror on the way"
     data |= {
         "amplitude": ("point", points.amplitude.astype(np.float32)),

@@ -48,40 +48,19 @@ class Points:
 
 
 def fold_back(tree: MirrorTree) -> Points:
-    """Every echo of the tree at its true place.
-
-    Parameters
-    ----------
-    tree : MirrorTree
-        Its root.
-
-    Returns
-    -------
-    Points
-        In the order of `MirrorTree.walk`, objects before faces.
-    """
+    """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces."""
     folds = tree.folds()
     trust: dict[Chain, float] = {}
     parts: list[tuple[Any, ...]] = []
     for node in tree.walk():
         trust[node.chain] = 1.0 if node.line is None else trust[node.chain[:-1]] * node.line.fill
-        seen = [(node.objects, node.chain, "object")]
-        if node.line is not None:
-            seen.append((node.face, node.chain[:-1], "mirror"))
-        for echoes, chain, surface in seen:
+        for echoes, chain, surface in ((node.objects, node.chain, "object"), (node.face, node.chain[:-1], "mirror")):
             exceeded = np.maximum(echoes.noise, echoes.limit)
             excess = 1.0 - (exceeded / np.maximum(echoes.amplitude, np.maximum(exceeded, np.finfo(float).tiny))) ** 2
-            parts.append(
-                (
-                    folds[chain](echoes.position),
-                    echoes.position,
-                    echoes.amplitude,
-                    np.full(len(echoes), len(chain), dtype=np.int32),
-                    np.full(len(echoes), "/".join(map(str, chain)), dtype=object),
-                    np.full(len(echoes), surface, dtype=object),
-                    excess * trust[chain],
-                )
-            )
+            names = [np.full(len(echoes), name, dtype=object) for name in ("/".join(map(str, chain)), surface)]
+            bounces = np.full(len(echoes), len(chain), dtype=np.int32)
+            folded = folds[chain](echoes.position)
+            parts.append((folded, echoes.position, echoes.amplitude, bounces, *names, excess * trust[chain]))
     position, initial, amplitude, bounces, chains, surfaces, confidence = map(np.concatenate, zip(*parts, strict=True))
     return Points(position, initial, amplitude, bounces, chains.astype(str), surfaces.astype(str), confidence)
 

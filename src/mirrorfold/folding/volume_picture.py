@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from mirrorfold.common.geometry import Isometry
-from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Chain
+from mirrorfold.common.types import Array
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.focusing.range_profiles import at_point
 from mirrorfold.folding.points import Points
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight, hidden_at, through_at
+from mirrorfold.tree.lines_of_sight import hidden_at, through_at
 
 PIXEL_RADII = 0.6
 """Pixels of the plan view, in radii of the beam where it is narrowest; its vertical columns are sampled twice that."""
@@ -41,72 +40,29 @@ def voxel_axes(points: Points, view: VolumeView) -> tuple[Array, Array, Array]:
     return x, y, z
 
 
-def draw_volume(
-    x: Array,
-    y: Array,
-    z: Array,
-    sight: LinesOfSight,
-    folds: dict[Chain, Isometry],
-    wall_margin: float,
-    blobs: NDArray[np.int16],
-) -> NDArray[np.float32]:
-    """Normalised amplitude of the true scene on a regular grid, (z, y, x).
-
-    Every voxel looks up the volume where each chain of mirrors shows it, if nothing stands in the way there: there are
-    no holes, as pushing voxels to their folded places would leave them.
-
-    Parameters
-    ----------
-    x, y, z : 1D arrays [m]
-        In equal steps.
-    sight : LinesOfSight
-        Of a raster volume.
-    folds : dict
-        For every chain, the map from the volume to the true place.
-    wall_margin : float [m]
-        How far behind a mirror echoes still belong to the wall.
-    blobs : (directions, ranges) array of int
-        Where the volume shows what folds to a point, see `folded_blobs`; nothing else is folded.
-    """
-    view = sight.view
-    assert isinstance(view, VolumeView)  # whoever draws voxels has a volume
-    crossing, through = sight.passages
-    mirrors = [(ROOT, ())] + [(i, chain) for i, chain in enumerate(sight.chain) if chain]
-    inverse = [folds[chain].inverse for _, chain in mirrors]
-    linear = np.array([f.linear for f in inverse])
-    shift = np.array([f.shift for f in inverse]) - view.radar
-    number = np.array([i for i, _ in mirrors], dtype=np.int64)
+def volume_tables(view: VolumeView, z: Array) -> tuple[Any, ...]:
+    """What `draw_row` needs to know of a volume and of heights z [m] in equal steps."""
     angles = np.radians(np.array([[a[0], a[-1], np.diff(a).mean()] for a in (view.azimuth, view.elevation)]))
-    out = np.zeros((y.size, x.size, z.size), dtype=np.float32)
     step = float(z[1] - z[0]) if z.size > 1 else 1.0
-    gain = view.gain.astype(np.float32)
-    empty = sight.open if sight.open.size else np.zeros(len(view.sight))
-    side = view.beside_steps(view.range)
-
-    def row(i: int) -> None:
-        _draw_row(view.amplitude, gain, x, float(y[i]), float(z[0]), step, linear, shift, view.radar, number, angles,
-                  float(view.range[0]), view.step, crossing, through, sight.cover.range, sight.cover.level, empty, side,
-                  wall_margin, blobs, out[i])  # fmt: skip
-
-    for_each(row, range(y.size))
-    return np.moveaxis(out, -1, 0)
+    sample = float(view.range[0]), view.dr, view.beside_steps(view.range)
+    return view.amplitude, view.gain.astype(np.float32), float(z[0]), step, view.radar, angles, *sample
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _draw_row(  # type: ignore[no-untyped-def]
-    amplitude, gain, x, y, z, step_z, linear, shift, radar, number, angles, first, step, crossing, through, begin,
-    level, empty, side, margin, blobs, out,
+def draw_row(  # type: ignore[no-untyped-def]
+    x, y, linear, shift, number, crossing, through, begin, level, empty, margin, blobs, out,
+    amplitude, gain, z, step_z, radar, angles, first, step, side,
 ):  # fmt: skip
-    """Voxels of one y, (x, z): the largest amplitude with which any chain of mirrors shows them."""
+    """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`."""
     side_low, side_high = np.tan(angles[0, 0]), np.tan(angles[0, 1])
     up_low, up_high = np.tan(angles[1, 0]), np.tan(angles[1, 1])
     columns, rows = amplitude.shape[:2]
     for w in range(number.size):
         a = linear[w]
         for j in range(x.size):
-            px = a[0, 0] * x[j] + a[0, 1] * y + shift[w, 0]
-            py = a[1, 0] * x[j] + a[1, 1] * y + shift[w, 1]
-            pz = a[2, 0] * x[j] + a[2, 1] * y + shift[w, 2]
+            px = a[0, 0] * x[j] + a[0, 1] * y + shift[w, 0] - radar[0]
+            py = a[1, 0] * x[j] + a[1, 1] * y + shift[w, 1] - radar[1]
+            pz = a[2, 0] * x[j] + a[2, 1] * y + shift[w, 2] - radar[2]
             for i in range(out.shape[1]):
                 height = z + i * step_z
                 qx, qy, qz = px + a[0, 2] * height, py + a[1, 2] * height, pz + a[2, 2] * height

@@ -43,17 +43,7 @@ class Figures(Record):
 
 
 def thin(points: Array, cell: float = CELL) -> Array:
-    """The mean of the points in each occupied cell of a square or cubic grid.
-
-    Parameters
-    ----------
-    points : (n, d) array [m]
-    cell : float [m], default `CELL`
-
-    Returns
-    -------
-    (m, d) array [m]
-    """
+    """The mean of the points (n, d) in each occupied cell [m] of a square or cubic grid, (m, d)."""
     return counted(points, cell)[0]
 
 
@@ -69,48 +59,34 @@ def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]
 
 
 def figures(points: Array, count: NDArray[np.int64], distance: Array, reachable: Array) -> Figures:
-    """All the figures for one set of points; None where they are undefined.
+    """All the figures; None where they are undefined.
 
-    Parameters
-    ----------
-    points : (n, d) array [m]
-        Thinned.
-    count : (n,) array of int
-        How many points each stands for.
-    distance : (n,) array [m]
-        Of each point from the nearest true surface.
-    reachable : (m, d) array [m]
-        Samples of the truth that could be seen.
+    Thinned points (n, d), each of which stands for `count` (n,) points, have a `distance` (n,) from the nearest
+    surface; `reachable` (m, d) is the truth that could be seen, all [m].
     """
     to_points = cKDTree(points).query(reachable)[0] if len(points) else np.full(len(reachable), np.inf)
     one_way, other_way = _mean(distance), _mean(to_points)
-    precision, completeness = ({limit: _share(d, limit) for limit in (NEAR, COVERED, WIDE)}
-                               for d in (distance, to_points))  # fmt: skip
+    near = {limit: (_share(distance, limit), _share(to_points, limit)) for limit in (NEAR, COVERED, WIDE)}
     return Figures(
         points=int(count.sum()),
         cells=len(points),
         accuracy_m=one_way,
-        precision_2cm=precision[NEAR],
-        completeness_2cm=completeness[NEAR],
-        f_score_2cm=_harmonic_mean(precision[NEAR], completeness[NEAR]),
-        precision_5cm=precision[WIDE],
-        completeness_5cm=completeness[WIDE],
-        f_score_5cm=_harmonic_mean(precision[WIDE], completeness[WIDE]),
-        completeness_3cm=completeness[COVERED],
+        precision_2cm=near[NEAR][0],
+        completeness_2cm=near[NEAR][1],
+        f_score_2cm=_harmonic_mean(*near[NEAR]),
+        precision_5cm=near[WIDE][0],
+        completeness_5cm=near[WIDE][1],
+        f_score_5cm=_harmonic_mean(*near[WIDE]),
+        completeness_3cm=near[COVERED][1],
         chamfer_m=None if one_way is None or other_way is None else 0.5 * (one_way + other_way),
-        invented_fraction=_beyond(distance, INVENTED),
-        false_fraction=_beyond(distance, FALSE),
+        invented_fraction=1.0 - (_share(distance, INVENTED) or 0.0) if len(distance) else 0.0,
+        false_fraction=1.0 - (_share(distance, FALSE) or 0.0) if len(distance) else 0.0,
     )
 
 
 def _share(distances: Array, limit: float) -> float | None:
     """Of the distances that are within a limit."""
     return float(np.mean(distances <= limit)) if len(distances) else None
-
-
-def _beyond(distances: Array, limit: float) -> float:
-    """Share of the distances that are beyond a limit; of no points none are."""
-    return 1.0 - float(np.mean(distances <= limit)) if len(distances) else 0.0
 
 
 def _mean(distances: Array) -> float | None:

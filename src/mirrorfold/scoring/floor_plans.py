@@ -52,22 +52,10 @@ def faces(scene: Scene) -> list[Face]:
 
 
 def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = BOUNCES) -> tuple[Mask, Mask]:
-    """Which points of the truth the middle of the array can see: directly, and by way of mirrors.
+    """Which points (n, 2) [m] with these normals the middle of the array can see: directly; by way of mirrors, too.
 
     Lines of sight are those of geometrical optics: by the radar's images in chains of straight pieces, with every
     reflection on the piece itself and nothing in the way; no further than the ambiguous range.
-
-    Parameters
-    ----------
-    scene : Scene
-    truth, normals : (n, 2) arrays [m]
-        Points on the surfaces and their normals.
-    bounces : int
-
-    Returns
-    -------
-    direct, reachable : (n,) bool arrays
-        The second includes the first.
     """
     facets = [_facets(surface, CHORD) for surface in scene.surface]
     blockers = np.concatenate(facets) if facets else np.empty((0, 2, 2))

@@ -52,14 +52,13 @@ def mirror_errors(reconstruction: xr.DataTree, faces: list[Face]) -> list[Mirror
     rows = []
     for i in range(found.sizes["mirror"]):
         center, normal, length = _placed(found.isel(mirror=i))
-        near = [(distance, face) for face in faces for distance in [_distance(center, normal, face)]]
-        distance, best = min(near, key=lambda pair: pair[0], default=(np.inf, None))
-        agrees = best is not None and distance <= MIRROR_OFFSET
+        near = [face for face in faces if _distance(center, normal, face) <= MIRROR_OFFSET]
+        best = min(near, key=lambda face: _distance(center, normal, face), default=None)
         rows.append(
             MirrorError(
-                surface=best.surface if best and agrees else None,
-                angle_error_deg=_angle_deg(normal, best.normal) if best and agrees else None,
-                offset_error_mm=1e3 * abs(float((center - best.center) @ best.normal)) if best and agrees else None,
+                surface=best.surface if best else None,
+                angle_error_deg=_angle_deg(normal, best.normal) if best else None,
+                offset_error_mm=1e3 * abs(float((center - best.center) @ best.normal)) if best else None,
                 generation=int(found["generation"].values[i]),
                 length_m=length,
             )

@@ -6,7 +6,6 @@ find out which those are.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, overload
 
@@ -109,17 +108,10 @@ def score(
     Returns
     -------
     PlanScore or VolumeScore
-        Facts to read as attributes or as items. `mirrors`: a list with `surface` (name of the true one or None),
-        `angle_error_deg`, `offset_error_mm`, `generation` and `length_m` for every detected mirror, at its true place.
-        For all points: `points` (how many), `cells` (how many after thinning), `accuracy_m` (mean distance from the
-        nearest true surface), `precision_2cm`, `precision_5cm`, `completeness_2cm`, `completeness_3cm`,
-        `completeness_5cm` (share of the reachable truth within that distance of a point), `f_score_2cm`,
-        `f_score_5cm`, `chamfer_m` (mean of both mean distances), `invented_fraction` and `false_fraction` (points
-        further than 10 and 15 cm from any truth), `reachable_m` (length of reachable truth) or `reachable_m2` (its
-        area). `hidden`: the same for points seen by way of mirrors, and for surfaces of which nothing is in line of
-        sight. `surfaces`: the same for the points nearest to each of these surfaces. In three dimensions `patches`:
-        the contrast of each patch to its surroundings, `contrast_db`. What is undefined, such as the accuracy of no
-        points, is None.
+        Facts to read as attributes or as items: those of all points; under `hidden` those of points seen by way of
+        mirrors, and of surfaces of which nothing is in line of sight; under `surfaces` those of each such surface;
+        under `mirrors` the errors of every detected mirror at its true place. What is undefined, such as the accuracy
+        of no points, is None. `mirrorfold schema score` says what each is.
 
     Raises
     ------
@@ -141,13 +133,17 @@ def score(
     by_mirror = objects["bounces"].values > 0
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
-        every, hidden, each = _judge(points, by_mirror, floor_plans.truth(scene, bounces=bounces), _plan_figures)
+        every, hidden, each = _judge(
+            points, by_mirror, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
+        )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each)
     from mirrorfold.scoring import volumes
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene))
-    whole, unseen, parts = _judge(points, by_mirror, volumes.truth(scene, bounces=bounces), _volume_figures)
+    whole, unseen, parts = _judge(
+        points, by_mirror, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2"
+    )
     contrasts = volumes.patch_contrasts(scene, points[by_mirror], objects["amplitude"].values[by_mirror])
     return VolumeScore(
         mirrors=mirrors,
@@ -162,22 +158,16 @@ SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
 
 
 def _judge(
-    points: Array, by_mirror: Mask, truth: Truth, sized: Callable[[Figures, float], SomeFigures]
+    points: Array, by_mirror: Mask, truth: Truth, kind: type[SomeFigures], size: str
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
-    """The figures of all points; of those seen by way of mirrors; and of these by the hidden surface they lie nearest.
+    """The figures of all points (n, d); of those seen by way of mirrors; and of these by the hidden surface at them.
 
-    Parameters
-    ----------
-    points : (n, d) array [m]
-    by_mirror : (n,) bool array
-    truth : Truth
-    sized : callable
-        Adds the length or area of the reachable truth to figures.
+    `size` is what `kind` calls the length or area of the reachable truth.
     """
 
     def compared(points: Array, count: NDArray[np.int64], distance: Array, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
-        return sized(figures(points, count, distance, reachable), len(reachable) * truth.size)
+        return kind(**{**figures(points, count, distance, reachable), size: len(reachable) * truth.size})
 
     every, each = counted(points)
     mirrored, stands_for = counted(points[by_mirror])
@@ -193,14 +183,6 @@ def _judge(
             for i in truth.hidden
         },
     )
-
-
-def _plan_figures(found: Figures, length: float) -> PlanFigures:
-    return PlanFigures(**found, reachable_m=length)
-
-
-def _volume_figures(found: Figures, area: float) -> VolumeFigures:
-    return VolumeFigures(**found, reachable_m2=area)
 
 
 def _deep(mirrors: list[MirrorError]) -> list[MirrorError]:

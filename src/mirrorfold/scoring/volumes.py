@@ -11,7 +11,7 @@ from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.truth import BOUNCES, SMALLEST_COSINE, Truth, farthest_range
-from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
+from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.speckle import image_frame, sample
 
@@ -64,7 +64,7 @@ def visible_truth(
     reachable = direct.copy()
     if not parts:
         return direct, reachable
-    world: World = build_world(parts)
+    traced = traced_scene(parts)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     limit = farthest_range(scene.band)
@@ -72,15 +72,15 @@ def visible_truth(
     fan = beam_direction(
         np.linspace(azimuth[0], azimuth[-1], FAN)[:, None], np.linspace(elevation[0], elevation[-1], FAN)
     )
-    for chain in find_chains(scene, world, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
-        to_image = image_frame(world.quads, chain)
+    for chain in find_chains(scene, traced, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
+        to_image = image_frame(traced.quads, chain)
         sight = to_image.inverse(origin) - place
         distance = np.linalg.norm(sight, axis=1)
         az, el = beam_angles(to_image(place) - origin)
         inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
         facing = np.einsum("nd,nd->n", sight, normals) >= SMALLEST_COSINE * distance
         which = np.flatnonzero(inside & facing & (distance <= limit) & ~reachable)
-        seen, _ = walk_back(scene, world, origin, chain, place[which], frequency=frequency)
+        seen, _ = walk_back(scene, traced, origin, chain, place[which], frequency=frequency)
         reachable[which[seen]] = True
         if not chain:
             direct[which[seen]] = True

@@ -11,32 +11,19 @@ from mirrorfold.common.types import Chain
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
-from mirrorfold.tree.ordering import Order, visible_objects
+from mirrorfold.tree.ordering import Order
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
-    """The tree of the mirrors with their echoes, less those that the radar's own view contradicts.
+    """The tree of the mirrors with their echoes, by its root, and the lines of sight with the chains of the mirrors.
 
-    Parameters
-    ----------
-    order : Order
-    echoes : Echoes
-        With their marks `visible` and `strong`.
-    opaque : bool
-        Whether the radar's own view is taken to show all that it looks at.
-
-    Returns
-    -------
-    tree : MirrorTree
-        Its root; without mirrors if there are none.
-    sight : LinesOfSight
-        With the chains of the mirrors.
+    Where objects are `opaque`, echoes are left out that the radar's own view contradicts.
     """
     sight = order.sight
     if opaque:
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
     through = sight.seen_through(echoes.range, echoes.direction)
-    owner = np.where(visible_objects(order, echoes), through, NOBODY)
+    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, NOBODY)
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain, fold: Isometry) -> MirrorTree:

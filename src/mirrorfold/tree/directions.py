@@ -8,7 +8,7 @@ another direction than that of the point.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -82,20 +82,11 @@ def _listen(
             level[p, j] = abs(total)
 
 
-@dataclass(frozen=True, eq=False)
-class _Aperture:
+class _Aperture(NamedTuple):
     """The transmitters, or the receivers, weighted against the side lobes of bright glints.
 
-    Attributes
-    ----------
-    position : (n, 3) array [m]
-        Of the elements, in the order of the sweep.
-    weight : (n,) array
-        A Hann window along the aperture's principal axis; elements at the same place share the weight of that place.
-    centre : (3,) array [m]
-        Mean of the places.
-    places : int
-        Number of places that differ.
+    The `weight` (n,) of elements at `position` (n, 3) [m] is a Hann window along the aperture's principal axis; those
+    at the same place share its weight. `centre` (3,) [m] is the mean of the `places`, of which so many differ.
     """
 
     position: Array
@@ -137,33 +128,17 @@ def _apertures(sweep: xr.Dataset) -> tuple[_Aperture, _Aperture]:
 
 
 def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
-    """How much of an echo arrives from the direction in which it left.
+    """How much of an echo at ranges [m] and u, (n,) each, arrives from the direction in which it left: 0 to 1, (n,).
 
     Let ``B(u, u')`` be the sum over transmitters, focused on a point at range r in direction u, and over receivers,
     focused at the same range in direction u'. The ratio is ``|B(u, u)| / max over u' of |B(u, u')|``: near one for an
-    echo that came back the way it went out, small for one that arrives from elsewhere.
-
-    The points are taken at the height of the radar, the mean of the heights of its two apertures.
-
-    Parameters
-    ----------
-    sweep : xarray.Dataset
-        ``s(frequency, tx, rx)`` with transmitters at two places or more, and receivers as well.
-    view : ImageView
-        Says from where range and u count.
-    range_ : (n,) array [m]
-    u : (n,) array
-        The points to test; u is the sine of the angle off broadside.
-
-    Returns
-    -------
-    (n,) array
-        Between 0 and 1.
+    echo that came back the way it went out, small for one that arrives from elsewhere. The points are taken at the
+    height of the radar, the mean of the heights of its two apertures, of two places or more each.
 
     Raises
     ------
     InputError
-        If the sweep has other dimensions, such as frames.
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
     data = sweep["s"]
     if data.dims != ("frequency", "tx", "rx"):
@@ -214,24 +189,11 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
 def of_mixed_paths(
     echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: dict[tuple[float, float], float] | None = None
 ) -> Mask:
-    """Which echoes arrive from another direction than they left in.
+    """Which echoes of a view arrive from another direction than they left in, (n,).
 
     Each resolution cell is tested once, at its brightest echo. Where all transmitters, or all receivers, stand at one
-    place, directions cannot be told and no echo is called mixed.
-
-    Parameters
-    ----------
-    echoes : Echoes
-    sweep : xarray.Dataset
-        ``s(frequency, tx, rx)``.
-    view : ImageView
-        The view that the echoes were found in.
-    known : dict, optional
-        Ratios of echoes by range [m] and u, from earlier calls; those measured now are added.
-
-    Returns
-    -------
-    (n,) bool array
+    place, directions cannot be told and no echo is called mixed. `known` holds ratios by range [m] and u from earlier
+    calls; those measured now are added.
     """
     known = {} if known is None else known
     if not echoes.range.size or min(side.places for side in _apertures(sweep)) < 2:

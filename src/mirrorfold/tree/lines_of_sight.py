@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -34,17 +35,11 @@ NOBODY = -2
 """In the place of a mirror's number: neither seen directly nor by way of any mirror."""
 
 
-@dataclass(frozen=True, eq=False)
-class Cover:
+class Cover(NamedTuple):
     """What objects hide: along each line of sight, the amplitude that an echo must exceed to be more than an object's
     multiple scattering.
 
-    Attributes
-    ----------
-    range : (depth, n) array [m]
-        Rising; where the amplitude to exceed grows. Infinite where there are fewer steps.
-    level : (depth, n) array
-        The amplitude to exceed from there on.
+    It grows at ranges, (depth, n) [m], rising, infinite where there are fewer steps, to levels (depth, n).
     """
 
     range: Array
@@ -63,8 +58,7 @@ class Cover:
         level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]
         table = _steps(direction, begin, level, view)
         # Of several objects along a line of sight only those matter that are stronger than all before them.
-        higher = np.diff(table.level, axis=0, prepend=0.0) > 0.0
-        which = np.nonzero(higher)
+        which = np.nonzero(np.diff(table.level, axis=0, prepend=0.0) > 0.0)
         return _steps(which[1], table.range[which], table.level[which], view)
 
     def clear(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask:

@@ -73,27 +73,18 @@ def order_mirrors(
     mirrors : sequence of Mirror
     view : View
     echoes : Echoes
-    minimum_length : float [m]
-        Of the pieces that a mirror is cut into.
-    wall_margin : float [m]
-        How far behind a mirror echoes still belong to the wall.
-    opaque : bool
-        Whether objects end the view.
+    minimum_length, wall_margin, opaque, generations
+        See `FoldSettings`; `minimum_length` [m] is also that of the pieces that a mirror is cut into.
     walls : (n,) bool array, optional
         Where the mirrors are given by hand: the echoes of all walls that the image shows, used as mirrors or not. They
         are no objects. As a given mirror is in view whatever stands before it, objects then hide only what is seen
         behind the same mirrors, and all that is not folded stays.
-    generations : int, optional
-        Largest number of mirrors in a chain; deeper ones are left out.
-
-    Returns
-    -------
-    Order
     """
     found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque, walls)
-    if generations is not None and not all(shallow := _within(found.sight.parent, generations)):
-        kept = [mirror for mirror, keep in zip(found.mirrors, shallow, strict=True) if keep]
-        found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque, walls)
+    if generations is not None:
+        kept = [m for i, m in enumerate(found.mirrors) if not _deep(i, found.sight.parent, generations)]
+        if len(kept) < len(found.mirrors):
+            found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque, walls)
     return found
 
 
@@ -126,11 +117,10 @@ def _ordered(
             hides &= ~walls & (nearest[echoes.direction] < echoes.range)
         cover = Cover.of(echoes.take(hides), view)
         if walls is not None:
-            cover = replace(cover, range=np.where(np.isfinite(nearest), cover.range, np.inf))
-    for index, mirror in enumerate(mirrors):
-        met = np.flatnonzero(np.isfinite(crossing[index]))
-        behind = crossing[index, met] + view.object_depth(crossing[index, met])
-        crossing[index, met[~cover.clear(behind, met, mirror.strength)]] = np.inf
+            cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
+    for row, mirror in zip(crossing, mirrors, strict=True):
+        met = np.flatnonzero(np.isfinite(row))
+        row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
     parent = np.array([_parent(index, crossing) for index in range(len(mirrors))], dtype=np.intp)
     seen = np.flatnonzero(np.isfinite(crossing).any(axis=1))
     # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.
@@ -147,8 +137,7 @@ def _ordered(
 def _pieces(
     mirror: Mirror, others: list[list[Mirror]], view: View, minimum_length: float
 ) -> tuple[list[Mirror], list[Mirror]]:
-    """The pieces of a mirror that passes from the view by way of one mirror into that by way of another, and those
-    too small to be one.
+    """The pieces of a mirror that is seen by more than one way, and those too small to be one.
 
     The mirror image of a wall in another one at right angles to it continues the wall itself.
     """
@@ -163,30 +152,19 @@ def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
     """Directions that meet a mirror, and the mirror that each met last before it (ROOT: none)."""
     directions = np.flatnonzero(np.isfinite(crossing[index]))
     ranges = np.where(crossing[:, directions] < crossing[index, directions], crossing[:, directions], -np.inf)
-    last = np.argmax(ranges, axis=0)
-    return directions, np.where(np.isfinite(ranges[last, np.arange(directions.size)]), last, ROOT)
+    return directions, np.where(np.isfinite(ranges).any(axis=0), np.argmax(ranges, axis=0), ROOT)
 
 
 def _parent(index: int, crossing: Array) -> int:
     """The mirror through which most of a mirror is seen."""
     _, before = _last_before(index, crossing)
-    if not before.size:
-        return NOBODY
-    values, counts = np.unique(before, return_counts=True)
-    return int(values[np.argmax(counts)])
+    return int(np.argmax(np.bincount(before - ROOT))) + ROOT if before.size else NOBODY
 
 
-def _within(parent: Index, generations: int) -> list[bool]:
-    """Whether each mirror is seen through fewer others than `generations`."""
-    depths = []
-    for mirror in parent:
-        depth = 1
-        while mirror >= 0 and depth <= generations:
-            mirror, depth = parent[mirror], depth + 1
-        depths.append(depth <= generations)
-    return depths
-
-
-def visible_objects(order: Order, echoes: Echoes) -> Mask:
-    """Which echoes are those of objects: in view, strong, and on no mirror."""
-    return echoes.visible & echoes.strong & (order.face == ROOT)
+def _deep(mirror: int, parent: Index, generations: int) -> bool:
+    """Whether a mirror is seen through as many others as `generations`, or more."""
+    for _ in range(generations):
+        if mirror < 0:
+            return False
+        mirror = int(parent[mirror])
+    return mirror >= 0

@@ -26,7 +26,7 @@ SLACK = 2e-4
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class TracedScene:
     """Everything that rays can meet.
 
     Attributes
@@ -45,7 +45,7 @@ class World:
     first_quad: Index
 
 
-def build_world(solids: list[Solid]) -> World:
+def traced_scene(solids: list[Solid]) -> TracedScene:
     """All surfaces together."""
     quads: list[Quad] = []
     vertices, faces, numbers, offset = [], [], [], 0
@@ -61,18 +61,18 @@ def build_world(solids: list[Solid]) -> World:
             number = len(quads) + np.arange(len(solid.faces)) // 2
         numbers.append(number)
         quads.extend(solid.quads)
-    return World(Caster(np.concatenate(vertices), np.concatenate(faces)), quads, np.concatenate(numbers))
+    return TracedScene(Caster(np.concatenate(vertices), np.concatenate(faces)), quads, np.concatenate(numbers))
 
 
 def find_chains(
-    scene: Scene3D, world: World, origin: Array, directions: Array, *, bounces: int, frequency: float
+    scene: Scene3D, traced: TracedScene, origin: Array, directions: Array, *, bounces: int, frequency: float
 ) -> list[tuple[int, ...]]:
     """Chains of mirrors that rays from the radar follow, shortest first; the empty one is the line of sight.
 
     Parameters
     ----------
     scene : Scene3D
-    world : World
+    traced : TracedScene
     origin : (3,) array [m]
     directions : (n, 3) array
         The fan: unit vectors.
@@ -82,25 +82,25 @@ def find_chains(
         At which losses are taken.
     """
     chains: list[tuple[int, ...]] = [()]
-    if not world.quads:
+    if not traced.quads:
         return chains
-    normals = np.array([quad.normal for quad in world.quads])
+    normals = np.array([quad.normal for quad in traced.quads])
     start = np.tile(origin, (len(directions), 1))
     member = np.zeros(len(directions), dtype=np.int64)
     amplitude = np.ones(len(directions))
     for _ in range(bounces):
-        face, along = world.caster.first_hit(start, directions, start_at=SLACK)
-        met = np.flatnonzero((face >= 0) & (world.first_quad[face] >= 0))
+        face, along = traced.caster.first_hit(start, directions, start_at=SLACK)
+        met = np.flatnonzero((face >= 0) & (traced.first_quad[face] >= 0))
         if not met.size:
             break
-        quad, arriving = world.first_quad[face[met]], directions[met]
+        quad, arriving = traced.first_quad[face[met]], directions[met]
         cosine = -np.einsum("nd,nd->n", arriving, normals[quad])
         # Behind the first side of a panel is its second one.
         quad, cosine = np.where(cosine < 0.0, quad + 1, quad), np.abs(cosine)
         left = amplitude[met]
         for number in np.unique(quad):
             here = quad == number
-            finish = scene.surface[world.quads[number].surface]
+            finish = scene.surface[traced.quads[number].surface]
             left[here] *= np.abs(specular_amplitude(finish, frequency, cosine[here])) ** 2
         start = start[met] + along[met, None] * arriving
         directions = unit(arriving + 2.0 * cosine[:, None] * normals[quad])
@@ -114,7 +114,7 @@ def find_chains(
 
 def walk_back(
     scene: Scene3D,
-    world: World,
+    traced: TracedScene,
     origin: Array,
     chain: tuple[int, ...],
     points: Array,
@@ -126,7 +126,7 @@ def walk_back(
     Parameters
     ----------
     scene : Scene3D
-    world : World
+    traced : TracedScene
     origin : (3,) array [m]
     chain : tuple of int
         Numbers of quads, from the radar on.
@@ -142,14 +142,14 @@ def walk_back(
     """
     images = [origin]
     for number in chain:
-        quad = world.quads[number]
+        quad = traced.quads[number]
         images.append(reflect(images[-1], quad.center, quad.normal))
     seen = np.ones(len(points), dtype=bool)
     amplitude = np.ones(len(points), dtype=complex)
     alive = np.arange(len(points))
     target = points
     for number, image in zip(reversed(chain), reversed(images[1:]), strict=True):
-        quad = world.quads[number]
+        quad = traced.quads[number]
         normal = quad.normal
         to_image = (image - quad.center) @ normal
         height = (target - quad.center) @ normal
@@ -158,12 +158,12 @@ def walk_back(
         along = height / np.where(front, height - to_image, 1.0)
         bounce = target + along[:, None] * (image - target)
         front &= quad.holds(bounce)
-        front[front] &= ~world.caster.blocked(target[front], bounce[front], slack=SLACK)
+        front[front] &= ~traced.caster.blocked(target[front], bounce[front], slack=SLACK)
         seen[alive[~front]] = False
         alive, target, bounce = alive[front], target[front], bounce[front]
         cosine = (target - bounce) @ normal / np.maximum(np.linalg.norm(target - bounce, axis=1), 1e-12)
         amplitude[alive] *= specular_amplitude(scene.surface[quad.surface], frequency, cosine)
         target = bounce
-    free = ~world.caster.blocked(target, np.broadcast_to(origin, target.shape), slack=SLACK)
+    free = ~traced.caster.blocked(target, np.broadcast_to(origin, target.shape), slack=SLACK)
     seen[alive[~free]] = False
     return seen, amplitude

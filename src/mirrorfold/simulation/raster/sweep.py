@@ -25,7 +25,7 @@ from mirrorfold.common.records import Record, fact
 from mirrorfold.common.types import Array, Mask, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
-from mirrorfold.simulation.raster.chains import World, build_world, find_chains, walk_back
+from mirrorfold.simulation.raster.chains import TracedScene, find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze, image_frame
 from mirrorfold.simulation.raster.spreading import DelayGrid, spread
@@ -98,15 +98,15 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     empty = Echoes3D(np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
-    world = build_world(parts)
+    traced = traced_scene(parts)
     speckle = freeze(scene, parts, seed=seed, density=density)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     fan = [np.linspace(a[0] - _margin(scene), a[-1] + _margin(scene), FAN) for a in scene.scanner.angles]
     directions = beam_direction(fan[0][:, None], fan[1]).reshape(-1, 3)
-    chains = find_chains(scene, world, origin, directions, bounces=bounces, frequency=frequency)
-    found = [_through(scene, world, speckle, chain, frequency) for chain in chains]
-    found += [_glint(scene, world, chain, frequency) for chain in chains if chain]
+    chains = find_chains(scene, traced, origin, directions, bounces=bounces, frequency=frequency)
+    found = [_through(scene, traced, speckle, chain, frequency) for chain in chains]
+    found += [_glint(scene, traced, chain, frequency) for chain in chains if chain]
     joined = Echoes3D(*(np.concatenate(column) for column in zip(*found, strict=True)))
     return joined, {"scatterers": len(speckle.depth), "chains": len(chains)}
 
@@ -118,18 +118,18 @@ def _margin(scene: Scene3D) -> float:
 
 
 def _through(
-    scene: Scene3D, world: World, speckle: Speckle, chain: tuple[int, ...], frequency: float
+    scene: Scene3D, traced: TracedScene, speckle: Speckle, chain: tuple[int, ...], frequency: float
 ) -> tuple[Array, Array, NDArray[np.complex128], NDArray[np.int64], Array]:
     """The fields of `Echoes3D` for the scatterers seen through one chain."""
     origin = np.array(scene.scanner.origin)
-    to_image = image_frame(world.quads, chain)
+    to_image = image_frame(traced.quads, chain)
     virtual = to_image.inverse(origin)
     sight = virtual - speckle.foot
     distance = np.linalg.norm(sight, axis=1)
     cosine = np.einsum("nd,nd->n", sight, speckle.normal) / distance
     facing = np.flatnonzero(cosine > SMALLEST_COSINE)
     facing = facing[_in_view(scene, to_image(speckle.foot[facing]) - origin)]
-    seen, mirrors = walk_back(scene, world, origin, chain, speckle.foot[facing], frequency=frequency)
+    seen, mirrors = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
     facing, mirrors, cosine = facing[seen], mirrors[seen], cosine[facing[seen]]
     # Waves cross the inside of a wall straight and as fast as in air: depths are those which a radar image shows.
     inward = -speckle.depth[facing] / cosine
@@ -148,7 +148,7 @@ def _through(
 
 
 def _glint(
-    scene: Scene3D, world: World, chain: tuple[int, ...], frequency: float
+    scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequency: float
 ) -> tuple[Array, Array, NDArray[np.complex128], NDArray[np.int64], Array]:
     """The fields of `Echoes3D` for the scanner's own mirror image in a chain, if the way there leads straight back.
 
@@ -159,7 +159,7 @@ def _glint(
     """
     nothing = (np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
     origin = np.array(scene.scanner.origin)
-    to_image = image_frame(world.quads, chain)
+    to_image = image_frame(traced.quads, chain)
     way = to_image(origin) - origin
     length = float(np.linalg.norm(way))
     returns = to_image.linear.T @ way
@@ -169,7 +169,7 @@ def _glint(
         return nothing
     aside = np.linalg.svd(way[None])[2][1:]
     pencil = origin + PENCIL * np.concatenate([np.zeros((1, 3)), aside, -aside])
-    seen, mirrors = walk_back(scene, world, origin, chain, pencil, frequency=frequency)
+    seen, mirrors = walk_back(scene, traced, origin, chain, pencil, frequency=frequency)
     if not seen.all():
         return nothing
     wavelength = speed_of_light / frequency

@@ -1,0 +1,167 @@
+"""Step 2, second half: flat rows or sheets of echoes are mirrors.
+
+What the floor plan and space have in common: few echoes of a neighbourhood propose a line or a plane, all echoes vote
+(random sample consensus: Fischler and Bolles, Comm. ACM 24, 1981), and the proposal with the most votes grows to the
+unbroken row or sheet about it. It is a mirror if it is large enough, filled and flat. The search goes on among the
+echoes that are left.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Generic, TypeVar
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.fit import flat
+from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.view import View
+
+CLIP = 2.0
+"""Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
+
+PROPOSALS = 200
+"""Groups of echoes drawn for each mirror. Of a wall that holds a third of the echoes one in ten falls on it, so that
+the chance that none of all these does is ``0.9^200``."""
+
+JUDGES = 1500
+"""Echoes, evenly drawn, that propose and judge."""
+
+REACH_CELLS = 8.0
+"""How far the other echoes of a group are away, in resolution cells: within one wall."""
+
+NEAR = 0.75
+"""Echoes of a row or sheet lie within this part of the resolution cell across it: half a cell to either side is its
+own, and the first proposal is not yet the best."""
+
+ROUNDS = 4
+"""Fits of a proposal to its echoes; it no longer moves then."""
+
+M = TypeVar("M", bound=Mirror)
+
+
+class Search(ABC, Generic[M]):
+    """The search for mirrors of one kind.
+
+    Parameters
+    ----------
+    echoes : Echoes
+        See `evidence`.
+    view : View
+    minimum_length : float [m]
+        Of a mirror, or its smallest width and height.
+    tested : bool
+        Whether a mirror must be filled and flat, not only large enough.
+    seed : int
+        Of the random proposals.
+    """
+
+    fewest: int
+    """A row or sheet of fewer echoes says too little about its direction."""
+    sagitta: float
+    """What bulges by more than this many resolution cells is a curved object, not a flat mirror."""
+    misses: int
+    """After so many proposals in a row that are no mirrors there are no more."""
+
+    def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool, seed: int = 0) -> None:
+        self.view, self.minimum_length, self.tested = view, minimum_length, tested
+        self.every, self.echoes = echoes, evidence(echoes, view)
+        usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
+        self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
+        self.extent = view.extents(self.echoes.position)
+        self.random = np.random.default_rng(seed)
+
+    @abstractmethod
+    def patch(self, normal: Array, center: Array, near: Mask) -> tuple[M, Mask]:
+        """The mirror that echoes near a line or plane make up, unbroken, and those of them that lie on it."""
+
+    @abstractmethod
+    def passes(self, mirror: M) -> bool:
+        """Whether a large and flat mirror passes the tests of its kind, too."""
+
+    @abstractmethod
+    def refined(self, mirror: M) -> M | None:
+        """The mirror fitted to the image or volume itself; None if it is no mirror there."""
+
+    def find(self, enough: float) -> list[M]:
+        """Mirrors from the one with the most votes on; proposals with less than `enough` are none."""
+        free = np.ones(len(self.echoes), dtype=bool)
+        found: list[M] = []
+        missed = 0
+        while np.count_nonzero(free) >= self.fewest and missed <= self.misses:
+            normal, center, votes = self._proposed(np.flatnonzero(free))
+            if votes < enough:
+                break
+            mirror, taken = self._grown(normal, center, free)
+            if mirror is not None:
+                found.append(mirror)
+            missed = 0 if mirror is not None else missed + 1
+            if not (taken & free).any():
+                break
+            free &= ~taken
+        return found
+
+    def _proposed(self, free: Index) -> tuple[Array, Array, float]:
+        """Normal, a point and the votes of the line or plane near most echoes, by their weight."""
+        judge = free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
+        points, weight = self.echoes.position[judge], self.weight[judge]
+        seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
+        cell = np.median(self.view.cell(self.echoes.range[judge]))
+        near = cdist(points[seeds], points) < REACH_CELLS * cell
+        partners = [np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(self.view.dimensions - 1)]
+        group = points[np.column_stack([seeds, *partners])]
+        group = group - points[seeds][:, None]
+        normal = np.linalg.svd(group)[2][:, -1]
+        distance = np.abs(points @ normal.T - np.sum(points[seeds] * normal, axis=1))
+        votes = weight @ (distance < 0.5 * self.view.extent(points, normal.T))
+        best = int(np.argmax(votes))
+        return normal[best], points[seeds[best]], float(votes[best]) * free.size / judge.size
+
+    def _grown(self, normal: Array, center: Array, free: Mask) -> tuple[M | None, Mask]:
+        """The mirror that a proposal grows to, None if it is none; and the echoes to take out of the search."""
+        points, member = self.echoes.position, free
+        for i in range(ROUNDS + 1):
+            across = self.extent(normal)
+            near = free & (np.abs((points - center) @ normal) <= (NEAR if i else 1.0) * across)
+            if np.count_nonzero(near) < self.fewest:
+                return None, member if i else near
+            mirror, member = self.patch(normal, center, near)
+            if np.count_nonzero(member) < self.fewest:
+                return None, near
+            if i < ROUNDS:
+                normal, center = flat(points[member], self.weight[member] / across[member] ** 2)
+        on_it = self.echoes.take(member)
+        fill, strength = mirror.filled(self.view, on_it), float(np.median(on_it.amplitude))
+        mirror = replace(mirror, fill=fill, strength=strength)
+        if np.ptp(mirror.sides, axis=1).min() < self.minimum_length:
+            return None, member
+        if self.tested:
+            bulge = sagitta(mirror, on_it.position)
+            if bulge > self.sagitta * self.view.cell_at(mirror.center) or not self.passes(mirror):
+                return None, member
+            fitted = self.refined(mirror)
+            if fitted is None:
+                return None, member
+            mirror = fitted
+        _, own, across = mirror.near(self.view, self.echoes)
+        own &= np.abs(mirror.beside(points)) <= across + mirror.depth
+        return replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own))), member | own
+
+
+def evidence(echoes: Echoes, view: View) -> Echoes:
+    """What can prove a mirror: visible echoes; of an image only the strong ones, for faint ones form rows by chance."""
+    return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
+
+
+def sagitta(mirror: Mirror, points: Array) -> float:
+    """How far [m] the best paraboloid through points (n, d) bulges over the extent of a mirror."""
+    middle, half = mirror.sides.mean(axis=1), 0.5 * np.ptp(mirror.sides, axis=1)
+    place = ((points - mirror.center) @ mirror.tangents.T - middle) / half
+    i, j = np.triu_indices(len(half))
+    terms = np.column_stack([place[:, i] * place[:, j], place, np.ones(len(place))])
+    bend = np.linalg.lstsq(terms, mirror.beside(points), rcond=None)[0][: len(i)]
+    return float(np.abs(bend[i == j]).max())
