@@ -32,14 +32,15 @@ NEAREST_PIXEL = 1e-3
 
 def at_chosen_speed(sweep: xr.Dataset, settings: FocusSettings) -> xr.Dataset:
     """The sweep with the wave speed of the settings as its own, where they name one."""
-    return sweep if settings.wave_speed is None else sweep.assign_attrs(wave_speed=float(settings.wave_speed))
+    chosen = sweep if settings.wave_speed is None else sweep.assign_attrs(wave_speed=float(settings.wave_speed))
+    check_waves(chosen)
+    return chosen
 
 
 def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
     """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
     if not isinstance(sweep, xr.Dataset) or "s" in sweep:
         sweep = check_sweep(sweep)
-        check_waves(sweep)
         if is_raster(sweep):
             raise InputError("sweep: is a raster scan, which is imaged beam by beam and needs no plan; call focus")
         return sweep
