@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import for_each
@@ -22,7 +21,7 @@ from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.nodes import UnsuitedError
-from mirrorfold.focusing.phasor import unit_phasor
+from mirrorfold.focusing.phasor import turn
 from mirrorfold.focusing.problem import Problem
 
 Planar = NDArray[np.float32]
@@ -318,17 +317,3 @@ def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Pla
             flat = matrix.T @ planar.reshape(*planar.shape[:2], -1)
             planar = flat.reshape(2, flat.shape[1], *planar.shape[2:])
     return planar
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
-    """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
-    turn = np.zeros(x.size)
-    for c in range(turns.size):
-        cx, cy, cz = centres[c]
-        for p in range(x.size):
-            turn[p] += turns[c] * np.sqrt((x[p] - cx) ** 2 + (y[p] - cy) ** 2 + (z - cz) ** 2)
-    for p in range(x.size):
-        cosine, sine = unit_phasor(turn[p])
-        total_re[p] += re[p] * cosine - im[p] * sine
-        total_im[p] += re[p] * sine + im[p] * cosine
