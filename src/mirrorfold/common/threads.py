@@ -9,10 +9,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+
+if TYPE_CHECKING:
+    from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
 
@@ -26,6 +29,17 @@ _pool_lock = threading.Lock()
 def cpu_count() -> int:
     """Number of cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def one_thread() -> threadpool_limits:
+    """A context in which linear algebra uses one thread.
+
+    Results then do not depend on the number of cores, and small factorisations do not wait for threads that other
+    programs keep from running.
+    """
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 def _shared_pool() -> ThreadPoolExecutor:

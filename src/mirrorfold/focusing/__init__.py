@@ -2,8 +2,8 @@
 
 `imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
 the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast;
-`choice` takes the fastest that is exact enough, and `plan` keeps it for frame after frame. `accuracy` compares images
-with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
+`choice` takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for
+frame after frame. `accuracy` compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
 """
 
 from __future__ import annotations
@@ -12,23 +12,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mirrorfold.focusing.choice import PlanCache, plan_cache, prepare
+    from mirrorfold.focusing.choice import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
     from mirrorfold.focusing.imaging import focus
     from mirrorfold.focusing.plan import FocusPlan
+    from mirrorfold.focusing.plan_cache import PlanCache, plan_cache, prepare
     from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
     from mirrorfold.focusing.settings import FocusSettings
 
 _HOME = {
     "FocusPlan": "plan",
     "FocusSettings": "settings",
-    "PlanCache": "choice",
+    "PlanCache": "plan_cache",
+    "choose_algorithm": "choice",
     "default_grid": "grid",
     "focus": "imaging",
     "focus_raster": "range_profiles",
-    "plan_cache": "choice",
+    "plan_cache": "plan_cache",
     "plan_view": "range_profiles",
-    "prepare": "choice",
+    "prepare": "plan_cache",
     "sweep_grid": "grid",
     "to_voxels": "range_profiles",
 }
@@ -38,6 +40,7 @@ __all__ = [
     "FocusPlan",
     "FocusSettings",
     "PlanCache",
+    "choose_algorithm",
     "default_grid",
     "focus",
     "focus_raster",

@@ -7,6 +7,7 @@ shared by all cores but for the building of plans.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, log2
 
 import numpy as np
@@ -16,7 +17,7 @@ from mirrorfold.focusing.accuracy import TEST_PIXELS
 from mirrorfold.focusing.exact import TABLE_BYTES
 from mirrorfold.focusing.lattice import Lattice
 from mirrorfold.focusing.machine import machine
-from mirrorfold.focusing.nodes import CANDIDATES, PAIR_SAMPLES, table_size
+from mirrorfold.focusing.nodes import CANDIDATES, EQUATIONS, PAIR_SAMPLES, SPARE_EQUATIONS, table_size
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.range_tables import TERMS, table_cells
 from mirrorfold.focusing.sector_design import SectorDesign
@@ -62,7 +63,7 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
     """Of the exact kernel on some of the pixels; `frequencies` where a range gate has left fewer."""
     speed = machine()
     taper = problem.taper if frequencies is None else np.ones(frequencies, dtype=np.complex128)
-    cells = table_cells(taper, tolerance)
+    cells = _cells(taper.tobytes(), tolerance)
     folded = problem.coincident and not problem.monostatic
     antennas = len(problem.rx) if folded or problem.monostatic else len(problem.tx) + len(problem.rx)
     pairs = (problem.pairs + len(problem.tx)) / 2 if folded else problem.pairs
@@ -71,6 +72,12 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
     tables = antennas * pixels * speed.table * (1 if problem.monostatic else chunks)
     memory = min(chunks, 1) * TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
     return Cost(0.0, CALL + compress + tables + pairs * pixels * speed.pair_pixel, memory)
+
+
+@lru_cache(maxsize=64)
+def _cells(taper: bytes, tolerance: float) -> int:
+    """Cells of a pair's table."""
+    return table_cells(np.frombuffer(taper, dtype=np.complex128), tolerance)
 
 
 def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int, pixels: float) -> Cost:
@@ -101,7 +108,7 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
     samples, candidates = PAIR_SAMPLES + 10.0 * turns + 400, CANDIDATES + 15.0 * turns
     pivoting = samples * candidates * (NUMBERS_A_PATH * speed.number + nodes * speed.combine)
     n_r, n_w = table_size(problem, design.sector, design.slopes)
-    values = 1.5 * n_r * n_w * (4 * nodes + 60) * (NUMBERS_A_PATH * speed.number + nodes * 4 * speed.multiply)
+    values = 1.5 * n_r * n_w * (EQUATIONS * nodes + SPARE_EQUATIONS) * (NUMBERS_A_PATH * speed.number + nodes * 4 * speed.multiply)
     table = lines * rows * nodes * (2 * n_w * speed.multiply + speed.stretch)
     weights = problem.k.size * lines * design.stretch_kernel.width * 10 * speed.stretch / 4
     factors = lattice.tx.size * nodes * NUMBERS_A_PATH * speed.number

@@ -16,27 +16,21 @@ from itertools import pairwise, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import for_each
+from mirrorfold.common.threads import for_each, one_thread
 from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.cost import CALL, Cost, exact_cost
 from mirrorfold.focusing.exact import focus_exact
-from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.lattice import UnsuitedError
+from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.phasor import turn
 from mirrorfold.focusing.problem import Problem
 
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
-PAIR_PIXEL = 2.2e-9
-PHASE = 8e-9
-MULTIPLY = 3e-11
-CALL = 1e-3
-"""Seconds that two cores take for a pair and pixel of the exact sum, for the phase of a pixel, for a multiplication in
-a matrix product, and for a call. Only their ratios matter: they decide how the array is divided, not what the image is.
-"""
-
-WORTHWHILE = 0.5
-"""Share of the exact sum's time that the fast path must keep under."""
+CALLS_TO_DIVIDE = 2.0
+"""Blocks that take less time than as many calls are not divided."""
 
 SLAB_RATIO = 2.0
 """Farthest over nearest distance of the pixels that are imaged together: bands are those of the nearest."""
@@ -59,30 +53,39 @@ class Block:
         Which antennas; of one moving antenna both are its positions.
     centre : (2, 3) array [m]
         Of the transmitters and of the receivers; the path to them is taken off the image's phase.
-    samples : tuple of Interpolator
-        Along z, y and x.
+    axes : tuple of Axis
+        Of the pixels, along z, y and x.
+    steps : tuple of int
+        Of the interpolators along them.
     parts : tuple of Block
         Whose images make up this one; none where the sum is exact.
     cost : float [s]
+        Of all cores together, predicted.
     """
 
     tx: Index
     rx: Index
     centre: Array
-    samples: tuple[Interpolator, Interpolator, Interpolator]
+    axes: tuple[Axis, ...]
+    steps: tuple[int, ...]
     parts: tuple[Block, ...]
     cost: float
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples along z, y and x, as they are predicted."""
+        return [axis.count(step) for axis, step in zip(self.axes, self.steps, strict=True)]
+
+    @property
+    def samples(self) -> tuple[Interpolator, ...]:
+        """Interpolators along z, y and x, made when first asked for."""
+        return tuple(axis.interpolator(step) for axis, step in zip(self.axes, self.steps, strict=True))
 
     @property
     def index(self) -> tuple[Index, Index, Index]:
         """Sampled pixels along z, y and x."""
         z, y, x = self.samples
         return z.index, y.index, x.index
-
-    @property
-    def size(self) -> int:
-        """Number of samples."""
-        return int(np.prod([part.size for part in self.index]))
 
     def walk(self) -> Iterator[Block]:
         """Yield this block and all below it."""
@@ -92,37 +95,49 @@ class Block:
 
 
 class Slab:
-    """Pixels at similar distances, with the division of the array that images them."""
+    """Pixels at similar distances, with the division of the array that images them, laid out in milliseconds.
+
+    Attributes
+    ----------
+    whole : Block
+    cost : Cost
+    """
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
         self.problem = problem
         self.tolerance = tolerance
+        self._speed = machine()
         self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
         few = [np.unique(np.linspace(a[0], a[-1], SPREAD_ANGLES)) for a in (problem.x, problem.y, problem.z)]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
         self.whole = self._divided(np.arange(len(problem.tx)), np.arange(len(problem.rx)))
-        steps = _work([part.index.size for part in self.whole.samples], problem.shape) * MULTIPLY
-        self.cost = self.whole.cost + steps + problem.pixels * PHASE
+        last = _work(self.whole.counts, problem.shape) * self._speed.multiply + problem.pixels * self._speed.turn
+        used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
+        work = sum(self.axes[n].work(step) for n, step in used)
+        memory = sum(4.0 * self.axes[n].count(step) * self.axes[n].position.size for n, step in used)
+        self.cost = Cost(work * self._speed.multiply, self.whole.cost + last, memory + 16 * problem.pixels)
+
+    def prepare(self) -> None:
+        """Make all interpolators."""
+        for block in self.whole.walk():
+            block.samples  # noqa: B018
 
     def _divided(self, tx: Index, rx: Index) -> Block:
         """The cheapest way to image with some antennas: all pairs at once, or in two parts."""
         problem = self.problem
-        monostatic = problem.monostatic
         centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
         band = self._band(problem.tx[tx], problem.rx[rx], centre)
-        z, y, x = (axis.interpolator(b) for axis, b in zip(self.axes, band[::-1], strict=True))
-        block = Block(tx, rx, centre, (z, y, x), (), 0.0)
-        pairs = tx.size if monostatic else tx.size * rx.size
-        exact = pairs * block.size * PAIR_PIXEL
+        steps = tuple(axis.step(b) for axis, b in zip(self.axes, band[::-1], strict=True))
+        block = Block(tx, rx, centre, self.axes, steps, (), 0.0)
+        size = int(np.prod(block.counts))
+        pairs = tx.size if problem.monostatic else tx.size * rx.size
+        exact = exact_cost(_of(problem, tx, rx), size, SHARE_EXACT * self.tolerance).frame
         block = replace(block, cost=exact + CALL)
-        if exact < CALL or pairs == 1:
+        if exact < CALLS_TO_DIVIDE * CALL or pairs == 1:
             return block
         parts = tuple(self._divided(*part) for part in _halves(problem, tx, rx))
-        merge = block.size * PHASE + CALL / 4
-        cost = sum(
-            part.cost + merge + MULTIPLY * _work([i.size for i in part.index], [i.size for i in block.index])
-            for part in parts
-        )
+        merge = size * self._speed.turn + CALL
+        cost = sum(part.cost + merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
         return replace(block, parts=parts, cost=cost) if cost < block.cost else block
 
     def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
@@ -157,8 +172,11 @@ class Slab:
 
     def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
         """The block's image on its samples, less the phase of the path to its centre."""
+        problem = self.problem
         if not block.parts:
-            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), SHARE_EXACT * self.tolerance)
+            z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+            part = _of(problem, block.tx, block.rx).on(x, y, z)
+            exact = focus_exact(part, _data(problem, s, block), SHARE_EXACT * self.tolerance)
             one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
@@ -192,24 +210,51 @@ class Slab:
         return result
 
 
+@dataclass(frozen=True, eq=False)
+class Division:
+    """A problem's slabs, each with its rows of pixels, and what they will cost."""
+
+    slabs: tuple[Slab, ...]
+    rows: tuple[slice, ...]
+    cost: Cost
+
+
 class FactorizedPlan:
     """Factorised back-projection of any array on a regular grid.
 
-    Raises
-    ------
-    UnsuitedError
-        If the sum over all pairs would take less than twice the time.
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    layout : Division, optional
+        Of this problem, where it has been made.
     """
 
     algorithm = "factorized"
 
-    def __init__(self, problem: Problem, tolerance: float) -> None:
+    def __init__(self, problem: Problem, tolerance: float, layout: Division | None = None) -> None:
         self.problem = problem
         self.tolerance = tolerance
-        self._rows = _slabs(problem)
-        self.slabs = [Slab(problem.on(problem.x, problem.y[rows], problem.z), tolerance) for rows in self._rows]
-        if sum(slab.cost for slab in self.slabs) > WORTHWHILE * problem.pairs * problem.pixels * PAIR_PIXEL:
-            raise UnsuitedError("the exact sum takes hardly more time")
+        layout = layout or self.lay_out(problem, tolerance)
+        self.slabs, self._rows = layout.slabs, layout.rows
+        with one_thread():
+            for slab in self.slabs:
+                slab.prepare()
+
+    @staticmethod
+    def lay_out(problem: Problem, tolerance: float) -> Division:
+        """Divide array and pixels.
+
+        Raises
+        ------
+        UnsuitedError
+            If nothing is gained by dividing the array.
+        """
+        rows = tuple(_slabs(problem))
+        slabs = tuple(Slab(problem.on(problem.x, problem.y[part], problem.z), tolerance) for part in rows)
+        if not any(slab.whole.parts for slab in slabs):
+            raise UnsuitedError("no block of the array sees the pixels from one side")
+        return Division(slabs, rows, sum((slab.cost for slab in slabs), Cost()))
 
     @property
     def nbytes(self) -> int:
@@ -270,15 +315,14 @@ def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]
     return [(tx, half) if of_rx else (half, rx) for half in halves]
 
 
-def _part(problem: Problem, block: Block) -> Problem:
-    """The focusing problem of a block's antennas on its samples."""
-    z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+def _of(problem: Problem, tx: Index, rx: Index) -> Problem:
+    """The focusing problem of some antennas."""
     return replace(
-        problem.on(x, y, z),
-        tx=problem.tx[block.tx],
-        rx=problem.rx[block.rx],
-        tx_weight=problem.tx_weight[block.tx],
-        rx_weight=problem.rx_weight[block.rx],
+        problem,
+        tx=problem.tx[tx],
+        rx=problem.rx[rx],
+        tx_weight=problem.tx_weight[tx],
+        rx_weight=problem.rx_weight[rx],
     )
 
 

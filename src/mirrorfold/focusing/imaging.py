@@ -15,10 +15,12 @@ from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
-from mirrorfold.focusing.choice import PlanCache, choose, plan_cache
+from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.grid import extent
+from mirrorfold.focusing.plan_cache import PlanCache, plan_cache
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import is_raster, wave_speed
@@ -140,7 +142,7 @@ def _focus_frames(
 ) -> tuple[NDArray[np.complex64], float, str]:
     """Images (frames, z, y, x) with the largest measured error and the algorithm used."""
     inner = progress if len(frames) == 1 else None
-    proven = choose(problem, tolerance, frames[0], plans, inner)
+    proven = prove(problem, tolerance, frames[0], plans, len(frames), inner)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
     plan = None if proven is None else proven.plan
@@ -148,12 +150,12 @@ def _focus_frames(
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
     worst = 0.0
     for n, s in enumerate(frames):
-        images[n] = plan(s) if plan is not None else focus_exact(problem, s, 0.5 * tolerance, inner)
+        images[n] = plan(s) if plan is not None else focus_exact(problem, s, EXACT_SHARE * tolerance, inner)
         if n in checked and np.any(s):
             error = measured_error(problem, images[n], s, seed=n)
             if error > tolerance and plan is not None:
                 plan = None
-                images[n] = focus_exact(problem, s, 0.5 * tolerance)
+                images[n] = focus_exact(problem, s, EXACT_SHARE * tolerance)
                 error = measured_error(problem, images[n], s, seed=n)
             worst = max(worst, error)
         if progress is not None and len(frames) > 1:

@@ -115,13 +115,21 @@ class Lattice:
         """
         return (np.sin(w), np.cos(w)) if self.planar else (w, np.zeros_like(w))
 
-    def polar(self, points: Array) -> tuple[Array, Array]:
-        """Range r and second coordinate w of points (n, 3)."""
-        r = 0.5 * sum(np.linalg.norm(points - focus, axis=-1) for focus in self.foci)
-        along, ahead, _ = np.moveaxis((points - self.centre) @ self.frame.T, -1, 0)
+    def polar(self, x: Array, y: float, z: float) -> tuple[Array, Array]:
+        """Range r and second coordinate w of a row of pixels."""
+
+        def distance(place: Array) -> Array:
+            return np.asarray(np.sqrt((x - place[0]) ** 2 + ((y - place[1]) ** 2 + (z - place[2]) ** 2)))
+
+        def part(axis: Array) -> Array:
+            return (x - self.centre[0]) * axis[0] + ((y - self.centre[1]) * axis[1] + (z - self.centre[2]) * axis[2])
+
+        r = distance(self.foci[0])
+        if not np.array_equal(*self.foci):
+            r = 0.5 * (r + distance(self.foci[1]))
         if self.planar:
-            return r, np.arctan2(along, ahead)
-        return r, along / np.maximum(np.linalg.norm(points - self.centre, axis=-1), 1e-12)
+            return r, np.asarray(np.arctan2(part(self.frame[0]), part(self.frame[1])))
+        return r, part(self.frame[0]) / np.maximum(r if self.concentric else distance(self.centre), 1e-12)
 
     def distance(self, r: Array, w: Array) -> Array:
         """Distance [m] from the centre to the pixels at range r in direction w.

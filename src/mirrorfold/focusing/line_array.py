@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Index, Progress
 from mirrorfold.focusing.cost import Cost, exact_cost, sector_cost
 from mirrorfold.focusing.exact import focus_exact
@@ -82,7 +83,7 @@ def lay_out(problem: Problem, tolerance: float) -> Layout:
             reason = str(error)
     if not found:
         raise UnsuitedError(reason)
-    return min(found, key=lambda layout: layout.cost.building + layout.cost.frame)
+    return min(found, key=lambda layout: layout.cost.processor_seconds())
 
 
 def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Part, Cost]:
@@ -110,19 +111,18 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Par
         try:
             design = SectorDesign(problem, lattice, spans[n], tolerance)
             nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
-            cost, exact = (
-                sector_cost(problem, lattice, design, nodes, pixels[n]),
-                exact_cost(problem, pixels[n], tolerance),
-            )
-            if cost.building + cost.frame > exact.frame:
-                raise UnsuitedError(f"with {nodes} nodes the exact kernel is as fast")
+            cost = sector_cost(problem, lattice, design, nodes, pixels[n])
+            if cost.processor_seconds() > exact_cost(problem, pixels[n], tolerance).processor_seconds():
+                raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
             total, fast = total + cost, [*fast, n]
         except UnsuitedError as error:
             near, reason = near + pixels[n], str(error)
     if not fast:
         raise UnsuitedError(reason)
     if near:
-        box = coarse if not (label == 0).all() else coarse
+        label[~np.isin(label, fast)] = 0
+        z, y, x = _box(label.reshape(coarse.shape) == 0) or (slice(None),) * 3
+        box = coarse.on(coarse.x[x], coarse.y[y], coarse.z[z])
         total = total + exact_cost(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
     return Part(problem, tx, rx, lattice, tuple(fast)), total
 
@@ -147,7 +147,10 @@ class LineArrayPlan:
 
     def __init__(self, problem: Problem, tolerance: float, layout: Layout | None = None) -> None:
         self.problem, self.tolerance = problem, tolerance
-        self.parts = [_PartPlan(part, tolerance) for part in (layout or lay_out(problem, tolerance)).parts]
+        with one_thread():
+            self.parts = [_PartPlan(part, tolerance) for part in (layout or self.lay_out(problem, tolerance)).parts]
+
+    lay_out = staticmethod(lay_out)
 
     @property
     def nbytes(self) -> int:
@@ -235,11 +238,8 @@ def _sectors(problem: Problem, lattice: Lattice, edges: list[float]) -> tuple[ND
     rows = problem.z.size * problem.y.size
     label = np.empty((rows, problem.x.size), dtype=np.int8)
     spans = [Sector(np.inf, 0.0, np.inf, -np.inf) for _ in edges]
-    points = np.empty((problem.x.size, 3))
-    points[:, 0] = problem.x
     for row in range(rows):
-        points[:, 1], points[:, 2] = problem.y[row % problem.y.size], problem.z[row // problem.y.size]
-        r, w = lattice.polar(points)
+        r, w = lattice.polar(problem.x, problem.y[row % problem.y.size], problem.z[row // problem.y.size])
         first, last = np.searchsorted(edges, (r.min(), r.max()), side="right") - 1
         label[row] = last
         for n in range(last - 1, first - 1, -1):
@@ -247,7 +247,8 @@ def _sectors(problem: Problem, lattice: Lattice, edges: list[float]) -> tuple[ND
         for n in (last,) if first == last else np.unique(label[row]):
             mine = slice(None) if first == last else label[row] == n
             a, b, c, d = spans[n]
-            spans[n] = Sector(min(a, r[mine].min()), max(b, r[mine].max()), min(c, w[mine].min()), max(d, w[mine].max()))
+            r_mine, w_mine = r[mine], w[mine]
+            spans[n] = Sector(min(a, r_mine.min()), max(b, r_mine.max()), min(c, w_mine.min()), max(d, w_mine.max()))
     return label, spans
 
 

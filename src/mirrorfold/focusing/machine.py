@@ -1,4 +1,4 @@
-"""How fast this machine is: the few loops that focusing spends its time in, timed for a quarter of a second at first use.
+"""How fast this machine is: the loops that focusing spends its time in, timed for a quarter of a second at first use.
 
 What is measured is processor time, so that other programs disturb it little. It is kept in the user's cache folder;
 where nothing can be written there, in the process.
@@ -72,7 +72,7 @@ class Machine:
 
 @lru_cache(maxsize=1)
 def machine() -> Machine:
-    """This machine's speed: measured, or found as it was measured before."""
+    """Speed of the machine: measured, or found as it was measured before."""
     path = _cache_file()
     with suppress(OSError, ValueError, TypeError):
         kept = json.loads(path.read_text())

@@ -55,11 +55,8 @@ PROBE_PAIRS, PROBE_CANDIDATES = 200, 180
 INDEPENDENT = 0.1
 """Singular values under this share of the tolerance count as none."""
 
-EQUATIONS, SPARE_EQUATIONS = 4, 60
+EQUATIONS, SPARE_EQUATIONS = 8, 150
 """Pairs to which V and W are fitted: as many for each node, and some more."""
-
-SMALL_PRODUCT = 2e7
-"""Multiplications up to which one thread computes a product sooner than BLAS has woken its own."""
 
 
 class Sector(NamedTuple):
@@ -152,18 +149,6 @@ def spreads(problem: Problem, lattice: Lattice, sector: Sector, curvature: float
     along_r = np.abs(rest(r + dr, w) - rest(r - dr, w)).max() / (2.0 * dr)
     along_w = np.abs(rest(r, w + dw) - rest(r, w - dw)).max() / (2.0 * dw)
     return float(along_r), float(along_w)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def product(left, right):  # type: ignore[no-untyped-def]
-    """The matrix product of two small complex matrices, on this thread alone."""
-    out = np.zeros((left.shape[0], right.shape[1]), np.complex128)
-    for i in range(left.shape[0]):
-        for k in range(left.shape[1]):
-            factor = left[i, k]
-            for j in range(right.shape[1]):
-                out[i, j] += factor * right[k, j]
-    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -334,13 +319,10 @@ def find_nodes(
     basis, triangle = np.linalg.qr(np.exp(1j * node_k * (scale * rest)))
     onto = scipy.linalg.solve_triangular(triangle, basis.conj().T)
 
-    def coordinates(columns: Complex) -> Complex:
-        return _multiplied(onto, columns)
-
     at_k = [np.exp(1j * (each / k) * node_k * rest) for each in chebyshev(k_low, k_high, WAVENUMBER_NODES)]
     # Nodes that differ at other wavenumbers only are nearly one at the middle: there the smallest coordinates are taken.
     middle = onto if lattice.concentric else np.linalg.pinv(np.exp(1j * node_k * rest), rcond=INDEPENDENT * tolerance)
-    moved = np.stack([_multiplied(middle, columns) for columns in at_k])
+    moved = np.stack([middle @ columns for columns in at_k])
     transfer = np.tensordot(chebyshev_matrix(k_low, k_high, WAVENUMBER_NODES, problem.k), moved, axes=1)
     # Tabulate V ever more finely until it holds between the Chebyshev points, at both ends of the band.
     test_inverse = rng.uniform(1.0 / sector.far, 1.0 / sector.near, TEST_POINTS)
@@ -350,13 +332,14 @@ def find_nodes(
     error = float("inf")
     for _ in range(TABLE_REFINEMENTS):
         grid = np.meshgrid(chebyshev(low, high, n_r), chebyshev(sector.w_low, sector.w_high, n_w), indexing="ij")
-        value = coordinates(np.exp(1j * k * (scale * path(pairs, grid[0].ravel(), grid[1].ravel())))).T.reshape(n_r, n_w, -1)
+        at_points = np.exp(1j * k * (scale * path(pairs, grid[0].ravel(), grid[1].ravel())))
+        value = (onto @ at_points).T.reshape(n_r, n_w, -1)
         to_r = chebyshev_matrix(low, high, n_r, test_inverse)
         to_w = chebyshev_matrix(sector.w_low, sector.w_high, n_w, test_w)
-        at_tests = np.einsum("ta,tb,abq->qt", to_r, to_w, value, optimize=True)
+        at_tests = np.matmul(to_w[:, None, :], np.tensordot(to_r, value, axes=1))[:, 0].T
         previous, error = error, 0.0
         for m in (0, problem.k.size // 2, problem.k.size - 1):
-            made = _multiplied(test_base, _multiplied(np.ascontiguousarray(transfer[m]), at_tests))
+            made = test_base @ (transfer[m] @ at_tests)
             wanted_factors = np.exp(1j * float(problem.k[m]) * test_rest)
             error = max(error, float(np.sqrt(np.mean(np.abs(made - wanted_factors) ** 2))))
         if error <= 1.5 * tolerance or error > 0.8 * previous:
@@ -365,9 +348,3 @@ def find_nodes(
         if n_r * n_w > LARGEST_TABLE:
             raise UnsuitedError("the nodes' values vary too fast to be tabulated")
     return Nodes(1.0 / inverse, w, node_k, transfer, value, low, high, error)
-
-
-def _multiplied(left: Complex, right: Complex) -> Complex:
-    """The product of two matrices, by the faster way for its size."""
-    small = left.shape[0] * left.shape[1] * right.shape[1] <= SMALL_PRODUCT
-    return np.asarray(product(left, np.ascontiguousarray(right)) if small else left @ right)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mirrorfold.common.records import Record, fact
+from mirrorfold.common.threads import one_thread
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System
-from mirrorfold.simulation.fullwave.threads import one_thread
 
 SMALL_BLOCKS = 2.0
 """Time of an operation on a group over that on a large matrix."""

@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene, load_scene
@@ -19,7 +20,6 @@ from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import currents
 from mirrorfold.simulation.fullwave.tasks import source_strength
-from mirrorfold.simulation.fullwave.threads import one_thread
 
 BLOCK_VALUES = 2_000_000
 """Values of the kernel that are held at a time."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.memory import available_memory
+from mirrorfold.common.threads import one_thread
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import Band
@@ -22,7 +23,6 @@ from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import residual
 from mirrorfold.simulation.fullwave.tasks import solve_frequencies
-from mirrorfold.simulation.fullwave.threads import one_thread
 
 Complex = NDArray[np.complex64]
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System, scattered
-from mirrorfold.simulation.fullwave.threads import one_thread
 
 Complex = NDArray[np.complex64]
 
