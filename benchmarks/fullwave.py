@@ -25,10 +25,10 @@ from scipy.constants import speed_of_light
 from scipy.linalg import lapack
 from scipy.special import j0, y0
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import System, residual, scattered
-from mirrorfold.common.threads import one_thread
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from fullwave_scenes import ANTENNAS, SHAPES, K, cylinder, distance, exact_field, nodes_of, scene_of, small_two_walls

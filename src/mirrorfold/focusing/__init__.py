@@ -1,9 +1,10 @@
 """Step 1 of the algorithm: from the raw sweep to the complex image.
 
 `imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
-the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast;
-`choice` takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for
-frame after frame. `accuracy` compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
+the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast. `choice`
+takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for frame
+after frame. `accuracy` compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by
+`range_profiles`.
 """
 
 from __future__ import annotations

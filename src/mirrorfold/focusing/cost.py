@@ -11,6 +11,7 @@ from functools import lru_cache
 from math import ceil, log2
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.focusing.accuracy import TEST_PIXELS
@@ -24,6 +25,9 @@ from mirrorfold.focusing.sector_design import SectorDesign
 
 NUMBERS_A_PATH = 2.5
 """A path from a pixel to a pair and its phase by NumPy, counted in complex exponentials."""
+
+PASSES = 1.7
+"""Time of building over that of its arithmetic: NumPy goes through memory many times."""
 
 CALL = 2e-3
 """What a step takes beside its loops, in Python and in starting threads [s]."""
@@ -61,17 +65,26 @@ class Cost:
 
 def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
     """Of the exact kernel on some of the pixels; `frequencies` where a range gate has left fewer."""
-    speed = machine()
     taper = problem.taper if frequencies is None else np.ones(frequencies, dtype=np.complex128)
-    cells = _cells(taper.tobytes(), tolerance)
+    cells = exact_cells(taper, tolerance)
     folded = problem.coincident and not problem.monostatic
     antennas = len(problem.rx) if folded or problem.monostatic else len(problem.tx) + len(problem.rx)
     pairs = (problem.pairs + len(problem.tx)) / 2 if folded else problem.pairs
     chunks = ceil(pairs * cells * TERMS * 8 / TABLE_BYTES)
-    compress = pairs * cells * TERMS * (speed.fourier * log2(cells) + speed.stretch)
-    tables = antennas * pixels * speed.table * (1 if problem.monostatic else chunks)
-    memory = min(chunks, 1) * TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
-    return Cost(0.0, CALL + compress + tables + pairs * pixels * speed.pair_pixel, memory)
+    tables = antennas * (1 if problem.monostatic else chunks)
+    memory = TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
+    return Cost(0.0, exact_seconds(cells, pairs, tables, pixels), memory)
+
+
+def exact_seconds(cells: int, pairs: float, antennas: float, pixels: float) -> float:
+    """Of the exact kernel: tables of pairs, then of antennas on all pixels, then the sum."""
+    speed = machine()
+    return CALL + pairs * cells * TERMS * speed.compress + pixels * (antennas * speed.table + pairs * speed.pair_pixel)
+
+
+def exact_cells(taper: NDArray[np.complex128], tolerance: float) -> int:
+    """Cells of a pair's table, as `table_cells`, kept: a division of the array asks for every block."""
+    return _cells(taper.tobytes(), tolerance)
 
 
 @lru_cache(maxsize=64)
@@ -88,8 +101,10 @@ def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes:
     taps = design.stretch_kernel.width
     gather = frequencies * pairs * (2 if lattice.folded else 1) * speed.stretch
     products = frequencies * (4 * pairs * nodes + 4 * lattice.points * nodes**2) * speed.multiply
-    transforms = nodes * speed.fourier * (
-        frequencies * design.cells * log2(design.cells) + lines * design.range_cells * log2(design.range_cells)
+    transforms = (
+        nodes
+        * speed.fourier
+        * (frequencies * design.cells * log2(design.cells) + lines * design.range_cells * log2(design.range_cells))
     )
     stretch = frequencies * lines * nodes * (taps + 1) * speed.stretch
     combine = lines * rows * nodes * speed.combine
@@ -108,11 +123,17 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
     samples, candidates = PAIR_SAMPLES + 10.0 * turns + 400, CANDIDATES + 15.0 * turns
     pivoting = samples * candidates * (NUMBERS_A_PATH * speed.number + nodes * speed.combine)
     n_r, n_w = table_size(problem, design.sector, design.slopes)
-    values = 1.5 * n_r * n_w * (EQUATIONS * nodes + SPARE_EQUATIONS) * (NUMBERS_A_PATH * speed.number + nodes * 4 * speed.multiply)
+    values = (
+        1.5
+        * n_r
+        * n_w
+        * (EQUATIONS * nodes + SPARE_EQUATIONS)
+        * (NUMBERS_A_PATH * speed.number + nodes * 4 * speed.multiply)
+    )
     table = lines * rows * nodes * (2 * n_w * speed.multiply + speed.stretch)
     weights = problem.k.size * lines * design.stretch_kernel.width * 10 * speed.stretch / 4
     factors = lattice.tx.size * nodes * NUMBERS_A_PATH * speed.number
-    return 10 * CALL + pivoting + values + table + weights + factors + pixels * speed.number
+    return 10 * CALL + PASSES * (pivoting + values + table + weights + factors + pixels * speed.number)
 
 
 def _nbytes(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int) -> float:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.threads import for_each, one_thread
 from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
-from mirrorfold.focusing.cost import CALL, Cost, exact_cost
+from mirrorfold.focusing.cost import CALL, Cost, exact_cells, exact_cost, exact_seconds
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.lattice import UnsuitedError
 from mirrorfold.focusing.machine import machine
@@ -28,6 +28,12 @@ from mirrorfold.focusing.problem import Problem
 
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
+
+HOPE = 1.2
+"""A division that takes more than so many times as long as the block itself is not carried on."""
+
+FINEST_PART = 1e-3
+"""Blocks are not divided below this share of the exact sum: what that could gain is less than finding it out takes."""
 
 CALLS_TO_DIVIDE = 2.0
 """Blocks that take less time than as many calls are not divided."""
@@ -77,6 +83,11 @@ class Block:
         return [axis.count(step) for axis, step in zip(self.axes, self.steps, strict=True)]
 
     @property
+    def size(self) -> int:
+        """Number of samples, as it is predicted."""
+        return int(np.prod(self.counts))
+
+    @property
     def samples(self) -> tuple[Interpolator, ...]:
         """Interpolators along z, y and x, made when first asked for."""
         return tuple(axis.interpolator(step) for axis, step in zip(self.axes, self.steps, strict=True))
@@ -107,10 +118,13 @@ class Slab:
         self.problem = problem
         self.tolerance = tolerance
         self._speed = machine()
+        self._cells = exact_cells(problem.taper, SHARE_EXACT * tolerance)
+        self._coincident = problem.coincident
+        self._least = FINEST_PART * exact_cost(problem, problem.pixels, SHARE_EXACT * tolerance).frame
         self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
         few = [np.unique(np.linspace(a[0], a[-1], SPREAD_ANGLES)) for a in (problem.x, problem.y, problem.z)]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
-        self.whole = self._divided(np.arange(len(problem.tx)), np.arange(len(problem.rx)))
+        self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
         last = _work(self.whole.counts, problem.shape) * self._speed.multiply + problem.pixels * self._speed.turn
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
@@ -122,22 +136,30 @@ class Slab:
         for block in self.whole.walk():
             block.samples  # noqa: B018
 
-    def _divided(self, tx: Index, rx: Index) -> Block:
-        """The cheapest way to image with some antennas: all pairs at once, or in two parts."""
+    def _undivided(self, tx: Index, rx: Index) -> Block:
+        """Some antennas, all pairs at once."""
         problem = self.problem
         centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
         band = self._band(problem.tx[tx], problem.rx[rx], centre)
         steps = tuple(axis.step(b) for axis, b in zip(self.axes, band[::-1], strict=True))
         block = Block(tx, rx, centre, self.axes, steps, (), 0.0)
-        size = int(np.prod(block.counts))
-        pairs = tx.size if problem.monostatic else tx.size * rx.size
-        exact = exact_cost(_of(problem, tx, rx), size, SHARE_EXACT * self.tolerance).frame
-        block = replace(block, cost=exact + CALL)
-        if exact < CALLS_TO_DIVIDE * CALL or pairs == 1:
+        same = not problem.monostatic and self._coincident and np.array_equal(tx, rx)
+        antennas = tx.size if problem.monostatic or same else tx.size + rx.size
+        pairs = tx.size if problem.monostatic else tx.size * rx.size * (0.5 if same else 1.0)
+        return replace(block, cost=exact_seconds(self._cells, pairs, antennas, block.size))
+
+    def _divided(self, block: Block) -> Block:
+        """The cheapest way to image with a block's antennas: all pairs at once, or in two parts."""
+        single = block.tx.size * (1 if self.problem.monostatic else block.rx.size) == 1
+        if single or block.cost < max(CALLS_TO_DIVIDE * CALL, self._least):
             return block
-        parts = tuple(self._divided(*part) for part in _halves(problem, tx, rx))
-        merge = size * self._speed.turn + CALL
-        cost = sum(part.cost + merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
+        parts = tuple(self._undivided(*part) for part in _halves(self.problem, block.tx, block.rx))
+        merge = block.size * self._speed.turn + CALL
+        both = sum(merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
+        if both + sum(part.cost for part in parts) > HOPE * block.cost:
+            return block
+        parts = tuple(self._divided(part) for part in parts)
+        cost = both + sum(part.cost for part in parts)
         return replace(block, parts=parts, cost=cost) if cost < block.cost else block
 
     def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
@@ -175,8 +197,8 @@ class Slab:
         problem = self.problem
         if not block.parts:
             z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
-            part = _of(problem, block.tx, block.rx).on(x, y, z)
-            exact = focus_exact(part, _data(problem, s, block), SHARE_EXACT * self.tolerance)
+            alone = _of(problem, block.tx, block.rx).on(x, y, z)
+            exact = focus_exact(alone, _data(problem, s, block), SHARE_EXACT * self.tolerance)
             one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)

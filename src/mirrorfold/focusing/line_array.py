@@ -104,7 +104,8 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Par
     edges = _edges(problem, lattice)
     label, spans = _sectors(coarse, lattice, edges)
     pixels = np.bincount(label.ravel(), minlength=len(edges)) * (problem.pixels / coarse.pixels)
-    total, fast, near, reason = Cost(), [], pixels[0], "all pixels are near"
+    fast: list[int] = []
+    total, near, reason = Cost(), float(pixels[0]), "all pixels are too near"
     for n in range(1, len(edges) - 1):
         if not pixels[n]:
             continue

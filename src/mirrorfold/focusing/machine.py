@@ -15,20 +15,27 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
 import scipy.fft
 
-from mirrorfold.focusing import line_kernels
-from mirrorfold.focusing.exact_kernels import sum_transmitters, tile_tables
+from mirrorfold.focusing import exact_kernels, line_kernels, phasor, range_tables
 from mirrorfold.focusing.interpolation import triangular_kernel
-from mirrorfold.focusing.phasor import turn
+from mirrorfold.focusing.range_tables import TERMS, spectral_weights
+
+tile_tables: Any = exact_kernels.tile_tables
+sum_transmitters: Any = exact_kernels.sum_transmitters
+turn: Any = phasor.turn
+interpolate: Any = line_kernels.interpolate
+unfold_spectrum: Any = range_tables.unfold_spectrum
+lay_out: Any = range_tables.lay_out
 
 REPEATS = 3
 """Each loop is timed as often, and the fastest counts: what else ran meanwhile only slows it down."""
 
-VERSION = 1
+VERSION = 2
 """Of the cached file: one more whenever what is measured changes."""
 
 
@@ -40,6 +47,8 @@ class Machine:
     ----------
     pair_pixel : float
         For a pair and a pixel of the exact sum.
+    compress : float
+        For a coefficient of the range profiles of its pairs.
     table : float
         For path and phase of an antenna and a pixel.
     fourier : float
@@ -59,6 +68,7 @@ class Machine:
     """
 
     pair_pixel: float
+    compress: float
     table: float
     fourier: float
     multiply: float
@@ -124,6 +134,7 @@ def measure() -> Machine:
     angle = 1j * rng.random(50_000)
     return Machine(
         pair_pixel=_pairs(),
+        compress=_profiles(),
         table=_tables(),
         fourier=_seconds(lambda: scipy.fft.fft(spectrum, axis=1), spectrum.size * np.log2(324)),
         multiply=_seconds(lambda: left @ right, 24 * 60 * 40 * 40),
@@ -167,6 +178,20 @@ def _tables() -> float:
     return _seconds(lambda: tile_tables(*pixel.T.copy(), element, 70.0, 6e3, reference, delay, re, im), delay.size)
 
 
+def _profiles() -> float:
+    """Range profiles of a transmitter's pairs."""
+    data, cells = np.ones((201, 40), np.complex64), 432
+    weight = spectral_weights(np.ones(201, np.complex128), cells)
+    spectrum = np.empty((40, TERMS, cells), np.complex64)
+    table = np.empty((40, cells, TERMS), np.complex64)
+
+    def compress() -> None:
+        unfold_spectrum(data, weight, spectrum)
+        lay_out(scipy.fft.ifft(spectrum, axis=-1, norm="forward"), table)
+
+    return _seconds(compress, table.size)
+
+
 def _pairs() -> float:
     """The exact sum of one tile, path and phase apart."""
     element, pixel = _places(32, 512)
@@ -186,7 +211,7 @@ def _pixels(coefficients: np.ndarray) -> float:
     polar, image = np.ones((200, 900), np.complex64), np.zeros((24, 400), np.complex64)
     centre, foci = np.zeros(3), np.zeros((2, 3))
     return _seconds(
-        lambda: line_kernels.interpolate(
+        lambda: interpolate(
             runs, x, y, np.zeros(1), centre, np.eye(3), foci, False, 500.0, 10, 80.0, -100, 1e3, 1e-4, polar,
             coefficients, coefficients, image,
         ),

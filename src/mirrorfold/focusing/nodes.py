@@ -6,8 +6,8 @@ Pivoted QR picks node pixels p_q whose factors span it (interpolative decomposit
     exp(j k E(pair; p)) ~ sum_q exp(j k_q E(pair; p_q)) W_q'q(k) V_q(p).
 
 V is fitted on Chebyshev points of (1/r, w) and is a smooth function of the pixel; W carries the nodes from the
-middle wavenumber to k. Both are least-squares fits over a random choice of pairs. Where the foci are one point of a line
-E goes nearly with 1/r, so that another wavenumber is as good as another range, and all k_q are the middle one.
+middle wavenumber to k. Both are least-squares fits over a random choice of pairs. Where the foci are one point of a
+line E goes nearly with 1/r, so that another wavenumber is as good as another range, and all k_q are the middle one.
 Elsewhere the nodes, and the pairs to which V is fitted, are drawn from the whole band.
 """
 
@@ -320,7 +320,7 @@ def find_nodes(
     onto = scipy.linalg.solve_triangular(triangle, basis.conj().T)
 
     at_k = [np.exp(1j * (each / k) * node_k * rest) for each in chebyshev(k_low, k_high, WAVENUMBER_NODES)]
-    # Nodes that differ at other wavenumbers only are nearly one at the middle: there the smallest coordinates are taken.
+    # Nodes that differ at other wavenumbers only are nearly one at the middle: the smallest coordinates are taken.
     middle = onto if lattice.concentric else np.linalg.pinv(np.exp(1j * node_k * rest), rcond=INDEPENDENT * tolerance)
     moved = np.stack([middle @ columns for columns in at_k])
     transfer = np.tensordot(chebyshev_matrix(k_low, k_high, WAVENUMBER_NODES, problem.k), moved, axes=1)

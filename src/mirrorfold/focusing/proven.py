@@ -1,4 +1,4 @@
-"""Images by a fast path, proven exact enough on the very data: otherwise made anew, finer, or left to the exact kernel."""
+"""Images by a fast path, proven exact enough on the very data; else made anew, finer, or by the exact kernel."""
 
 from __future__ import annotations
 
