@@ -11,7 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import mirrorfold as mf
-from mirrorfold.cli.options import CrossRanges, Export, Heights, Mirrors, Output, Preset, Ranges, command
+from mirrorfold.cli.forecast import forecast, show_forecast
+from mirrorfold.cli.options import (
+    CrossRanges,
+    Export,
+    Heights,
+    Mirrors,
+    OptionalOutput,
+    Output,
+    Preset,
+    Ranges,
+    command,
+)
 from mirrorfold.cli.results import (
     BODY,
     PICTURE,
@@ -36,10 +47,11 @@ from mirrorfold.folding.settings import FoldSettings
 def focus(
     sweep: Path,
     *,
-    output: Output,
+    output: OptionalOutput = None,
     x: CrossRanges = None,
     y: Ranges = None,
     z: Heights = None,
+    dry_run: bool = False,
     json: bool = False,
     **given: Any,
 ) -> None:
@@ -50,8 +62,10 @@ def focus(
     sweep
         Sweep to read (netCDF).
     output
-        Image to write (netCDF).
+        Image to write (netCDF); needed but for a dry run.
     **given
+    dry_run
+        Say which algorithm would be taken, why, and what time and memory it would need; write nothing.
     json
         Print what the image holds as one JSON object.
     """
@@ -60,6 +74,11 @@ def focus(
     from mirrorfold.io.files import check_output
 
     given |= parse_grid(x=x, y=y, z=z)
+    if dry_run:
+        show_forecast(forecast(sweep, given), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o image.nc")
     check_output(output, inputs=[sweep])
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
@@ -78,10 +97,10 @@ def focus(
             image = focus_sweep(measured, **given, plans=plans, progress=report)
         remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
-    found = mf.info(image)
-    remark(found.remarks)
+    shown = mf.info(image)
+    remark(shown.remarks)
     if json:
-        show_json(found.but(files=[str(output)]))
+        show_json(shown.but(files=[str(output)]))
         return
     show_files([output])
 
@@ -131,7 +150,7 @@ def fold(
 def reconstruct(
     sweep: Path,
     *,
-    output: Output,
+    output: OptionalOutput = None,
     x: CrossRanges = None,
     y: Ranges = None,
     z: Heights = None,
@@ -139,6 +158,7 @@ def reconstruct(
     mirrors: Mirrors = None,
     preset: Preset = "default",
     export: Export = None,
+    dry_run: bool = False,
     json: bool = False,
     **given: Any,
 ) -> None:
@@ -150,9 +170,12 @@ def reconstruct(
         Sweep to read (netCDF).
     output
         Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too.
+        Needed but for a dry run.
     tolerance
         Largest relative L2 error of the image; folding needs no better one.
     **given
+    dry_run
+        Say what the image would be, by which algorithm, and what time and memory all steps would need; write nothing.
     json
         Print mirrors, counts and files as one JSON object.
     """
@@ -160,6 +183,11 @@ def reconstruct(
     from mirrorfold.io.files import check_output_directory, directory_written_whole
 
     given |= {"tolerance": tolerance, **parse_grid(x=x, y=y, z=z)}
+    if dry_run:
+        show_forecast(forecast(sweep, given, folded=True), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the directory to write, for example -o results")
     inputs = [path for path in (sweep, mirrors) if path is not None]
     check_output_directory(output, names=(RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT), inputs=inputs)
     check_export(export)

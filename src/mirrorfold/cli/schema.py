@@ -18,6 +18,7 @@ from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.reconstructions import ReconstructionFacts
 from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts
 from mirrorfold.describing.sweeps import ArraySweepFacts, BrokenSweepFacts, RasterSweepFacts
+from mirrorfold.focusing.choice_facts import Choice
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
 from mirrorfold.simulation.raster.sweep import ScanEstimate
@@ -30,9 +31,9 @@ OUTPUTS: dict[str, Any] = {
     "import": UsableSweep | ImageFacts | MappingProposal,
     "export": TouchstoneScan,
     "calibrate": Calibration,
-    "focus": ImageFacts,
+    "focus": ImageFacts | Choice,
     "fold": ReconstructionFacts,
-    "reconstruct": ReconstructionFacts,
+    "reconstruct": ReconstructionFacts | Choice,
     "score": PlanScore | VolumeScore,
     "report": Report,
     "view": View,

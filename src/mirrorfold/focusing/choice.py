@@ -8,20 +8,26 @@ prediction, too, costs little.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
+from scipy.fft import next_fast_len
 
-from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.settings import takes
-from mirrorfold.focusing.checks import check_measurement, make_problem
+from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.choice_facts import Choice, OptionFacts
 from mirrorfold.focusing.cost import Cost, exact_cost, proof_cost
 from mirrorfold.focusing.factorized import Division, FactorizedPlan
 from mirrorfold.focusing.lattice import UnsuitedError
 from mirrorfold.focusing.line_array import Layout, LineArrayPlan
+from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.range_profiles import PADDING
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import ambiguous_range, is_raster
 
 FEWEST_PAIR_PIXELS = 2e7
 """Below this many pairs times pixels the exact kernel takes a tenth of a second, and nothing else is thought of."""
@@ -31,6 +37,11 @@ ADVANTAGE = 0.7
 
 EXACT_SHARE = 0.5
 """Of the tolerance, for the exact kernel."""
+
+GIGABYTE = 1e9
+
+SCAN_PASSES = 6
+"""Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
@@ -121,29 +132,6 @@ def _weighed(problem: Problem, tolerance: float, frames: int) -> list[tuple[Opti
     return [*sorted(found, key=lambda each: each[0].cost.seconds(frames)), (exact, "")]
 
 
-class OptionFacts(Record):
-    """An algorithm that could focus a sweep."""
-
-    algorithm: str
-    chosen: bool
-    why: str = fact("it is chosen or not, one sentence")
-    building_s: Number = fact("for the plan, once")
-    frame_s: Number = fact("for each image")
-    seconds: Number = fact("for plan, images and the measurement of their error")
-    memory_bytes: Number = fact("of tables and buffers")
-
-
-class Choice(Record):
-    """Which algorithm will focus a sweep, and what else was possible."""
-
-    algorithm: str = fact('"polar", "factorized" or "exact"')
-    seconds: float = fact("predicted, on as many idle cores as there are")
-    memory_bytes: float = fact("predicted, samples and image included")
-    pixels: int
-    tolerance: float
-    options: list[OptionFacts]
-
-
 @takes(FocusSettings)
 def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> Choice:
     """Which algorithm `focus` will take, what else is possible, and the predicted time and memory of each.
@@ -168,13 +156,15 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
         As `focus`.
     """
     settings = FocusSettings().with_given(**given)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        problem = make_problem(check_measurement(geometry), settings)
-    return explain(problem, float(settings.tolerance), frames)
+    if is_raster(geometry):
+        return _scan(geometry)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        problem = make_problem(at_chosen_speed(check_measurement(geometry), settings), settings)
+    return explain(problem, float(settings.tolerance), frames, [f"{warning.message}." for warning in caught])
 
 
-def explain(problem: Problem, tolerance: float, frames: int = 1) -> Choice:
+def explain(problem: Problem, tolerance: float, frames: int = 1, remarks: Sequence[str] = ()) -> Choice:
     """The choice for a problem, in words and numbers."""
     weighed = _weighed(problem, tolerance, frames)
     chosen = next(option for option, why in weighed if not why)
@@ -183,8 +173,8 @@ def explain(problem: Problem, tolerance: float, frames: int = 1) -> Choice:
     for option, why in weighed:
         known = option.cost.frame < float("inf")
         reason = why or ("the fastest" if option is chosen else f"{chosen.algorithm} is faster")
-        if option is chosen and len(weighed) == 1:
-            reason = "so small that no plan pays"
+        if len(weighed) == 1:
+            reason = "so little work that no plan pays"
         facts.append(
             OptionFacts(
                 algorithm=option.algorithm,
@@ -192,16 +182,47 @@ def explain(problem: Problem, tolerance: float, frames: int = 1) -> Choice:
                 why=reason,
                 building_s=option.cost.building if known else None,
                 frame_s=Cost(0.0, option.cost.frame).seconds() if known else None,
-                seconds=(option.cost + proof).seconds(frames) if known else None,
-                memory_bytes=option.cost.nbytes if known else None,
+                total_s=(option.cost + proof).seconds(frames) if known else None,
+                memory_gb=option.cost.nbytes / GIGABYTE if known else None,
             )
         )
     samples = 8.0 * problem.pairs * problem.k.size
+    axes = {"z": problem.z, "y": problem.y, "x": problem.x}
     return Choice(
+        kind="choice",
         algorithm=chosen.algorithm,
-        seconds=(chosen.cost + proof).seconds(frames),
-        memory_bytes=chosen.cost.nbytes + samples + 8.0 * problem.pixels * frames + proof.nbytes,
+        focusing_s=(chosen.cost + proof).seconds(frames),
+        memory_gb=(chosen.cost.nbytes + samples + 8.0 * problem.pixels * frames + proof.nbytes) / GIGABYTE,
+        dimensions={name: int(axis.size) for name, axis in axes.items()},
+        extent={name: [float(axis[0]), float(axis[-1])] for name, axis in axes.items()},
         pixels=problem.pixels,
         tolerance=tolerance,
         options=facts,
+        remarks=list(remarks),
+    )
+
+
+def _scan(sweep: xr.Dataset) -> Choice:
+    """Of a raster scan, whose beams are Fourier transforms one by one."""
+    speed, shape = machine(), sweep["s"].shape
+    frames, beams = int(np.prod(shape[:-3])), int(np.prod(shape[-2:]))
+    size = int(next_fast_len(PADDING * shape[-3]))
+    pixels = beams * size
+    seconds = frames * pixels * (speed.fourier * np.log2(size) + SCAN_PASSES * speed.stretch)
+    cost = Cost(0.0, seconds, 8.0 * pixels)
+    whole = {"range": (0.0, ambiguous_range(sweep), size)}
+    whole |= {
+        name: (*np.asarray(sweep[name].values, float)[[0, -1]], sweep.sizes[name]) for name in ("azimuth", "elevation")
+    }
+    return Choice(
+        kind="choice",
+        algorithm="range profiles",
+        focusing_s=cost.seconds(),
+        memory_gb=(8.0 * sweep["s"].size + 2 * cost.nbytes) / GIGABYTE,
+        dimensions={name: int(count) for name, (_, _, count) in whole.items()},
+        extent={name: [float(first), float(last)] for name, (first, last, _) in whole.items()},
+        pixels=pixels,
+        tolerance=0.0,
+        options=[],
+        remarks=[],
     )

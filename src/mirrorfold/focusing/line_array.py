@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.memory import available_memory
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Index, Progress
 from mirrorfold.focusing.cost import Cost, exact_cost, sector_cost
@@ -29,6 +30,11 @@ FEW = 8
 
 LAYOUT_PIXELS = 120
 """Along each axis, as many pixels stand for all while a plan is laid out."""
+
+
+BYTES_A_PAIR = 200
+MEMORY_SHARE = 0.5
+"""Memory that sorting a pair takes, and how much of what is free all of them may."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +75,8 @@ def lay_out(problem: Problem, tolerance: float) -> Layout:
     UnsuitedError
         If no sector is faster than the exact kernel.
     """
+    if problem.pairs * BYTES_A_PAIR > MEMORY_SHARE * available_memory():
+        raise UnsuitedError("the tables of so many pairs do not fit into memory")
     every = np.arange(len(problem.tx)), np.arange(len(problem.rx))
     divisions = [[every]]
     if not problem.monostatic and 2 <= min(map(len, every)) <= FEW:
