@@ -12,11 +12,11 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import WINDOWS
 from mirrorfold.focusing import choice, line_array
+from mirrorfold.focusing.caching import PlanCache
 from mirrorfold.focusing.cost import Cost
 from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.interpolation import triangular_kernel
 from mirrorfold.focusing.line_array import LineArrayPlan
-from mirrorfold.focusing.plan_cache import PlanCache
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_gate import gated
 

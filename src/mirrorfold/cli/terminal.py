@@ -86,7 +86,7 @@ def show_options(options: Sequence[OptionFacts]) -> None:
         times = (option.building_s, option.frame_s, option.total_s)
         table.add_row(
             option.algorithm + (" *" if option.chosen else ""),
-            *("-" if time is None else duration(time) for time in times),
+            *(duration(time) if time else "-" for time in times),
             _number(option.memory_gb, ".2g"),
             option.why,
         )
@@ -180,9 +180,8 @@ def describe(name: str, value: Any) -> tuple[str, str]:
     if unit not in ("m", "hz", "deg", "db", "gb", "s"):
         stem, unit = name, ""
     if name == "cross_range_resolution_m":
-        text = ", ".join(
-            f"{_quantity(size, unit)} at {_quantity(float(distance), unit)}" for distance, size in value.items()
-        )
+        at = {_quantity(float(distance), "m"): _quantity(size, "m") for distance, size in value.items()}
+        text = ", ".join(f"{size} at {distance}" for distance, size in at.items())
     elif isinstance(value, dict):
         text = ", ".join(f"{key} {_quantity(item, unit)}" for key, item in value.items())
     elif isinstance(value, list):

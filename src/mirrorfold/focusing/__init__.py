@@ -13,25 +13,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mirrorfold.focusing.caching import PlanCache, plan_cache, prepare
     from mirrorfold.focusing.choice import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
     from mirrorfold.focusing.imaging import focus
     from mirrorfold.focusing.plan import FocusPlan
-    from mirrorfold.focusing.plan_cache import PlanCache, plan_cache, prepare
     from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
     from mirrorfold.focusing.settings import FocusSettings
 
 _HOME = {
     "FocusPlan": "plan",
     "FocusSettings": "settings",
-    "PlanCache": "plan_cache",
+    "PlanCache": "caching",
     "choose_algorithm": "choice",
     "default_grid": "grid",
     "focus": "imaging",
     "focus_raster": "range_profiles",
-    "plan_cache": "plan_cache",
+    "plan_cache": "caching",
     "plan_view": "range_profiles",
-    "prepare": "plan_cache",
+    "prepare": "caching",
     "sweep_grid": "grid",
     "to_voxels": "range_profiles",
 }

@@ -211,9 +211,9 @@ def _scan(sweep: xr.Dataset) -> Choice:
     seconds = frames * pixels * (speed.fourier * np.log2(size) + SCAN_PASSES * speed.stretch)
     cost = Cost(0.0, seconds, 8.0 * pixels)
     whole = {"range": (0.0, ambiguous_range(sweep), size)}
-    whole |= {
-        name: (*np.asarray(sweep[name].values, float)[[0, -1]], sweep.sizes[name]) for name in ("azimuth", "elevation")
-    }
+    for name in ("azimuth", "elevation"):
+        angle = sweep[name].values
+        whole[name] = (float(angle[0]), float(angle[-1]), angle.size)
     return Choice(
         kind="choice",
         algorithm="range profiles",

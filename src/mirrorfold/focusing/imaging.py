@@ -14,11 +14,11 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
+from mirrorfold.focusing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
 from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels, radar_position
-from mirrorfold.focusing.plan_cache import PlanCache, plan_cache
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_profiles import focus_raster, to_voxels

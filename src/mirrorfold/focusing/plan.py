@@ -13,11 +13,11 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import exact_kernel_error, white_noise
+from mirrorfold.focusing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
 from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels
-from mirrorfold.focusing.plan_cache import PlanCache, plan_cache
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.settings import FocusSettings
 

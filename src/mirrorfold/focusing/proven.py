@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.types import Progress
 from mirrorfold.focusing.accuracy import measured_error
+from mirrorfold.focusing.caching import PlanCache
 from mirrorfold.focusing.choice import FastPlan, lay_out, pays
 from mirrorfold.focusing.lattice import UnsuitedError
-from mirrorfold.focusing.plan_cache import PlanCache
 from mirrorfold.focusing.problem import Problem
 
 REFINEMENTS = 3
