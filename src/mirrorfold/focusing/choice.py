@@ -29,8 +29,11 @@ from mirrorfold.focusing.range_profiles import PADDING
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import ambiguous_range, is_raster
 
-FEWEST_PAIR_PIXELS = 2e7
-"""Below this many pairs times pixels the exact kernel takes a tenth of a second, and nothing else is thought of."""
+FEWEST_PAIR_PIXELS = 1e8
+"""Below this many pairs times pixels the exact kernel takes half a second of one core, and nothing else is laid out."""
+
+PLENTY = 0.15
+"""Share of the exact kernel's time under which a fast path is so good that no other is laid out."""
 
 ADVANTAGE = 0.7
 """Share of the exact kernel's time that a fast path, its plan included, must keep under."""
@@ -93,8 +96,7 @@ def options(problem: Problem, tolerance: float, frames: int = 1) -> list[Option]
     frames : int
         Images that will be made.
     """
-    found = _weighed(problem, tolerance, frames)
-    return [option for option, why in found if not why] if len(found) > 1 else [found[0][0]]
+    return [option for option, why in _weighed(problem, tolerance, frames, PLENTY) if not why]
 
 
 def lay_out(fast: type[FastPlan], problem: Problem, tolerance: float) -> Option:
@@ -116,8 +118,11 @@ def pays(option: Option, exact: Option, frames: int) -> bool:
     ) < ADVANTAGE * exact.cost.processor_seconds(frames)
 
 
-def _weighed(problem: Problem, tolerance: float, frames: int) -> list[tuple[Option, str]]:
-    """Every algorithm, the fastest first, and what speaks against it; nothing against the exact kernel, the last."""
+def _weighed(problem: Problem, tolerance: float, frames: int, plenty: float = 0.0) -> list[tuple[Option, str]]:
+    """Every algorithm, the fastest first, and what speaks against it; nothing against the exact kernel, the last.
+
+    Once one takes less than `plenty` of the exact kernel's time, no other is laid out.
+    """
     exact = Option("exact", tolerance, exact_cost(problem, problem.pixels, EXACT_SHARE * tolerance))
     if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:
         return [(exact, "")]
@@ -129,6 +134,8 @@ def _weighed(problem: Problem, tolerance: float, frames: int) -> list[tuple[Opti
             found.append((Option(fast.algorithm, tolerance, Cost(float("inf"), float("inf")), None, fast), str(error)))
             continue
         found.append((option, "" if pays(option, exact, frames) else "the exact kernel takes hardly more time"))
+        if option.cost.seconds(frames) < plenty * exact.cost.seconds(frames):
+            break
     return [*sorted(found, key=lambda each: each[0].cost.seconds(frames)), (exact, "")]
 
 

@@ -28,7 +28,7 @@ FILTER_SHARE = 0.25
 FEW = 8
 """Up to as many antennas, on the side that has fewer, may be imaged one by one: they may stand anywhere."""
 
-LAYOUT_PIXELS = 120
+LAYOUT_PIXELS = 80
 """Along each axis, as many pixels stand for all while a plan is laid out."""
 
 
