@@ -8,7 +8,6 @@ the time of a plain implementation, and says what it is wrong by.
 
 import matplotlib.pyplot as plt
 import numpy as np
-import xarray as xr
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
@@ -31,7 +30,7 @@ sweep = mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=
 x, y = np.linspace(-0.5, 0.5, 401), np.linspace(0.7, 1.6, 361)
 plan = mf.FocusPlan(sweep, x=x, y=y, tolerance=1e-3)
 print(plan)
-image = xr.DataArray(plan(sweep["s"].values), dims=("y", "x"), coords={"y": y, "x": x}, name="image")
+image = plan(sweep["s"])
 
 # %%
 # The direct sum in double precision, on every eighth pixel: the definition of the right answer.

@@ -26,6 +26,24 @@ def targets(ranges, *, frequencies=101, elements=8, amplitude=None):
     return mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
 
 
+def test_a_block_of_metal_is_resolved_where_it_is():
+    """Ultrasound in aluminium: ranges of millimetres, and the image says it for its own pixels."""
+    frequency = np.linspace(1e6, 9e6, 271)
+    position = np.zeros((8, 3))
+    position[:, 0] = 0.63e-3 * (np.arange(8) - 3.5)
+    s = np.exp(-2j * np.pi * frequency[:, None, None] * (np.zeros((8, 8)) + 0.04) / 6300.0)
+    sweep = mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=position).assign_attrs(
+        wave_speed=6300.0
+    )
+    stated = mf.info(sweep, diagnose=False).cross_range_resolution_m
+    assert max(map(float, stated)) == pytest.approx(6300.0 / (2 * 8e6 / 270), rel=0.01)
+    image = mf.focus(sweep, x=np.linspace(-0.01, 0.01, 21), y=np.linspace(0.01, 0.03, 21))
+    stated = mf.info(image).cross_range_resolution_m
+    assert 0.01 <= min(map(float, stated)) <= max(map(float, stated)) < 0.04
+    r, size = next(iter(stated.items()))
+    assert size == pytest.approx(6300.0 / 5e6 * float(r) / (7 * 0.63e-3))
+
+
 def test_what_a_sweep_resolves():
     found = mf.info(targets([0.5]))
     assert found["frequency_step_hz"] == pytest.approx(100e6)
@@ -34,7 +52,11 @@ def test_what_a_sweep_resolves():
     assert found["aperture_m"] == pytest.approx([3.5e-3, 3.5e-3])
     assert found["pitch_m"] == pytest.approx([0.5e-3, 0.5e-3])
     wavelength = speed_of_light / 295e9
-    assert found["cross_range_resolution_m"]["2"] == pytest.approx(2 * wavelength / 3.5e-3)
+    # Where the scene is: at a quarter, half and all of the ambiguous range.
+    stated = found["cross_range_resolution_m"]
+    assert list(stated) == ["0.375", "0.749", "1.5"]
+    for r, size in stated.items():
+        assert size == pytest.approx(float(r) * wavelength / 3.5e-3)
     assert found["remarks"] == []
     json.dumps(found, allow_nan=False)
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from focusing_problems import BAND, noise, plane, problem, relative_error
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 from scipy.constants import speed_of_light
 
 from mirrorfold.focusing import factorized
 from mirrorfold.focusing.bandlimited import Axis
+from mirrorfold.focusing.lattice import UnsuitedError
 
 
 @pytest.fixture
 def divide_always(monkeypatch):
     """Small problems would leave everything to the exact kernel."""
-    monkeypatch.setattr(factorized, "WORTHWHILE", np.inf)
-    monkeypatch.setattr(factorized, "CALL", 0.0)
+    monkeypatch.setattr(factorized, "exact_seconds", lambda cells, pairs, antennas, pixels: 1e-7 * pairs * pixels)
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
@@ -25,7 +25,7 @@ def test_few_samples_tell_a_band_limited_function(tolerance):
     rng = np.random.default_rng(0)
     position = np.sort(rng.uniform(-0.3, 0.5, 400))
     axis = Axis(position, tolerance)
-    found = axis.interpolator(120.0)
+    found = axis.interpolator(axis.step(120.0))
     waves = np.exp(1j * rng.uniform(-120.0, 120.0, (50, 1)) * position)
     error = np.abs(waves[:, found.index] @ found.matrix - waves)
     assert np.sqrt(np.mean(error**2)) <= tolerance
@@ -69,4 +69,8 @@ def test_factorized_path_on_arrays_anywhere(seed, divide_always):
     z = np.linspace(-0.2, 0.1, int(rng.integers(1, 12)))
     p = problem(tx, tx if monostatic else rx, frequency, x, y, z, monostatic=monostatic)
     s = noise(p.data_shape, seed=seed % 1000)
-    assert relative_error(factorized.FactorizedPlan(p, 1e-3)(s), p, s) <= 1e-3
+    try:
+        plan = factorized.FactorizedPlan(p, 1e-3)
+    except UnsuitedError:
+        reject()  # too few antennas to be divided
+    assert relative_error(plan(s), p, s) <= 1e-3

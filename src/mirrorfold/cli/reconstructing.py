@@ -11,8 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
+from mirrorfold.cli.forecast import forecast, show_forecast
 from mirrorfold.cli.many import reconstruct_many
-from mirrorfold.cli.options import CrossRanges, Export, FloorPlanFile, Heights, Mirrors, Output, Preset, Ranges, command
+from mirrorfold.cli.options import (
+    CrossRanges,
+    Export,
+    FloorPlanFile,
+    Heights,
+    Mirrors,
+    OptionalOutput,
+    Output,
+    Preset,
+    Ranges,
+    command,
+)
 from mirrorfold.cli.results import (
     BODY,
     FRAMES,
@@ -48,10 +60,11 @@ NAMES = (RECONSTRUCTION, PICTURE, FRAMES, BODY, SPACE, REPORT)
 def focus(
     sweep: Path,
     *,
-    output: Output,
+    output: OptionalOutput = None,
     x: CrossRanges = None,
     y: Ranges = None,
     z: Heights = None,
+    dry_run: bool = False,
     json: bool = False,
     **given: Any,
 ) -> None:
@@ -62,8 +75,10 @@ def focus(
     sweep
         Sweep to read (netCDF).
     output
-        Image to write (netCDF).
+        Image to write (netCDF); needed but for a dry run.
     **given
+    dry_run
+        Say which algorithm would be taken, why, and what time and memory it would need; write nothing.
     json
         Print what the image holds as one JSON object.
     """
@@ -71,6 +86,11 @@ def focus(
     from mirrorfold.io import load_geometry
 
     given |= parse_grid(x=x, y=y, z=z)
+    if dry_run:
+        show_forecast(forecast(sweep, given), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o image.nc")
     output_file(output, inputs=[sweep])
     geometry = None
     with suppress(InputError):  # reading it all says what is wrong
@@ -89,10 +109,10 @@ def focus(
             image = focus_sweep(measured, **given, plans=plans, progress=report)
         remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
-    found = mf.info(image)
-    remark(found.remarks)
+    shown = mf.info(image)
+    remark(shown.remarks)
     if json:
-        show_json(found.but(files=[str(output)]))
+        show_json(shown.but(files=[str(output)]))
         return
     show_files([output])
 
@@ -141,7 +161,7 @@ def fold(
 @takes(FocusSettings, FoldSettings, options=True)
 def reconstruct(
     *sweep: Path,
-    output: Output,
+    output: OptionalOutput = None,
     x: CrossRanges = None,
     y: Ranges = None,
     z: Heights = None,
@@ -150,6 +170,7 @@ def reconstruct(
     preset: Preset = "default",
     plan: FloorPlanFile = None,
     export: Export = None,
+    dry_run: bool = False,
     json: bool = False,
     **given: Any,
 ) -> None:
@@ -161,16 +182,26 @@ def reconstruct(
         Sweep to read (netCDF). Of several, each gets a folder of its own in the output, and a line in the summary.
     output
         Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too,
-        of a recording frames.png.
+        of a recording frames.png. Needed but for a dry run.
     tolerance
         Largest relative L2 error of the image; folding needs no better one.
     **given
+    dry_run
+        Say what the image would be, by which algorithm, and what time and memory all steps would need; write nothing.
     json
         Print mirrors, counts and files as one JSON object; of several sweeps the summary.
     """
     if not sweep:
         raise InputError("no sweep is given; name the file to reconstruct, for example sweep.nc")
-    given |= {"tolerance": tolerance, "preset": preset, **parse_grid(x=x, y=y, z=z)}
+    given |= {"tolerance": tolerance, **parse_grid(x=x, y=y, z=z)}
+    if dry_run:
+        if len(sweep) > 1:
+            raise InputError("--dry-run looks at one sweep and there are several; name one of them")
+        show_forecast(forecast(sweep[0], given, folded=True), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the directory to write, for example -o results")
+    given |= {"preset": preset}
     extra = [path for path in (mirrors, plan) if path is not None]
     output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
     check_export(export)

@@ -20,6 +20,7 @@ from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.reconstructions import ReconstructionFacts
 from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts
 from mirrorfold.describing.sweeps import ArraySweepFacts, BrokenSweepFacts, RasterSweepFacts
+from mirrorfold.focusing.choice_facts import Choice
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
 from mirrorfold.simulation.raster.sweep import ScanEstimate
@@ -32,9 +33,9 @@ OUTPUTS: dict[str, Any] = {
     "import": UsableSweep | ImageFacts | MappingProposal,
     "export": TouchstoneScan | Exported,
     "calibrate": Calibration,
-    "focus": ImageFacts,
+    "focus": ImageFacts | Choice,
     "fold": ReconstructionFacts,
-    "reconstruct": ReconstructionFacts | Summary,
+    "reconstruct": ReconstructionFacts | Summary | Choice,
     "compare": Comparison,
     "score": PlanScore | VolumeScore,
     "report": Report,

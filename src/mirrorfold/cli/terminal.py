@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
+    from mirrorfold.focusing.choice_facts import OptionFacts
     from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 PLAIN_WIDTH = 110
@@ -84,6 +85,22 @@ def show_info(found: Mapping[str, Any]) -> None:
         show_mirrors(found["mirrors"])
     for sentence in found["remarks"]:
         print(f"! {sentence}")
+
+
+def show_options(options: Sequence[OptionFacts]) -> None:
+    """Print the table of algorithms."""
+    table = _table("algorithms, the fastest first")
+    for heading in ("algorithm", "plan", "image", "in all", "memory [GB]", "why"):
+        table.add_column(heading, justify="left" if heading in ("algorithm", "why") else "right")
+    for option in options:
+        times = (option.building_s, option.frame_s, option.total_s)
+        table.add_row(
+            option.algorithm + (" *" if option.chosen else ""),
+            *(duration(time) if time else "-" for time in times),
+            _number(option.memory_gb, ".2g"),
+            option.why,
+        )
+    _console().print(table)
 
 
 def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
@@ -213,12 +230,15 @@ def describe(name: str, value: Any) -> tuple[str, str]:
     ('range resolution', '15 mm')
     >>> describe("cross_range_resolution_m", {"1": 0.0127, "2": 0.0254})
     ('cross range resolution', '12.7 mm at 1 m, 25.4 mm at 2 m')
+    >>> describe("measuring_s", 1560.0)
+    ('measuring', '26 min')
     """
     stem, _, unit = name.rpartition("_")
-    if unit not in ("m", "hz", "deg", "db", "gb"):
+    if unit not in ("m", "hz", "deg", "db", "gb", "s"):
         stem, unit = name, ""
     if name == "cross_range_resolution_m":
-        text = ", ".join(f"{_quantity(size, unit)} at {distance} m" for distance, size in value.items())
+        at = {_quantity(float(distance), "m"): _quantity(size, "m") for distance, size in value.items()}
+        text = ", ".join(f"{size} at {distance}" for distance, size in at.items())
     elif isinstance(value, dict):
         text = ", ".join(f"{key} {_quantity(item, unit)}" for key, item in value.items())
     elif isinstance(value, list):
@@ -240,9 +260,25 @@ def _quantity(value: Any, unit: str) -> str:
         return "-" if value is None else str(value)
     if unit == "m":
         return f"{value * 1e3:.3g} mm" if abs(value) < 0.1 else f"{value:.3g} m"
+    if unit == "s":
+        return duration(value)
     if unit == "hz":
         return f"{value / 1e9:.6g} GHz" if value >= 1e9 else f"{value / 1e6:.6g} MHz"
     return f"{value:.3g} { ({'deg': 'degrees', 'db': 'dB', 'gb': 'GB'}.get(unit, '')) }".rstrip()
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it.
+
+    Examples
+    --------
+    >>> [duration(t) for t in (0.0042, 0.35, 12.0, 59.9, 1560.0, 9000.0, 2e5)]
+    ['4.2 ms', '0.35 s', '12 s', '60 s', '26 min', '2.5 h', '2.3 days']
+    """
+    for limit, unit, name in ((0.1, 1e-3, "ms"), (100.0, 1.0, "s"), (6000.0, 60.0, "min"), (172800.0, 3600.0, "h")):
+        if seconds < limit:
+            return f"{seconds / unit:.2g} {name}"
+    return f"{seconds / 86400.0:.1f} days"
 
 
 def _number(value: float | None, form: str, scale: float = 1.0) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
+from scipy.constants import speed_of_light
 
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, fact
 from mirrorfold.describing.contents import Sized
+from mirrorfold.describing.resolution import cross_range_resolution
 from mirrorfold.io.netcdf import image_axes
 
 
@@ -20,6 +22,9 @@ class ImageFacts(Sized):
     type: str = fact("of the pixels")
     extent: dict[str, list[float]] = fact("first and last coordinate of each dimension")
     pixel: dict[str, Number] = fact("size of a pixel along each dimension")
+    cross_range_resolution_m: dict[str, float] | None = fact(
+        "of an array, by range [m]: the nearest and the farthest pixel and the middle", default=LEFT_OUT
+    )
     strongest_at: dict[str, float]
     median_below_peak_db: Number = fact("[dB]")
     remarks: list[str] = fact("sentences on what looks wrong")
@@ -45,7 +50,24 @@ def describe_image(image: xr.DataArray) -> ImageFacts:
         type=str(image.dtype),
         extent={name: [float(image[name].min()), float(image[name].max())] for name in axes},
         pixel={name: float(np.diff(image[name]).mean()) if image[name].size > 1 else None for name in axes},
+        cross_range_resolution_m=_resolved(image),
         strongest_at={name: float(image[name].values[i]) if name in axes else i for name, i in at.items()},
         median_below_peak_db=power_decibel(below_peak),
         remarks=remarks,
     )
+
+
+def _resolved(image: xr.DataArray) -> Any:
+    """Cross-range resolution where the image is; left out where it does not say how it was measured."""
+    needed = ("tx_aperture", "rx_aperture", "frequency_start", "frequency_stop", "radar_position")
+    if not set(needed) <= set(image.attrs) or not {"x", "y"} <= set(image.coords):
+        return LEFT_OUT
+    attrs = image.attrs
+    aperture = max(float(attrs["tx_aperture"]), float(attrs["rx_aperture"]))
+    if aperture == 0.0:
+        return LEFT_OUT
+    middle = 0.5 * (float(attrs["frequency_start"]) + float(attrs["frequency_stop"]))
+    wavelength = float(attrs.get("wave_speed", speed_of_light)) / middle
+    offset = [image[name].values - attrs["radar_position"][n] for n, name in enumerate("xy")]
+    near, far = (float(np.hypot(*(end(np.abs(axis)) for axis in offset))) for end in (np.min, np.max))
+    return cross_range_resolution(wavelength, aperture, [near, 0.5 * (near + far), far])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
@@ -13,11 +13,16 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.common.plausible import frequency_unit, length_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
+from mirrorfold.common.windows import window
 from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import default_grid
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.materials import names
+
+if TYPE_CHECKING:
+    from mirrorfold.focusing.choice_facts import Choice
 
 MATERIALS = names()
 """What `materials` may hold."""
@@ -36,11 +41,6 @@ BYTES_PER_SAMPLE = 8
 
 MOST_BOUNCES = 12
 """No scene was ever folded as deep."""
-
-SAMPLES_PER_SECOND = 1.6e8
-PIXELS_PER_SECOND = 7e7
-"""Speed of focusing on two idle cores by the fast path of line arrays, from `benchmarks/focus.py`: 161 x 161 x 201
-samples to 600 x 800 pixels in 40 ms, to 2000 x 2000 in 90 ms."""
 
 INVISIBLE_DB = -60.0
 """Share of the power that a wall scatters below which it cannot be found but by its glint [dB]."""
@@ -117,7 +117,9 @@ class Plan(Arrays, PlanHead):
     data_megabytes: float
     measuring_s: float
     image_pixels: int
-    focusing_s: float
+    focusing_s: float = fact("predicted by the cost model that also chooses the algorithm")
+    focusing_algorithm: str
+    memory_gb: float = fact("for focusing, samples and image included")
     folding_s: float
     remarks: list[str] = fact("sentences on what looks wrong")
     files: list[str] = fact("what was written")
@@ -190,10 +192,8 @@ def plan(
     frequency = np.linspace(band[0], band[1], points)
     tx = _line(aperture, pitch)
     rx = _line(aperture if rx_aperture is None else rx_aperture, pitch if rx_pitch is None else rx_pitch)
-    facts, remarks = resolution(frequency, tx, rx)
+    facts, remarks = resolution(frequency, tx, rx, ranges=[range])
     wavelength = speed_of_light / float(frequency.mean())
-    longer = max(float(np.ptp(tx)), float(np.ptp(rx)))
-    facts = facts.but(cross_range_resolution_m={f"{range:g}": wavelength * range / longer})
     ambiguous = facts.ambiguous_range_m or np.inf
     walls = {name: wall(name, float(frequency.mean()), roughness) for name in materials}
     first = walls[materials[0]]
@@ -205,6 +205,7 @@ def plan(
     measuring = samples * (1.0 / instrument.if_bandwidth + instrument.settling)
     measuring += instrument.moving * (len(tx) * len(rx) - 1)
     pixels = x.size * y.size
+    focusing = _focusing(frequency, tx, rx, x, y)
     if by_ambiguity < 0:
         remarks.append(
             f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {range:g} m; "
@@ -238,11 +239,32 @@ def plan(
         data_megabytes=samples * BYTES_PER_SAMPLE / 1e6,
         measuring_s=measuring,
         image_pixels=pixels,
-        focusing_s=samples / SAMPLES_PER_SECOND + pixels / PIXELS_PER_SECOND,
+        focusing_s=focusing.focusing_s,
+        focusing_algorithm=focusing.algorithm,
+        memory_gb=focusing.memory_gb,
         folding_s=pixels / FOLDING_PIXELS_PER_SECOND,
         remarks=remarks,
         files=[],
     )
+
+
+def _focusing(frequency: Array, tx: Array, rx: Array, x: Array, y: Array) -> Choice:
+    """How the default grid will be focused, finely enough to be folded."""
+    from mirrorfold.focusing.choice import explain
+    from mirrorfold.focusing.problem import Problem
+
+    problem = Problem(
+        k=2.0 * np.pi * frequency / speed_of_light,
+        tx=tx,
+        rx=rx,
+        taper=window("hann", frequency.size, "taper"),
+        tx_weight=window(None, len(tx), "apodization"),
+        rx_weight=window(None, len(rx), "apodization"),
+        x=x,
+        y=y,
+        z=np.zeros(1),
+    )
+    return explain(problem, TOLERANCE_TO_FOLD)
 
 
 def _link_budget(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
@@ -12,7 +14,10 @@ from mirrorfold.common.records import Number, Record, fact
 Array = NDArray[np.float64]
 
 RANGES = (1.0, 2.0, 4.0)
-"""Where the cross-range resolution is stated [m]: at the sizes of a desk, a room and a hall."""
+"""Where the cross-range resolution is stated [m] if nothing tells where the scene is: on a desk, in a room, a hall."""
+
+SHARES = (0.25, 0.5, 1.0)
+"""Of the ambiguous range, in which the scene must lie, where the resolution of a sweep is stated."""
 
 PITCH_TOLERANCE = 0.01
 """How far the pitch may exceed half a wavelength, as a share of it: grating lobes then stay beyond 80 degrees."""
@@ -65,7 +70,11 @@ class Scan(Depth, Beams, Band):
 
 
 def resolution(
-    frequency: Array, tx_position: Array, rx_position: Array, speed: float = speed_of_light
+    frequency: Array,
+    tx_position: Array,
+    rx_position: Array,
+    speed: float = speed_of_light,
+    ranges: Sequence[float] | None = None,
 ) -> tuple[Arrays, list[str]]:
     """What a band and two arrays can resolve, and remarks on what they cannot.
 
@@ -75,6 +84,9 @@ def resolution(
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
     speed : float [m/s]
         Of the waves, by default of light in vacuum.
+    ranges : sequence of float [m], optional
+        Where the cross-range resolution is stated: where the scene is. By default at a quarter, half and all of the
+        ambiguous range.
 
     Returns
     -------
@@ -90,6 +102,9 @@ def resolution(
     pitches = [pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
     field_of_view = 2.0 * float(np.degrees(np.arcsin(min(1.0, shortest / (2.0 * min(pitches)))))) if pitches else None
     band, depth, remarks = _band(frequency, speed)
+    if ranges is None:
+        far = depth.ambiguous_range_m
+        ranges = RANGES if far is None else [share * far for share in SHARES]
     facts = Arrays(
         **band,
         tx=len(tx_position),
@@ -97,7 +112,7 @@ def resolution(
         aperture_m=[_extent(tx_position), _extent(rx_position)],
         pitch_m=[_pitch(tx_position), _pitch(rx_position)],
         **depth,
-        cross_range_resolution_m={f"{r:g}": wavelength * r / aperture for r in RANGES} if aperture else None,
+        cross_range_resolution_m=cross_range_resolution(wavelength, aperture, ranges) if aperture else None,
         field_of_view_deg=field_of_view,
     )
     if not aperture:
@@ -108,6 +123,11 @@ def resolution(
             f"lobes will show objects at wrong places outside a field of view of {field_of_view:.0f} degrees."
         )
     return facts, remarks
+
+
+def cross_range_resolution(wavelength: float, aperture: float, ranges: Sequence[float]) -> dict[str, float]:
+    """``lambda r / D`` [m] at some ranges, by the range [m] to three digits."""
+    return {f"{r:.3g}": wavelength * float(f"{r:.3g}") / aperture for r in ranges}
 
 
 def scan_resolution(

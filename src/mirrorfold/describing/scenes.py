@@ -47,10 +47,12 @@ class VolumeSceneFacts(Scan, Described):
 
 def describe_scene(scene: Scene) -> SceneFacts:
     """What the arrays of a floor plan resolve in it."""
-    facts, remarks = resolution(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
-    reach = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1).max() for surface in scene.surface]
-    farthest = float(max(reach, default=0.0))
+    ways = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1) for surface in scene.surface]
+    farthest = float(max((way.max() for way in ways), default=0.0))
+    nearest = float(min((way.min() for way in ways), default=0.0))
+    between = None if not ways else sorted({nearest, 0.5 * (nearest + farthest), farthest})
+    facts, remarks = resolution(scene.band.frequency, scene.array.tx_position, scene.array.rx_position, ranges=between)
     if facts.ambiguous_range_m is not None and farthest > facts.ambiguous_range_m:
         remarks.append(
             f"The farthest surface, {farthest:.3g} m away, lies beyond the unambiguous range of "

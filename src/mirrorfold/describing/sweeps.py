@@ -187,7 +187,12 @@ def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
 
 def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
     tx_position, rx_position = antenna_positions(sweep)
-    facts, remarks = resolution(sweep["frequency"].values.astype(float), tx_position, rx_position, wave_speed(sweep))
+    ranges = None
+    if sweep.attrs.get("scene_center") is not None:
+        radar = 0.5 * (tx_position.mean(axis=0) + rx_position.mean(axis=0))
+        ranges = [float(np.linalg.norm(np.asarray(sweep.attrs["scene_center"], dtype=float) - radar))]
+    frequency = sweep["frequency"].values.astype(float)
+    facts, remarks = resolution(frequency, tx_position, rx_position, wave_speed(sweep), ranges)
     s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
     s = s.reshape((-1, *s.shape[-3:]))
     power = _mean_power(part for frame in s for part in frame)

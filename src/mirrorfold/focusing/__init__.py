@@ -1,9 +1,10 @@
 """Step 1 of the algorithm: from the raw sweep to the complex image.
 
 `imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
-the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast;
-`choice` takes the fastest that is exact enough, and `plan` keeps it for frame after frame. `accuracy` compares images
-with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
+the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast. `choice`
+takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for frame
+after frame. `accuracy` compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by
+`range_profiles`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mirrorfold.focusing.choice import PlanCache, plan_cache, prepare
+    from mirrorfold.focusing.caching import PlanCache, plan_cache, prepare
+    from mirrorfold.focusing.choice import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
     from mirrorfold.focusing.imaging import focus
     from mirrorfold.focusing.plan import FocusPlan
@@ -22,13 +24,14 @@ if TYPE_CHECKING:
 _HOME = {
     "FocusPlan": "plan",
     "FocusSettings": "settings",
-    "PlanCache": "choice",
+    "PlanCache": "caching",
+    "choose_algorithm": "choice",
     "default_grid": "grid",
     "focus": "imaging",
     "focus_raster": "range_profiles",
-    "plan_cache": "choice",
+    "plan_cache": "caching",
     "plan_view": "range_profiles",
-    "prepare": "choice",
+    "prepare": "caching",
     "sweep_grid": "grid",
     "to_voxels": "range_profiles",
 }
@@ -38,6 +41,7 @@ __all__ = [
     "FocusPlan",
     "FocusSettings",
     "PlanCache",
+    "choose_algorithm",
     "default_grid",
     "focus",
     "focus_raster",

@@ -21,8 +21,11 @@ BAND_STEP = 1.12
 CANDIDATES = 3.0
 """Pixels among which samples are picked, over the number of dimensions."""
 
-SPARE_DIMENSIONS = 24
-"""More dimensions than ``B L / pi`` that a tight tolerance may take: they grow with its logarithm only."""
+EDGE, LEAST_AREA = 0.22, 4.0
+"""More dimensions than ``B L / pi`` grow with the logarithms of the tolerance and of B L; fitted to both."""
+
+RIDGE = 1e-14
+"""Of the Gram matrix, against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +62,28 @@ class Axis:
     def __init__(self, position: Array, tolerance: float) -> None:
         self.position = position
         self.tolerance = tolerance
+        self._length = float(np.ptp(position))
         self._made: dict[int, Interpolator] = {}
 
-    def interpolator(self, band: float) -> Interpolator:
-        """For functions with spectrum within +-band [rad/m]."""
-        length = float(np.ptp(self.position))
+    def step(self, band: float) -> int:
+        """The number under which bands as wide as this [rad/m] share an interpolator."""
         # A band that turns by less than a hundredth of a radian over the axis is as good as none.
-        step = int(np.ceil(np.log(max(band * length, 1e-2)) / np.log(BAND_STEP)))
+        return int(np.ceil(np.log(max(band * self._length, 1e-2)) / np.log(BAND_STEP)))
+
+    def count(self, step: int) -> int:
+        """How many samples an interpolator will have, before it is made."""
+        area = BAND_STEP**step if self._length > 0.0 else 0.0
+        return int(min(self.position.size, np.ceil(dimensions(area, self.tolerance))))
+
+    def work(self, step: int) -> float:
+        """Multiplications that making an interpolator takes."""
+        samples, pixels = self.count(step), self.position.size
+        return 0.0 if samples >= pixels else samples**2 * (min(CANDIDATES * samples, pixels) + pixels)
+
+    def interpolator(self, step: int) -> Interpolator:
+        """For functions with the spectrum of a step."""
         if step not in self._made:
-            self._made[step] = self._make(BAND_STEP**step / length if length > 0.0 else 0.0)
+            self._made[step] = self._make(BAND_STEP**step / self._length if self._length > 0.0 else 0.0)
         return self._made[step]
 
     def interpolators(self) -> list[Interpolator]:
@@ -75,18 +91,35 @@ class Axis:
         return list(self._made.values())
 
     def _make(self, band: float) -> Interpolator:
+        """Samples by pivoted Cholesky decomposition of the functions' Gram matrix.
+
+        Averaged over the band, the product of a function's values at two places is ``sin(B d) / (B d)`` of their
+        distance d.
+        """
         pixels = self.position.size
-        centred = self.position - 0.5 * (self.position[0] + self.position[-1])
-        dimensions = band * float(np.ptp(self.position)) / np.pi + SPARE_DIMENSIONS
-        if pixels <= dimensions / 2.0:
+        wanted = dimensions(band * self._length, self.tolerance)
+        if pixels <= wanted:
             return Interpolator(np.arange(pixels), np.eye(pixels, dtype=np.float32))
-        waves = int(np.ceil(2.0 * dimensions))
-        turn = np.multiply.outer(band * (np.arange(waves) + 0.5) / waves, centred)
-        functions = np.concatenate([np.cos(turn), np.sin(turn)])
-        few = np.unique(np.linspace(0, pixels - 1, min(pixels, int(CANDIDATES * dimensions))).round().astype(np.intp))
-        triangle, order = scipy.linalg.qr(functions[:, few], mode="r", pivoting=True)
-        rest = np.sqrt(np.cumsum((np.abs(np.triu(triangle)) ** 2).sum(axis=1)[::-1])[::-1])
-        enough = np.flatnonzero(rest <= self.tolerance * rest[0])
-        index = np.sort(few[order[: enough[0] if enough.size else len(order)]])
-        matrix = scipy.linalg.lstsq(functions[:, index], functions, lapack_driver="gelsy")[0]
+        few = np.unique(np.linspace(0, pixels - 1, min(pixels, int(CANDIDATES * wanted))).round().astype(np.intp))
+        factor, order, _, _ = scipy.linalg.lapack.dpstrf(self._gram(band, few, few), tol=RIDGE, lower=1)
+        factor = np.tril(factor)
+        # What is left of all candidates after each pivot.
+        rest = len(few) - np.cumsum((factor**2).sum(axis=0))
+        enough = np.flatnonzero(rest <= self.tolerance**2 * len(few))
+        index = few[order[: enough[0] + 1 if enough.size else len(few)] - 1]
+        index = np.sort(index)
+        gram = self._gram(band, index, index)
+        gram[np.diag_indices(index.size)] += RIDGE
+        solver = scipy.linalg.cho_factor(gram, lower=True)
+        matrix = scipy.linalg.cho_solve(solver, self._gram(band, index, np.arange(pixels)))
         return Interpolator(index, matrix.astype(np.float32))
+
+    def _gram(self, band: float, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
+        """Gram matrix of two choices of pixels."""
+        distance = self.position[rows][:, None] - self.position[columns][None, :]
+        return np.asfortranarray(np.sinc(band / np.pi * distance))
+
+
+def dimensions(area: float, tolerance: float) -> float:
+    """Samples that functions of band B on a length L need, by ``area = B L`` (Landau and Widom 1980)."""
+    return area / np.pi + EDGE * np.log(1.0 / tolerance) * np.log(area + LEAST_AREA) + 1.0

@@ -1,156 +1,235 @@
-"""Which algorithm focuses a problem: the fastest whose image of the very data proves exact enough."""
+"""Which algorithm focuses a problem: the one that will take the least time, as the cost model counts it.
+
+Every fast path is laid out first, which takes some hundredths of a second and tells what building its plan and making
+an image will cost. It is taken where all of that is well below the cost of the exact kernel, so that a mistaken
+prediction, too, costs little.
+"""
 
 from __future__ import annotations
 
 import warnings
-from contextlib import suppress
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from mirrorfold.common.settings import takes
-from mirrorfold.common.types import Progress
-from mirrorfold.focusing.accuracy import measured_error
-from mirrorfold.focusing.checks import check_measurement, make_problem
-from mirrorfold.focusing.factorized import FactorizedPlan
-from mirrorfold.focusing.line_array import LineArrayPlan
-from mirrorfold.focusing.nodes import UnsuitedError
+from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.choice_facts import Choice, OptionFacts
+from mirrorfold.focusing.cost import Cost, exact_cost, proof_cost
+from mirrorfold.focusing.factorized import Division, FactorizedPlan
+from mirrorfold.focusing.lattice import UnsuitedError
+from mirrorfold.focusing.line_array import Layout, LineArrayPlan
+from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.range_profiles import PADDING
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import ambiguous_range, is_raster
 
-REFINEMENTS = 3
-"""Tries at a finer tolerance each before the next algorithm takes over."""
+FEWEST_PAIR_PIXELS = 1e8
+"""Below this many pairs times pixels the exact kernel takes half a second of one core, and nothing else is laid out."""
 
-FEWEST_PAIR_PIXELS = 2e8
-"""Below this many pairs times pixels the exact kernel needs no more time than building a plan."""
+PLENTY = 0.15
+"""Share of the exact kernel's time under which a fast path is so good that no other is laid out."""
 
-SAMPLING_MARGIN = 0.8
-"""Share of the tolerance that the error measured on a sample of pixels must keep under."""
+ADVANTAGE = 0.7
+"""Share of the exact kernel's time that a fast path, its plan included, must keep under."""
+
+EXACT_SHARE = 0.5
+"""Of the tolerance, for the exact kernel."""
+
+GIGABYTE = 1e9
+
+SCAN_PASSES = 6
+"""Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
 FAST_ALGORITHMS: tuple[type[FastPlan], ...] = (LineArrayPlan, FactorizedPlan)
-"""In the order in which they are tried: the first is the faster, the second suits any array."""
 
 
-class Proven(NamedTuple):
-    """A fast plan, with the image it made and the relative L2 error that was measured on it."""
+@dataclass(frozen=True, eq=False)
+class Option:
+    """An algorithm that could focus a problem.
 
-    plan: FastPlan
-    image: NDArray[np.complex64]
-    error: float
-
-
-class PlanCache:
-    """Keeps the fast plan that was made last, for whoever focuses sweep after sweep of one geometry.
-
-    A plan depends on geometry, frequencies, weights, pixels and tolerance, and not on the samples. Several threads may
-    use one cache at once; each is handed the plan that suits its problem.
+    Attributes
+    ----------
+    algorithm : str
+    tolerance : float
+        For which it is laid out.
+    cost : Cost
+    layout : object, optional
+        What a fast plan is made of.
+    fast : type, optional
+        Of a fast plan; None for the exact kernel.
     """
 
-    def __init__(self) -> None:
-        self._latest: tuple[type[FastPlan], bytes, float, FastPlan] | None = None
+    algorithm: str
+    tolerance: float
+    cost: Cost
+    layout: Any = None
+    fast: type[FastPlan] | None = None
 
-    def plan(self, algorithm: type[FastPlan], problem: Problem, tolerance: float) -> FastPlan:
-        """The plan of an algorithm, the one that is kept where it suits.
+    def make(self, problem: Problem) -> FastPlan:
+        """The plan.
 
         Raises
         ------
         UnsuitedError
-            If the algorithm does not suit the problem.
+            If the problem turns out harder than it was laid out for.
         """
-        wanted, latest = (algorithm, problem.key, tolerance), self._latest
-        if latest is None or latest[:3] != wanted:
-            latest = None
-            self.clear()  # before the next is made: two need not fit into memory
-            latest = (*wanted, algorithm(problem, tolerance))
-            self._latest = latest
-        return latest[3]
-
-    def clear(self) -> None:
-        """Forget the plan, and free its memory."""
-        self._latest = None
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the plan that is kept [bytes]."""
-        return 0 if self._latest is None else self._latest[3].nbytes
+        assert self.fast is not None
+        return self.fast(problem, self.tolerance, self.layout)
 
 
-plan_cache = PlanCache()
-"""The cache of all calls that name none of their own."""
-
-
-def worth_a_plan(problem: Problem) -> bool:
-    """Whether the image is so large that a fast plan may pay."""
-    return problem.pairs * problem.pixels >= FEWEST_PAIR_PIXELS
-
-
-@takes(FocusSettings)
-def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
-    """Make the plan that `focus` will try first, from a sweep's geometry alone: while its samples are still being read.
-
-    Parameters
-    ----------
-    geometry : xarray.Dataset
-        A sweep, or only its ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or ``antenna_position``).
-    **given
-
-    Returns
-    -------
-    PlanCache
-        To be given to `focus` as `plans`. Empty where the sum over all pairs is as fast.
-
-    Raises
-    ------
-    InputError
-        As `focus`, which also gives the warnings.
-    """
-    settings, plans = FocusSettings().with_given(**given), PlanCache()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        problem = make_problem(check_measurement(geometry), settings)
-    if worth_a_plan(problem):
-        for algorithm in FAST_ALGORITHMS:
-            with suppress(UnsuitedError):
-                plans.plan(algorithm, problem, settings.tolerance)
-                break
-    return plans
-
-
-def choose(
-    problem: Problem,
-    tolerance: float,
-    s: NDArray[np.complex64],
-    plans: PlanCache,
-    progress: Progress | None = None,
-) -> Proven | None:
-    """The coarsest fast plan that images `s` within the tolerance; None where the exact kernel must do it.
+def options(problem: Problem, tolerance: float, frames: int = 1) -> list[Option]:
+    """The algorithms worth taking, the fastest first; the exact kernel is the last.
 
     Parameters
     ----------
     problem : Problem
     tolerance : float
         Largest relative L2 error.
-    s : (frequencies, tx, rx) or, monostatic, (frequencies, tx) array
-    plans : PlanCache
-        Where plans are looked for, and kept.
-    progress : callable (done, total), optional
+    frames : int
+        Images that will be made.
     """
-    if not worth_a_plan(problem):
-        return None
-    for algorithm in FAST_ALGORITHMS:
-        target = tolerance
-        for _ in range(REFINEMENTS):
-            try:
-                plan = plans.plan(algorithm, problem, target)
-            except UnsuitedError:
-                break
-            image = plan(s, progress)
-            error = measured_error(problem, image, s)
-            if error <= SAMPLING_MARGIN * tolerance:
-                return Proven(plan, image, error)
-            target *= min(0.5, 0.5 * tolerance / error)
-    return None
+    return [option for option, why in _weighed(problem, tolerance, frames, PLENTY) if not why]
+
+
+def lay_out(fast: type[FastPlan], problem: Problem, tolerance: float) -> Option:
+    """A fast path, laid out for a tolerance.
+
+    Raises
+    ------
+    UnsuitedError
+        If it does not suit the problem.
+    """
+    layout: Layout | Division = fast.lay_out(problem, tolerance)
+    return Option(fast.algorithm, tolerance, layout.cost, layout, fast)
+
+
+def pays(option: Option, exact: Option, frames: int) -> bool:
+    """Whether a fast path is well below the exact kernel's cost, on all cores and in processor time."""
+    return option.cost.seconds(frames) < ADVANTAGE * exact.cost.seconds(frames) and option.cost.processor_seconds(
+        frames
+    ) < ADVANTAGE * exact.cost.processor_seconds(frames)
+
+
+def _weighed(problem: Problem, tolerance: float, frames: int, plenty: float = 0.0) -> list[tuple[Option, str]]:
+    """Every algorithm, the fastest first, and what speaks against it; nothing against the exact kernel, the last.
+
+    Once one takes less than `plenty` of the exact kernel's time, no other is laid out.
+    """
+    exact = Option("exact", tolerance, exact_cost(problem, problem.pixels, EXACT_SHARE * tolerance))
+    if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:
+        return [(exact, "")]
+    found = []
+    for fast in FAST_ALGORITHMS:
+        try:
+            option = lay_out(fast, problem, tolerance)
+        except UnsuitedError as error:
+            found.append((Option(fast.algorithm, tolerance, Cost(float("inf"), float("inf")), None, fast), str(error)))
+            continue
+        found.append((option, "" if pays(option, exact, frames) else "the exact kernel takes hardly more time"))
+        if option.cost.seconds(frames) < plenty * exact.cost.seconds(frames):
+            break
+    return [*sorted(found, key=lambda each: each[0].cost.seconds(frames)), (exact, "")]
+
+
+@takes(FocusSettings)
+def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> Choice:
+    """Which algorithm `focus` will take, what else is possible, and the predicted time and memory of each.
+
+    Parameters
+    ----------
+    geometry : xarray.Dataset
+        A sweep, or only its ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or ``antenna_position``).
+    frames : int, default 1
+        Images that will be made with one plan.
+    **given
+
+    Returns
+    -------
+    Choice
+        Times are those of this machine with all its cores idle. Its speed is measured when it is first asked for, in a
+        quarter of a second, and kept in the user's cache folder.
+
+    Raises
+    ------
+    InputError
+        As `focus`.
+    """
+    settings = FocusSettings().with_given(**given)
+    if is_raster(geometry):
+        return _scan(geometry)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        problem = make_problem(at_chosen_speed(check_measurement(geometry), settings), settings)
+    return explain(problem, float(settings.tolerance), frames, [f"{warning.message}." for warning in caught])
+
+
+def explain(problem: Problem, tolerance: float, frames: int = 1, remarks: Sequence[str] = ()) -> Choice:
+    """The choice for a problem, in words and numbers."""
+    weighed = _weighed(problem, tolerance, frames)
+    chosen = next(option for option, why in weighed if not why)
+    proof = proof_cost(problem)
+    facts = []
+    for option, why in weighed:
+        known = option.cost.frame < float("inf")
+        reason = why or ("the fastest" if option is chosen else f"{chosen.algorithm} is faster")
+        if len(weighed) == 1:
+            reason = "so little work that no plan pays"
+        facts.append(
+            OptionFacts(
+                algorithm=option.algorithm,
+                chosen=option is chosen,
+                why=reason,
+                building_s=option.cost.building if known else None,
+                frame_s=Cost(0.0, option.cost.frame).seconds() if known else None,
+                total_s=(option.cost + proof).seconds(frames) if known else None,
+                memory_gb=option.cost.nbytes / GIGABYTE if known else None,
+            )
+        )
+    samples = 8.0 * problem.pairs * problem.k.size
+    axes = {"z": problem.z, "y": problem.y, "x": problem.x}
+    return Choice(
+        kind="choice",
+        algorithm=chosen.algorithm,
+        focusing_s=(chosen.cost + proof).seconds(frames),
+        memory_gb=(chosen.cost.nbytes + samples + 8.0 * problem.pixels * frames + proof.nbytes) / GIGABYTE,
+        dimensions={name: int(axis.size) for name, axis in axes.items()},
+        extent={name: [float(axis[0]), float(axis[-1])] for name, axis in axes.items()},
+        pixels=problem.pixels,
+        tolerance=tolerance,
+        options=facts,
+        remarks=list(remarks),
+    )
+
+
+def _scan(sweep: xr.Dataset) -> Choice:
+    """Of a raster scan, whose beams are Fourier transforms one by one."""
+    speed, shape = machine(), sweep["s"].shape
+    frames, beams = int(np.prod(shape[:-3])), int(np.prod(shape[-2:]))
+    size = int(next_fast_len(PADDING * shape[-3]))
+    pixels = beams * size
+    seconds = frames * pixels * (speed.fourier * np.log2(size) + SCAN_PASSES * speed.stretch)
+    cost = Cost(0.0, seconds, 8.0 * pixels)
+    whole = {"range": (0.0, ambiguous_range(sweep), size)}
+    for name in ("azimuth", "elevation"):
+        angle = sweep[name].values
+        whole[name] = (float(angle[0]), float(angle[-1]), angle.size)
+    return Choice(
+        kind="choice",
+        algorithm="range profiles",
+        focusing_s=cost.seconds(),
+        memory_gb=(8.0 * sweep["s"].size + 2 * cost.nbytes) / GIGABYTE,
+        dimensions={name: int(count) for name, (_, _, count) in whole.items()},
+        extent={name: [float(first), float(last)] for name, (first, last, _) in whole.items()},
+        pixels=pixels,
+        tolerance=0.0,
+        options=[],
+        remarks=[],
+    )

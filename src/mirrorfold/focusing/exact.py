@@ -86,6 +86,9 @@ def focus_exact(
     where : (z, y, x) bool array, optional
         Pixels that are wanted, all by default; the others stay zero.
     """
+    if not problem.monostatic and len(problem.tx) > len(problem.rx):
+        # Paths are the same both ways, and the inner loop, over receivers, should be the longer one.
+        problem, s = problem.reversed(), s.swapaxes(1, 2)
     cells = table_cells(problem.taper, tolerance)
     weight = spectral_weights(problem.taper, cells)
     step = float(problem.k[-1] - problem.k[0]) / max(problem.k.size - 1, 1)

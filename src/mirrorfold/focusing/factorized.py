@@ -14,36 +14,44 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import for_each
+from mirrorfold.common.threads import for_each, one_thread
 from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.cost import CALL, Cost, exact_cells, exact_cost, exact_seconds
 from mirrorfold.focusing.exact import focus_exact
-from mirrorfold.focusing.nodes import UnsuitedError
-from mirrorfold.focusing.phasor import unit_phasor
+from mirrorfold.focusing.lattice import UnsuitedError
+from mirrorfold.focusing.machine import machine
+from mirrorfold.focusing.phasor import turn
 from mirrorfold.focusing.problem import Problem
 
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
-PAIR_PIXEL = 2.2e-9
-PHASE = 8e-9
-MULTIPLY = 3e-11
-CALL = 1e-3
-"""Seconds that two cores take for a pair and pixel of the exact sum, for the phase of a pixel, for a multiplication in
-a matrix product, and for a call. Only their ratios matter: they decide how the array is divided, not what the image is.
-"""
+HOPE = 1.2
+"""A division that takes more than so many times as long as the block itself is not carried on."""
 
-WORTHWHILE = 0.5
-"""Share of the exact sum's time that the fast path must keep under."""
+FINEST_PART = 1e-3
+"""Blocks are not divided below this share of the exact sum: what that could gain is less than finding it out takes."""
+
+CALLS_TO_DIVIDE = 2.0
+"""Blocks that take less time than as many calls are not divided."""
 
 SLAB_RATIO = 2.0
 """Farthest over nearest distance of the pixels that are imaged together: bands are those of the nearest."""
 
-SPREAD_ANGLES = 4
-"""Pixels along each axis of a slab at which bands are bounded."""
+SPREAD_ANGLES = 5
+"""Pixels along each axis of a slab at which bands are bounded, besides those nearest to the antennas."""
+
+BAND_MARGIN = 1.1
+"""Bands are as much wider as they are at those pixels: between them they may be wider still."""
+
+FACTORING = 15.0
+"""Time of a multiplication in a factorisation over that in a matrix product."""
+
+SCATTERED = 1.5
+"""Time of the exact sum on scattered samples over that on pixels side by side, which find their tables in the cache."""
 
 SHARE_EXACT = 0.5
 SHARE_AXIS = 0.5
@@ -60,30 +68,44 @@ class Block:
         Which antennas; of one moving antenna both are its positions.
     centre : (2, 3) array [m]
         Of the transmitters and of the receivers; the path to them is taken off the image's phase.
-    samples : tuple of Interpolator
-        Along z, y and x.
+    axes : tuple of Axis
+        Of the pixels, along z, y and x.
+    steps : tuple of int
+        Of the interpolators along them.
     parts : tuple of Block
         Whose images make up this one; none where the sum is exact.
     cost : float [s]
+        Of all cores together, predicted.
     """
 
     tx: Index
     rx: Index
     centre: Array
-    samples: tuple[Interpolator, Interpolator, Interpolator]
+    axes: tuple[Axis, ...]
+    steps: tuple[int, ...]
     parts: tuple[Block, ...]
     cost: float
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples along z, y and x, as they are predicted."""
+        return [axis.count(step) for axis, step in zip(self.axes, self.steps, strict=True)]
+
+    @property
+    def size(self) -> int:
+        """Number of samples, as it is predicted."""
+        return int(np.prod(self.counts))
+
+    @property
+    def samples(self) -> tuple[Interpolator, ...]:
+        """Interpolators along z, y and x, made when first asked for."""
+        return tuple(axis.interpolator(step) for axis, step in zip(self.axes, self.steps, strict=True))
 
     @property
     def index(self) -> tuple[Index, Index, Index]:
         """Sampled pixels along z, y and x."""
         z, y, x = self.samples
         return z.index, y.index, x.index
-
-    @property
-    def size(self) -> int:
-        """Number of samples."""
-        return int(np.prod([part.size for part in self.index]))
 
     def walk(self) -> Iterator[Block]:
         """Yield this block and all below it."""
@@ -93,37 +115,65 @@ class Block:
 
 
 class Slab:
-    """Pixels at similar distances, with the division of the array that images them."""
+    """Pixels at similar distances, with the division of the array that images them, laid out in milliseconds.
+
+    Attributes
+    ----------
+    whole : Block
+    cost : Cost
+    """
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
         self.problem = problem
         self.tolerance = tolerance
+        self._speed = machine()
+        self._cells = exact_cells(problem.taper, SHARE_EXACT * tolerance)
+        self._coincident = problem.coincident
+        self._least = FINEST_PART * exact_cost(problem, problem.pixels, SHARE_EXACT * tolerance).frame
         self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
-        few = [np.unique(np.linspace(a[0], a[-1], SPREAD_ANGLES)) for a in (problem.x, problem.y, problem.z)]
+        near = np.stack([_middle(problem.tx), _middle(problem.rx)])
+        few = [
+            np.unique([*np.linspace(a[0], a[-1], SPREAD_ANGLES), *np.clip(near[:, n], a.min(), a.max())])
+            for n, a in enumerate((problem.x, problem.y, problem.z))
+        ]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
-        self.whole = self._divided(np.arange(len(problem.tx)), np.arange(len(problem.rx)))
-        steps = _work([part.index.size for part in self.whole.samples], problem.shape) * MULTIPLY
-        self.cost = self.whole.cost + steps + problem.pixels * PHASE
+        self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
+        last = _work(self.whole.counts, problem.shape) * self._speed.multiply + problem.pixels * self._speed.turn
+        used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
+        work = sum(self.axes[n].work(step) for n, step in used)
+        memory = sum(4.0 * self.axes[n].count(step) * self.axes[n].position.size for n, step in used)
+        building = FACTORING * work * self._speed.multiply + len(used) * CALL
+        self.cost = Cost(building, self.whole.cost + last, memory + 16 * problem.pixels)
 
-    def _divided(self, tx: Index, rx: Index) -> Block:
-        """The cheapest way to image with some antennas: all pairs at once, or in two parts."""
+    def prepare(self) -> None:
+        """Make all interpolators."""
+        for block in self.whole.walk():
+            block.samples  # noqa: B018
+
+    def _undivided(self, tx: Index, rx: Index) -> Block:
+        """Some antennas, all pairs at once."""
         problem = self.problem
-        monostatic = problem.monostatic
         centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
         band = self._band(problem.tx[tx], problem.rx[rx], centre)
-        z, y, x = (axis.interpolator(b) for axis, b in zip(self.axes, band[::-1], strict=True))
-        block = Block(tx, rx, centre, (z, y, x), (), 0.0)
-        pairs = tx.size if monostatic else tx.size * rx.size
-        exact = pairs * block.size * PAIR_PIXEL
-        block = replace(block, cost=exact + CALL)
-        if exact < CALL or pairs == 1:
+        steps = tuple(axis.step(b) for axis, b in zip(self.axes, band[::-1], strict=True))
+        block = Block(tx, rx, centre, self.axes, steps, (), 0.0)
+        same = not problem.monostatic and self._coincident and np.array_equal(tx, rx)
+        antennas = tx.size if problem.monostatic or same else tx.size + rx.size
+        pairs = tx.size if problem.monostatic else tx.size * rx.size * (0.5 if same else 1.0)
+        return replace(block, cost=SCATTERED * exact_seconds(self._cells, pairs, antennas, block.size))
+
+    def _divided(self, block: Block) -> Block:
+        """The cheapest way to image with a block's antennas: all pairs at once, or in two parts."""
+        single = block.tx.size * (1 if self.problem.monostatic else block.rx.size) == 1
+        if single or block.cost < max(CALLS_TO_DIVIDE * CALL, self._least):
             return block
-        parts = tuple(self._divided(*part) for part in _halves(problem, tx, rx))
-        merge = block.size * PHASE + CALL / 4
-        cost = sum(
-            part.cost + merge + MULTIPLY * _work([i.size for i in part.index], [i.size for i in block.index])
-            for part in parts
-        )
+        parts = tuple(self._undivided(*part) for part in _halves(self.problem, block.tx, block.rx))
+        merge = block.size * self._speed.turn + CALL
+        both = sum(merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
+        if both + sum(part.cost for part in parts) > HOPE * block.cost:
+            return block
+        parts = tuple(self._divided(part) for part in parts)
+        cost = both + sum(part.cost for part in parts)
         return replace(block, parts=parts, cost=cost) if cost < block.cost else block
 
     def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
@@ -138,7 +188,7 @@ class Slab:
             low = sum(side.min(axis=0) for side in sides)
             high = sum(side.max(axis=0) for side in sides)
         ends = [np.abs(wavenumber * side - central) for wavenumber in (k[0], k[-1]) for side in (low, high)]
-        return np.max(ends, axis=(0, 1))
+        return np.asarray(BAND_MARGIN * np.max(ends, axis=(0, 1)))
 
     def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick: Progress | None = None) -> None:
         """Write the image (z, y, x) of one frame."""
@@ -158,8 +208,11 @@ class Slab:
 
     def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
         """The block's image on its samples, less the phase of the path to its centre."""
+        problem = self.problem
         if not block.parts:
-            exact = focus_exact(_part(self.problem, block), _data(self.problem, s, block), SHARE_EXACT * self.tolerance)
+            z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+            alone = _of(problem, block.tx, block.rx).on(x, y, z)
+            exact = focus_exact(alone, _data(problem, s, block), SHARE_EXACT * self.tolerance)
             one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
@@ -193,24 +246,51 @@ class Slab:
         return result
 
 
+@dataclass(frozen=True, eq=False)
+class Division:
+    """A problem's slabs, each with its rows of pixels, and what they will cost."""
+
+    slabs: tuple[Slab, ...]
+    rows: tuple[slice, ...]
+    cost: Cost
+
+
 class FactorizedPlan:
     """Factorised back-projection of any array on a regular grid.
 
-    Raises
-    ------
-    UnsuitedError
-        If the sum over all pairs would take less than twice the time.
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    layout : Division, optional
+        Of this problem, where it has been made.
     """
 
     algorithm = "factorized"
 
-    def __init__(self, problem: Problem, tolerance: float) -> None:
+    def __init__(self, problem: Problem, tolerance: float, layout: Division | None = None) -> None:
         self.problem = problem
         self.tolerance = tolerance
-        self._rows = _slabs(problem)
-        self.slabs = [Slab(problem.on(problem.x, problem.y[rows], problem.z), tolerance) for rows in self._rows]
-        if sum(slab.cost for slab in self.slabs) > WORTHWHILE * problem.pairs * problem.pixels * PAIR_PIXEL:
-            raise UnsuitedError("the exact sum takes hardly more time")
+        layout = layout or self.lay_out(problem, tolerance)
+        self.slabs, self._rows = layout.slabs, layout.rows
+        with one_thread():
+            for slab in self.slabs:
+                slab.prepare()
+
+    @staticmethod
+    def lay_out(problem: Problem, tolerance: float) -> Division:
+        """Divide array and pixels.
+
+        Raises
+        ------
+        UnsuitedError
+            If nothing is gained by dividing the array.
+        """
+        rows = tuple(_slabs(problem))
+        slabs = tuple(Slab(problem.on(problem.x, problem.y[part], problem.z), tolerance) for part in rows)
+        if not any(slab.whole.parts for slab in slabs):
+            raise UnsuitedError("no block of the array sees the pixels from one side")
+        return Division(slabs, rows, sum((slab.cost for slab in slabs), Cost()))
 
     @property
     def nbytes(self) -> int:
@@ -271,15 +351,14 @@ def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]
     return [(tx, half) if of_rx else (half, rx) for half in halves]
 
 
-def _part(problem: Problem, block: Block) -> Problem:
-    """The focusing problem of a block's antennas on its samples."""
-    z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+def _of(problem: Problem, tx: Index, rx: Index) -> Problem:
+    """The focusing problem of some antennas."""
     return replace(
-        problem.on(x, y, z),
-        tx=problem.tx[block.tx],
-        rx=problem.rx[block.rx],
-        tx_weight=problem.tx_weight[block.tx],
-        rx_weight=problem.rx_weight[block.rx],
+        problem,
+        tx=problem.tx[tx],
+        rx=problem.rx[rx],
+        tx_weight=problem.tx_weight[tx],
+        rx_weight=problem.rx_weight[rx],
     )
 
 
@@ -318,17 +397,3 @@ def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Pla
             flat = matrix.T @ planar.reshape(*planar.shape[:2], -1)
             planar = flat.reshape(2, flat.shape[1], *planar.shape[2:])
     return planar
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
-    """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
-    turn = np.zeros(x.size)
-    for c in range(turns.size):
-        cx, cy, cz = centres[c]
-        for p in range(x.size):
-            turn[p] += turns[c] * np.sqrt((x[p] - cx) ** 2 + (y[p] - cy) ** 2 + (z - cz) ** 2)
-    for p in range(x.size):
-        cosine, sine = unit_phasor(turn[p])
-        total_re[p] += re[p] * cosine - im[p] * sine
-        total_im[p] += re[p] * sine + im[p] * cosine

@@ -14,14 +14,16 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error
+from mirrorfold.focusing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
-from mirrorfold.focusing.choice import PlanCache, choose, plan_cache
+from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
-from mirrorfold.focusing.grid import extent
+from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.sweep import is_raster, wave_speed
+from mirrorfold.sweep import is_raster
 
 CHECKED_FRAMES = 8
 """Of a sweep with more frames, as many are compared with the direct sum, evenly chosen."""
@@ -90,27 +92,11 @@ def focus(
     if settings.normalization != "none":
         images *= (_ranges(problem) ** RANGE_POWERS[settings.normalization]).astype(np.float32)
     images = images.reshape(*(sweep.sizes[d] for d in leading), *problem.shape)
-    attrs = _attrs(sweep, problem)
-    attrs |= {"algorithm": algorithm, "tolerance": tolerance, "error": error, "normalization": settings.normalization}
-    attrs |= {"taper": settings.taper if isinstance(settings.taper, str) else np.abs(problem.taper)}
-    named = "uniform" if settings.apodization is None else settings.apodization
-    attrs |= {"apodization": named if isinstance(named, str) else "given"}
+    labels = Labels(sweep, problem, settings, leading)
+    attrs = {"algorithm": algorithm, "error": error}
     if len(frames) > 1:
         attrs["frames_per_second"] = len(frames) / seconds
-    coords: dict[str, Any] = {
-        "y": ("y", problem.y, {"units": "m", "long_name": "range"}),
-        "x": ("x", problem.x, {"units": "m", "long_name": "cross-range"}),
-        "z": ("z", problem.z, {"units": "m", "long_name": "height"}),
-    }
-    coords |= {
-        str(name): value for name, value in sweep.coords.items() if set(value.dims) <= set(leading) and value.dims
-    }
-    volume = settings.z is not None and np.ndim(settings.z) == 1
-    if not volume:
-        images = images[..., 0, :, :]
-        coords["z"] = xr.Variable((), problem.z[0], {"units": "m", "long_name": "height"})
-    dims = (*leading, "z", "y", "x") if volume else (*leading, "y", "x")
-    return xr.DataArray(images, dims=dims, coords=coords, attrs=attrs, name="image")
+    return labels.image(images, attrs)
 
 
 def _focus_raster(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
@@ -140,7 +126,7 @@ def _focus_frames(
 ) -> tuple[NDArray[np.complex64], float, str]:
     """Images (frames, z, y, x) with the largest measured error and the algorithm used."""
     inner = progress if len(frames) == 1 else None
-    proven = choose(problem, tolerance, frames[0], plans, inner)
+    proven = prove(problem, tolerance, frames[0], plans, len(frames), inner)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
     plan = None if proven is None else proven.plan
@@ -148,12 +134,12 @@ def _focus_frames(
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
     worst = 0.0
     for n, s in enumerate(frames):
-        images[n] = plan(s) if plan is not None else focus_exact(problem, s, 0.5 * tolerance, inner)
+        images[n] = plan(s) if plan is not None else focus_exact(problem, s, EXACT_SHARE * tolerance, inner)
         if n in checked and np.any(s):
             error = measured_error(problem, images[n], s, seed=n)
             if error > tolerance and plan is not None:
                 plan = None
-                images[n] = focus_exact(problem, s, 0.5 * tolerance)
+                images[n] = focus_exact(problem, s, EXACT_SHARE * tolerance)
                 error = measured_error(problem, images[n], s, seed=n)
             worst = max(worst, error)
         if progress is not None and len(frames) > 1:
@@ -168,7 +154,7 @@ def _focus_frames(
 
 def _ranges(problem: Problem) -> Array:
     """Distance [m] of every pixel from the mean of the antenna positions, (z, y, x)."""
-    radar = _radar(problem)
+    radar = radar_position(problem)
     return np.asarray(
         np.sqrt(
             (problem.x[None, None, :] - radar[0]) ** 2
@@ -176,40 +162,3 @@ def _ranges(problem: Problem) -> Array:
             + (problem.z[:, None, None] - radar[2]) ** 2
         )
     )
-
-
-def _radar(problem: Problem) -> Array:
-    return np.asarray(0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0)))
-
-
-def _direction(problem: Problem) -> Array:
-    """Unit vector along the arrays, pointing to +x where it can."""
-    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
-    if not np.any(np.abs(offset) > 0.0):
-        return np.array([1.0, 0.0, 0.0])
-    along = np.linalg.svd(offset, full_matrices=False)[2][0]
-    return np.asarray(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0))
-
-
-def _attrs(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
-    """What an image has to know about the measurement."""
-    frequency = sweep["frequency"].values
-    see = extent(frequency, problem.tx, problem.rx, wave_speed(sweep))
-    attrs: dict[str, Any] = {
-        "mirrorfold_kind": "image",
-        "radar_position": _radar(problem),
-        "array_direction": _direction(problem),
-        "ambiguous_range": see.ambiguous_range,
-        "range_resolution": see.range_resolution,
-        "frequency_start": float(frequency[0]),
-        "frequency_stop": float(frequency[-1]),
-        "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
-        "frequency_points": int(frequency.size),
-        "tx_aperture": float(np.linalg.norm(np.ptp(problem.tx, axis=0))),
-        "rx_aperture": float(np.linalg.norm(np.ptp(problem.rx, axis=0))),
-        "wave_speed": wave_speed(sweep),
-    }
-    for name in ("title", "instrument"):
-        if name in sweep.attrs:
-            attrs[name] = sweep.attrs[name]
-    return attrs

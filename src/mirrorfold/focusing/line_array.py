@@ -2,35 +2,149 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.types import Progress
+from mirrorfold.common.memory import available_memory
+from mirrorfold.common.threads import one_thread
+from mirrorfold.common.types import Index, Progress
+from mirrorfold.focusing.cost import Cost, exact_cost, sector_cost
 from mirrorfold.focusing.exact import focus_exact
-from mirrorfold.focusing.lattice import Lattice, across, build_lattice, line_of, natural_pitch
+from mirrorfold.focusing.lattice import Lattice, UnsuitedError, build_lattice
 from mirrorfold.focusing.line_sector import LineArraySector
-from mirrorfold.focusing.nodes import Sector, UnsuitedError
+from mirrorfold.focusing.nodes import Sector, count_nodes
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.range_gate import gated
+from mirrorfold.focusing.range_gate import gated, gated_frequencies
+from mirrorfold.focusing.sector_design import SHARES, SectorDesign
 
 SECTOR_EDGES = (1.5, 3.0, 6.0)
 """Ranges, in lengths of the array, at which a new sector begins; nearer than the first the exact kernel is used."""
 
-FEWEST_PAIR_PIXELS = 1.5e8
-"""A sector with fewer pairs times pixels than this is left to the exact kernel, unless it is the largest."""
-
 FILTER_SHARE = 0.25
 """Share of the tolerance for the filter that prepares the data for near pixels."""
 
-OFF_LINE_TOLERANCE = 1e-7
-"""Distance [m] of antennas from their line that has no effect on the image: 1e-3 rad at 1 THz."""
+FEW = 8
+"""Up to as many antennas, on the side that has fewer, may be imaged one by one: they may stand anywhere."""
 
-LARGEST_DEVIATION = 0.5
-"""Distance of antennas from their line, in wavelengths, up to which the fast path is tried."""
+LAYOUT_PIXELS = 80
+"""Along each axis, as many pixels stand for all while a plan is laid out."""
+
+
+BYTES_A_PAIR = 200
+MEMORY_SHARE = 0.5
+"""Memory that sorting a pair takes, and how much of what is free all of them may."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some of the antennas, with the sectors that are worth their tables.
+
+    Attributes
+    ----------
+    problem : Problem
+        Of these antennas alone.
+    tx, rx : int arrays
+        Which they are.
+    lattice : Lattice
+    fast : tuple of int
+        Sectors, by the number of the edge at which they begin.
+    """
+
+    problem: Problem
+    tx: Index
+    rx: Index
+    lattice: Lattice
+    fast: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """How a problem is divided, and what that will cost."""
+
+    parts: tuple[Part, ...]
+    cost: Cost
+
+
+def lay_out(problem: Problem, tolerance: float) -> Layout:
+    """The cheapest division of a problem into antennas and sectors, in some hundredths of a second.
+
+    Raises
+    ------
+    UnsuitedError
+        If no sector is faster than the exact kernel.
+    """
+    if problem.pairs * BYTES_A_PAIR > MEMORY_SHARE * available_memory():
+        raise UnsuitedError("the tables of so many pairs do not fit into memory")
+    every = np.arange(len(problem.tx)), np.arange(len(problem.rx))
+    divisions = [[every]]
+    if not problem.monostatic and 2 <= min(map(len, every)) <= FEW:
+        tx, rx = every
+        divisions.append([(tx[[i]], rx) for i in tx] if len(tx) <= len(rx) else [(tx, rx[[k]]) for k in rx])
+    found, reason = [], ""
+    for division in divisions:
+        try:
+            parts, costs = zip(*(_part(problem, tx, rx, tolerance) for tx, rx in division), strict=True)
+            found.append(Layout(parts, sum(costs, Cost())))
+        except UnsuitedError as error:
+            reason = str(error)
+    if not found:
+        raise UnsuitedError(reason)
+    return min(found, key=lambda layout: layout.cost.processor_seconds())
+
+
+def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Part, Cost]:
+    """Some antennas on the sectors that pay."""
+    if max(tx.size, rx.size) < 3:
+        raise UnsuitedError("two antennas make no line")
+    if not problem.monostatic:
+        problem = replace(
+            problem,
+            tx=problem.tx[tx],
+            rx=problem.rx[rx],
+            tx_weight=problem.tx_weight[tx],
+            rx_weight=problem.rx_weight[rx],
+        )
+    lattice = build_lattice(problem)
+    axes = [axis[_few(axis.size)] for axis in (problem.x, problem.y, problem.z)]
+    coarse = problem.on(*axes)
+    edges = _edges(problem, lattice)
+    label, spans = _sectors(coarse, lattice, edges)
+    pixels = np.bincount(label.ravel(), minlength=len(edges)) * (problem.pixels / coarse.pixels)
+    fast: list[int] = []
+    total, near, reason = Cost(), float(pixels[0]), "all pixels are too near"
+    for n in range(1, len(edges) - 1):
+        if not pixels[n]:
+            continue
+        try:
+            design = SectorDesign(problem, lattice, spans[n], tolerance)
+            nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
+            cost = sector_cost(problem, lattice, design, nodes, pixels[n])
+            if cost.processor_seconds() > exact_cost(problem, pixels[n], tolerance).processor_seconds():
+                raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
+            total, fast = total + cost, [*fast, n]
+        except UnsuitedError as error:
+            near, reason = near + pixels[n], str(error)
+    if not fast:
+        raise UnsuitedError(reason)
+    if near:
+        label[~np.isin(label, fast)] = 0
+        z, y, x = _box(label.reshape(coarse.shape) == 0) or (slice(None),) * 3
+        box = coarse.on(coarse.x[x], coarse.y[y], coarse.z[z])
+        total = total + exact_cost(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
+    return Part(problem, tx, rx, lattice, tuple(fast)), total
 
 
 class LineArrayPlan:
     """The fast path of a line array on a whole image, through one polar grid for each sector of range.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    layout : Layout, optional
+        Of this problem, where it has been made.
 
     Raises
     ------
@@ -40,83 +154,111 @@ class LineArrayPlan:
 
     algorithm = "polar"
 
-    def __init__(self, problem: Problem, tolerance: float) -> None:
-        if not on_a_line(problem):
-            raise UnsuitedError("the antennas do not stand on a line")
-        self.problem = problem
-        _, axis, _ = line_of(problem)
-        lattice = build_lattice(problem, natural_pitch(problem, axis))
-        self.lattice = lattice
-        _, upward = across(lattice)
-        height = float(np.array([problem.x[0], problem.y[0], problem.z[0]]) @ upward - lattice.centre @ upward)
-        length = np.ptp(np.concatenate([problem.tx, problem.rx]) @ axis)
-        edges = [0.0, *(length * e for e in SECTOR_EDGES), float("inf")]
-        label, span = _sectors(problem, lattice, edges)
-        # A sector of few pixels is not worth its tables.
-        sizes = np.bincount(label.ravel(), minlength=len(edges))[1:]
-        small = 1 + np.flatnonzero((sizes * lattice.tx.size < FEWEST_PAIR_PIXELS) & (sizes < sizes.max()))
-        label[np.isin(label, small)] = 0
-        self.sectors: list[LineArraySector] = []
-        for n in range(1, len(edges) - 1):
-            runs = _runs(label, n)
-            if not len(runs):
-                continue
-            try:
-                self.sectors.append(LineArraySector(problem, lattice, Sector(*span[n]), height, runs, tolerance))
-            except UnsuitedError:
-                label[label == n] = 0
-        if not self.sectors:
-            raise UnsuitedError("no sector has few enough nodes")
-        self.near_box = _box(label.reshape(problem.shape) == 0)
-        self.near = label.reshape(problem.shape) == 0 if self.near_box is not None else None
-        self.tolerance = tolerance
+    def __init__(self, problem: Problem, tolerance: float, layout: Layout | None = None) -> None:
+        self.problem, self.tolerance = problem, tolerance
+        with one_thread():
+            self.parts = [_PartPlan(part, tolerance) for part in (layout or self.lay_out(problem, tolerance)).parts]
+
+    lay_out = staticmethod(lay_out)
 
     @property
     def nbytes(self) -> int:
         """Memory of the tables [bytes]."""
         return sum(sector.nbytes for sector in self.sectors)
 
+    @property
+    def sectors(self) -> list[LineArraySector]:
+        """Of all parts."""
+        return [sector for part in self.parts for sector in part.sectors]
+
+    @property
+    def predicted_error(self) -> float:
+        """Relative root-mean-square error on white data, of the worst sector."""
+        return max(sector.predicted_error for sector in self.sectors)
+
     def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
         """Image (z, y, x) of one frame."""
-        problem = self.problem
-        image = np.zeros(problem.shape, dtype=np.complex64)
-        parts = len(self.sectors) + 1
-        for n, sector in enumerate(self.sectors):
-            sector(s, image.reshape(-1, problem.x.size))
+        image = np.zeros(self.problem.shape, dtype=np.complex64)
+        steps, done = len(self.sectors) + len(self.parts), 0
+
+        def tick() -> None:
+            nonlocal done
+            done += 1
             if progress is not None:
-                progress(n + 1, parts)
-        if self.near_box is not None and self.near is not None:
-            z, y, x = self.near_box
-            box, wanted = problem.on(problem.x[x], problem.y[y], problem.z[z]), self.near[self.near_box]
-            box, near = gated(box, s, FILTER_SHARE * self.tolerance)
-            image[self.near_box] += focus_exact(box, near, self.tolerance, where=wanted)
-        if progress is not None:
-            progress(parts, parts)
+                progress(done, steps)
+
+        for part in self.parts:
+            part(s, image, tick)
         return image
 
 
-def _sectors(
-    problem: Problem, lattice: Lattice, edges: list[float]
-) -> tuple[NDArray[np.int8], list[tuple[float, float, float, float]]]:
-    """Sector of every pixel, (rows, x), and the extent (near, far, lowest u, highest u) of each."""
+class _PartPlan:
+    """The fast path of some of the antennas."""
+
+    def __init__(self, part: Part, tolerance: float) -> None:
+        problem, lattice = part.problem, part.lattice
+        self.part, self.tolerance = part, tolerance
+        label, spans = _sectors(problem, lattice, _edges(problem, lattice))
+        label[~np.isin(label, part.fast)] = 0
+        self.sectors: list[LineArraySector] = []
+        for n in part.fast:
+            runs = _runs(label, n)
+            if not len(runs):
+                continue
+            try:
+                design = SectorDesign(problem, lattice, spans[n], tolerance)
+                self.sectors.append(LineArraySector(problem, lattice, design, runs, tolerance))
+            except UnsuitedError:
+                label[label == n] = 0
+        if not self.sectors:
+            raise UnsuitedError("no sector has few enough nodes")
+        near = label.reshape(problem.shape) == 0
+        self.box = _box(near)
+        self.near = None if self.box is None else near[self.box]
+
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick) -> None:  # type: ignore[no-untyped-def]
+        """Add to the image (z, y, x)."""
+        part, problem = self.part, self.part.problem
+        if problem.data_shape != s.shape:
+            s = np.ascontiguousarray(s[:, part.tx[:, None], part.rx[None, :]])
+        for sector in self.sectors:
+            sector(s, image.reshape(-1, problem.x.size))
+            tick()
+        if self.box is not None:
+            z, y, x = self.box
+            box, near = gated(problem.on(problem.x[x], problem.y[y], problem.z[z]), s, FILTER_SHARE * self.tolerance)
+            image[self.box] += focus_exact(box, near, self.tolerance, where=self.near)
+        tick()
+
+
+def _few(count: int) -> Index:
+    """Evenly chosen indices that stand for all, both ends among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, LAYOUT_PIXELS)).round().astype(np.intp))
+
+
+def _edges(problem: Problem, lattice: Lattice) -> list[float]:
+    """Ranges [m] at which sectors begin, that of the near pixels included, and the end of the last."""
+    length = lattice.length(problem)
+    return [0.0, *(length * edge for edge in SECTOR_EDGES), float("inf")]
+
+
+def _sectors(problem: Problem, lattice: Lattice, edges: list[float]) -> tuple[NDArray[np.int8], list[Sector]]:
+    """Sector of every pixel, (rows, x), and the extent of each."""
     rows = problem.z.size * problem.y.size
     label = np.empty((rows, problem.x.size), dtype=np.int8)
-    span = [(np.inf, 0.0, np.inf, -np.inf) for _ in edges]
-    dx = problem.x - lattice.centre[0]
+    spans = [Sector(np.inf, 0.0, np.inf, -np.inf) for _ in edges]
     for row in range(rows):
-        dy = problem.y[row % problem.y.size] - lattice.centre[1]
-        dz = problem.z[row // problem.y.size] - lattice.centre[2]
-        r = np.sqrt(dx * dx + (dy * dy + dz * dz))
-        u = (dx * lattice.axis[0] + (dy * lattice.axis[1] + dz * lattice.axis[2])) / np.maximum(r, 1e-12)
+        r, w = lattice.polar(problem.x, problem.y[row % problem.y.size], problem.z[row // problem.y.size])
         first, last = np.searchsorted(edges, (r.min(), r.max()), side="right") - 1
         label[row] = last
         for n in range(last - 1, first - 1, -1):
             label[row, r < edges[n + 1]] = n
         for n in (last,) if first == last else np.unique(label[row]):
             mine = slice(None) if first == last else label[row] == n
-            a, b, c, d = span[n]
-            span[n] = (min(a, r[mine].min()), max(b, r[mine].max()), min(c, u[mine].min()), max(d, u[mine].max()))
-    return label, span
+            a, b, c, d = spans[n]
+            r_mine, w_mine = r[mine], w[mine]
+            spans[n] = Sector(min(a, r_mine.min()), max(b, r_mine.max()), min(c, w_mine.min()), max(d, w_mine.max()))
+    return label, spans
 
 
 def _runs(label: NDArray[np.int8], n: int) -> NDArray[np.int64]:
@@ -139,21 +281,3 @@ def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
         slice(int(ends[1][0]), int(ends[1][-1]) + 1),
         slice(int(ends[2][0]), int(ends[2][-1]) + 1),
     )
-
-
-def on_a_line(problem: Problem) -> bool:
-    """Whether the antennas stand on a line, and the pixels where the fast path can see them."""
-    if (problem.monostatic and len(problem.tx) < 3) or max(len(problem.tx), len(problem.rx)) < 3:
-        return False
-    centre, axis, off = line_of(problem)
-    if np.ptp(np.concatenate([problem.tx, problem.rx]) @ axis) == 0.0 or natural_pitch(problem, axis) == 0.0:
-        return False
-    if off < OFF_LINE_TOLERANCE:
-        return True
-    wavelength = 2.0 * np.pi / float(problem.k[-1])
-    if off > LARGEST_DEVIATION * wavelength or problem.z.size > 1 or abs(axis[2]) > 1e-9:
-        return False
-    # Antennas off the line tell its two sides apart: all pixels must be on the one ahead.
-    forward = np.array([-axis[1], axis[0], 0.0]) * np.sign(axis[0] if abs(axis[1]) <= 0.9 else -axis[1])
-    corners = np.array([[x, y, problem.z[0]] for x in problem.x[[0, -1]] for y in problem.y[[0, -1]]])
-    return bool(((corners - centre) @ forward > 0.0).all())

@@ -28,3 +28,17 @@ def unit_phasor(turns):  # type: ignore[no-untyped-def]
     c = np.float32(1.0) + h2 * c
     # cos(2 h) = 1 - 2 sin(h)^2 and sin(2 h) = 2 sin(h) cos(h).
     return np.float32(1.0) - np.float32(2.0) * s * s, np.float32(2.0) * s * c
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
+    """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
+    turn = np.zeros(x.size)
+    for c in range(turns.size):
+        cx, cy, cz = centres[c]
+        for p in range(x.size):
+            turn[p] += turns[c] * np.sqrt((x[p] - cx) ** 2 + (y[p] - cy) ** 2 + (z - cz) ** 2)
+    for p in range(x.size):
+        cosine, sine = unit_phasor(turn[p])
+        total_re[p] += re[p] * cosine - im[p] * sine
+        total_im[p] += re[p] * sine + im[p] * cosine

@@ -13,10 +13,16 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import exact_kernel_error, white_noise
-from mirrorfold.focusing.checks import check_measurement, make_problem
-from mirrorfold.focusing.choice import PlanCache, choose, plan_cache
+from mirrorfold.focusing.caching import PlanCache, plan_cache
+from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.labels import Labels
+from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.settings import FocusSettings
+
+FRAMES = 20
+"""Images that a plan is thought to be made for: building it may take as long as so many of them save."""
 
 
 @takes(FocusSettings, without=("normalization",))
@@ -59,12 +65,15 @@ class FocusPlan:
     def __init__(self, sweep: xr.Dataset, *, plans: PlanCache | None = None, **given: Any) -> None:
         start = time.perf_counter()
         settings = FocusSettings().with_given(**given)
-        self._problem = make_problem(check_measurement(sweep), settings)
+        sweep = at_chosen_speed(check_measurement(sweep), settings)
+        self._problem = make_problem(sweep, settings)
         self.tolerance = float(settings.tolerance)
         noise = white_noise(self._problem)
-        proven = choose(self._problem, self.tolerance, noise, plan_cache if plans is None else plans)
+        proven = prove(self._problem, self.tolerance, noise, plan_cache if plans is None else plans, FRAMES)
         self._fast = None if proven is None else proven.plan
-        self.error = exact_kernel_error(self._problem, noise, self.tolerance) if proven is None else proven.error
+        exact_tolerance = EXACT_SHARE * self.tolerance
+        self.error = exact_kernel_error(self._problem, noise, exact_tolerance) if proven is None else proven.error
+        self._labels = Labels(sweep, self._problem, settings)
         self.x, self.y, self.z = self._problem.x, self._problem.y, self._problem.z
         self.build_time = time.perf_counter() - start
 
@@ -86,8 +95,41 @@ class FocusPlan:
             f"built in {self.build_time:.2f} s)"
         )
 
-    def __call__(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> NDArray[np.complex64]:
-        """Image (z, y, x), or (y, x) where there is one z, of one frame s(frequency, tx, rx)."""
+    def __call__(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> xr.DataArray:
+        """Image one frame.
+
+        Parameters
+        ----------
+        s : (frequency, tx, rx) or, of one moving antenna, (frequency, position) array
+        progress : callable (done, total), optional
+
+        Returns
+        -------
+        xarray.DataArray
+            As of `focus`, (y, x) or (z, y, x), to be folded or plotted. Its attr `error` is that of the plan.
+
+        Raises
+        ------
+        InputError
+            If the frame's shape is not that of the plan's geometry.
+        """
+        values = self.values(s, progress).reshape(self._problem.shape)
+        return self._labels.image(values, {"algorithm": self.algorithm, "error": self.error})
+
+    def values(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> NDArray[np.complex64]:
+        """Pixels alone, (z, y, x), or (y, x) where there is one z: for real time, where even labels would cost.
+
+        Parameters
+        ----------
+        s : array
+            As for calling the plan.
+        progress : callable (done, total), optional
+
+        Raises
+        ------
+        InputError
+            If the frame's shape is not that of the plan's geometry.
+        """
         data = np.ascontiguousarray(s, dtype=np.complex64)
         if data.shape != self._problem.data_shape:
             raise InputError(
@@ -95,7 +137,7 @@ class FocusPlan:
                 "transpose it to (frequency, tx, rx) or make a plan of its own"
             )
         if self._fast is None:
-            image = focus_exact(self._problem, data, self.tolerance, progress)
+            image = focus_exact(self._problem, data, EXACT_SHARE * self.tolerance, progress)
         else:
             image = self._fast(data, progress)
         return image[0] if self._problem.z.size == 1 else image

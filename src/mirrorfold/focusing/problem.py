@@ -81,6 +81,10 @@ class Problem:
         iz, iy, ix = np.unravel_index(flat, self.shape)
         return np.stack([self.x[ix], self.y[iy], self.z[iz]], axis=-1)
 
+    def reversed(self) -> Problem:
+        """The same sum with transmitters and receivers exchanged."""
+        return replace(self, tx=self.rx, rx=self.tx, tx_weight=self.rx_weight, rx_weight=self.tx_weight)
+
     def on(self, x: Array, y: Array, z: Array) -> Problem:
         """The same measurement on other pixels."""
         return replace(self, x=x, y=y, z=z)

@@ -85,3 +85,13 @@ def _design(period: float, half: float, count: int, tolerance: float) -> tuple[i
         if remain < fewest:
             best, fewest = (keep_every, reach, beta), remain
     return best
+
+
+def gated_frequencies(problem: Problem, tolerance: float) -> int:
+    """How many frequencies `gated` will leave."""
+    count = problem.k.size
+    if count < 8:
+        return count
+    _, half = _paths(problem)
+    design = _design(2.0 * pi / (float(problem.k[-1] - problem.k[0]) / (count - 1)), half, count, tolerance)
+    return count if design is None else ceil((count + 2 * design[1]) / design[0])

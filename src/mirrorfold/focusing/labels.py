@@ -1,0 +1,98 @@
+"""What an image has to say of itself: its coordinates, how it was made, and from what."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mirrorfold.common.types import Array
+from mirrorfold.focusing.grid import extent
+from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import wave_speed
+
+
+class Labels:
+    """Dimensions, coordinates and attributes of the images of a sweep, made once.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Or its geometry alone.
+    problem : Problem
+    settings : FocusSettings
+    leading : tuple, optional
+        Dimensions of the sweep before those of a single image, such as `frame`.
+    """
+
+    def __init__(
+        self, sweep: xr.Dataset, problem: Problem, settings: FocusSettings, leading: tuple[Hashable, ...] = ()
+    ) -> None:
+        coords: dict[str, Any] = {
+            "y": ("y", problem.y, {"units": "m", "long_name": "range"}),
+            "x": ("x", problem.x, {"units": "m", "long_name": "cross-range"}),
+            "z": ("z", problem.z, {"units": "m", "long_name": "height"}),
+        }
+        coords |= {
+            str(name): value for name, value in sweep.coords.items() if value.dims and set(value.dims) <= set(leading)
+        }
+        self.volume = settings.z is not None and np.ndim(settings.z) == 1
+        if not self.volume:
+            coords["z"] = xr.Variable((), problem.z[0], {"units": "m", "long_name": "height"})
+        self.coords = coords
+        self.dims = (*leading, "z", "y", "x") if self.volume else (*leading, "y", "x")
+        named = "uniform" if settings.apodization is None else settings.apodization
+        self.attrs = _measurement(sweep, problem) | {
+            "tolerance": float(settings.tolerance),
+            "normalization": settings.normalization,
+            "taper": settings.taper if isinstance(settings.taper, str) else np.abs(problem.taper),
+            "apodization": named if isinstance(named, str) else "given",
+        }
+
+    def image(self, values: NDArray[np.complex64], attrs: dict[str, Any]) -> xr.DataArray:
+        """The values (..., z, y, x) with their labels, and attributes of their own."""
+        if not self.volume:
+            values = values[..., 0, :, :]
+        return xr.DataArray(values, dims=self.dims, coords=self.coords, attrs=self.attrs | attrs, name="image")
+
+
+def radar_position(problem: Problem) -> Array:
+    """Mean [m] of the transmitters' and the receivers' places."""
+    return np.asarray(0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0)))
+
+
+def _direction(problem: Problem) -> Array:
+    """Unit vector along the arrays, pointing to +x where it can."""
+    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
+    if not np.any(np.abs(offset) > 0.0):
+        return np.array([1.0, 0.0, 0.0])
+    along = np.linalg.svd(offset, full_matrices=False)[2][0]
+    return np.asarray(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0))
+
+
+def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
+    """What an image has to know about the measurement."""
+    frequency = sweep["frequency"].values
+    see = extent(frequency, problem.tx, problem.rx, wave_speed(sweep))
+    attrs: dict[str, Any] = {
+        "mirrorfold_kind": "image",
+        "radar_position": radar_position(problem),
+        "array_direction": _direction(problem),
+        "ambiguous_range": see.ambiguous_range,
+        "range_resolution": see.range_resolution,
+        "frequency_start": float(frequency[0]),
+        "frequency_stop": float(frequency[-1]),
+        "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
+        "frequency_points": int(frequency.size),
+        "tx_aperture": float(np.linalg.norm(np.ptp(problem.tx, axis=0))),
+        "rx_aperture": float(np.linalg.norm(np.ptp(problem.rx, axis=0))),
+        "wave_speed": wave_speed(sweep),
+    }
+    for name in ("title", "instrument"):
+        if name in sweep.attrs:
+            attrs[name] = sweep.attrs[name]
+    return attrs
