@@ -83,8 +83,7 @@ class Problem:
 
     def reversed(self) -> Problem:
         """The same sum with transmitters and receivers exchanged."""
-        weights = {"tx_weight": self.rx_weight, "rx_weight": self.tx_weight}
-        return replace(self, tx=self.rx, rx=self.tx, **weights)
+        return replace(self, tx=self.rx, rx=self.tx, tx_weight=self.rx_weight, rx_weight=self.tx_weight)
 
     def on(self, x: Array, y: Array, z: Array) -> Problem:
         """The same measurement on other pixels."""
