@@ -32,7 +32,7 @@ up to 0.8, for they average over the footprint, the flattest parts of a body 1.3
 INSIDE_CELLS = 0.065
 """What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
 
-PROFILE = 1.7, 0.0, 0.01
+PROFILE = 1.7, 0.01, 0.01
 """The same as `LOBE` of lines: all of the footprint counts, and what scatters inside. Bright places lie deeper."""
 
 
