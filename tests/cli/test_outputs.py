@@ -128,6 +128,7 @@ def test_a_page_is_no_pdf(folder, capsys):
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if verb not in ("completion", "schema", "plan", "demo")])
 def test_failures_of_every_verb_are_json_for_those_who_ask(folder, capsys, verb):
     other = {"score": ["scene.toml"], "report": ["-o", "o.html"], "show": ["-o", "o.png"], "view": [], "info": []}
+    other["compare"] = ["image.nc"]
     assert main([verb, "absent.nc", *other.get(verb, ["-o", "o"]), "--json"]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

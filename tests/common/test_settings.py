@@ -147,7 +147,7 @@ def test_of_two_declarations_the_last_one_counts():
         ({"width": "wide"}, "width is 'wide'"),
         ({"width": True}, "width is True"),
         ({"shape": "kaiser"}, "shape is 'kaiser', expected one of hann, uniform"),
-        ({"shape": np.ones(2)}, "shape is array"),
+        ({"shape": np.ones(2)}, "shape is an array of shape"),
         ({"order": 1.5}, "order is 1.5, expected a whole number of at least 1"),
         ({"order": 0}, "order is 0"),
         ({"strict": 1}, "strict is 1, expected True or False"),

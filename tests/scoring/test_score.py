@@ -192,9 +192,12 @@ def test_the_scene_may_be_a_file(scene_file, reconstruction):
     assert by_path["points"] == 5
 
 
-@pytest.mark.parametrize("what", [xr.Dataset(), xr.DataTree()])
-def test_what_is_no_reconstruction_is_refused(what):
-    with pytest.raises(mf.InputError, match="holds no group 'objects'"):
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [(xr.Dataset(), "got a Dataset, expected a reconstruction"), (xr.DataTree(), "no group 'objects'")],
+)
+def test_what_is_no_reconstruction_is_refused(what, words):
+    with pytest.raises(mf.InputError, match=words):
         mf.score(what, make_scene(WALL))
 
 

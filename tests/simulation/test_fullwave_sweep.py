@@ -225,8 +225,8 @@ def test_profile_steeper_than_nodes_can_follow():
     assert "rms slope of 7.07; expected at most 2" in refused({**STRIP, "roughness": steep})
 
 
-def test_a_scene_of_kilometres_is_refused_before_the_work():
-    message = refused({"kind": "segment", "start": [-5e3, 10.0], "end": [5e3, 10.0]})
+def test_a_scene_of_a_hundred_thousand_wavelengths_is_refused_before_the_work():
+    message = refused({"kind": "segment", "start": [-50.0, 10.0], "end": [50.0, 10.0]})
     assert "GB of memory, but" in message
 
 

@@ -10,7 +10,6 @@ from mirrorfold.common.records import Record, fact
 from mirrorfold.describing.contents import Described
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
 from mirrorfold.errors import InputError
-from mirrorfold.simulation.limits import check_extent
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -92,6 +91,8 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
 
 def _slips(scene: Scene | Scene3D) -> list[str]:
     """Why `simulate` would refuse the scene before any work."""
+    from mirrorfold.simulation.limits import check_extent  # loads what reads scenes
+
     try:
         check_extent(scene)
     except InputError as error:

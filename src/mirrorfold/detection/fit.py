@@ -87,8 +87,8 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
     Profiles across the mirror are taken up to `reach` widths of the resolution cell to either side, their main lobes
     down to the amplitude `lobe` relative to their peaks. Places weigh with their power up to `clip` times the median.
     """
+    base = mirror.places(view)
     for _ in range(ROUNDS):
-        base = mirror.places(view)
         across = view.extent(base, mirror.normal)
         depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
         beyond, power = mirror.profiles(view, base, depth)
@@ -104,6 +104,9 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
         mirror = replace(
             mirror.moved(fit.normal, fit.center), angle_error=fit.angle_error, offset_error=fit.offset_error
         )
+        base = mirror.places(view)
+        if not np.isfinite(base).all():  # it has turned away from lines of sight that should meet it
+            return mirror, np.inf
     return mirror, fit.deviation
 
 

@@ -34,7 +34,7 @@ JUDGES = 1500
 REACH_CELLS = 8.0
 """How far the other echoes of a group are away, in resolution cells: within one wall."""
 
-NEAR = 0.75
+NEAR = 0.6
 """Echoes of a row or sheet lie within this part of the resolution cell across it: half a cell to either side is its
 own, and the first proposal is not yet the best."""
 

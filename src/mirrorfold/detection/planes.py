@@ -74,6 +74,8 @@ class _Planes(Search[PlaneMirror]):
         """The mirror with its face where the volume shows it; None if its centroids lie in no plane."""
         view = self.view
         mirror, deviation = refined(mirror, view, *PROFILE)
+        if not np.isfinite(deviation):
+            return None
         spread = DEVIATION * np.median(view.extent(mirror.places(view), mirror.normal))
         if deviation > LARGEST_DEVIATION * np.hypot(spread, INSIDE_CELLS * view.cell_at(mirror.center)):
             return None

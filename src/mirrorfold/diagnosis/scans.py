@@ -43,6 +43,9 @@ MARGIN = 0.15
 WALL_CELLS = 10.0
 """Smallest width and height of a wall, in resolution cells: random echoes are not flat over as many by chance."""
 
+STRAIGHT_DEG = 0.3
+"""Largest error of a wall's direction: the planes that chance finds in a cloud of echoes are known to 0.5 to 1 degree."""
+
 WALLS_RATIO = 3.0
 """Beams that meet walls with range running one way over those with the other, for the walls to tell."""
 
@@ -86,7 +89,8 @@ def _by_walls(sweep: xr.Dataset) -> int:
         view = to_volume_view(focus(first.assign(s=samples)))
         echoes = find_runs(view)
         planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.range_up_to(0.5))))
-        walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in planes))
+        straight = [plane for plane in planes if plane.angle_error <= STRAIGHT_DEG]
+        walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in straight))
     if max(walls) <= WALLS_RATIO * min(walls):
         return 0
     return 1 if walls[0] > walls[1] else -1

@@ -71,7 +71,10 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
             f"{speed_of_light / scene.band.stop:.3g} m, and the antennas reach over {length:.3g} m; "
             f'probably "{scene.band.stop:g} {unit}" was meant'
         )
-    other = length_unit(step, speed_of_light / scene.band.stop) if isinstance(scene, Scene) else None
+    if not isinstance(scene, Scene):
+        return
+    # A sparse array may be as coarse; but no array is longer than the way to all that it looks at.
+    other = length_unit(step, speed_of_light / scene.band.stop) if length > _farthest(scene) else None
     if other is not None:
         raise InputError(
             f"scene {scene.name!r}: neighbouring antennas stand {step:.3g} m apart, "
@@ -81,12 +84,10 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
 
 def _check_surfaces(scene: Scene | Scene3D) -> None:
     """Refuse surfaces that are out of all reach."""
-    origin = np.asarray(scene.scanner.origin) if not isinstance(scene, Scene) else scene.array.tx_position.mean(axis=0)
     ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
     limit = max(REACH_IN_AMBIGUOUS_RANGES * ambiguous, REACH_IN_WAVELENGTHS * speed_of_light / scene.band.stop)
     for index, surface in enumerate(scene.surface):
-        corners = _corners(surface)
-        away = float(np.linalg.norm(corners - origin[: corners.shape[1]], axis=1).max())
+        away = _distance(scene, surface)
         if away > limit:
             meant = [unit for unit in ("cm", "mm") if away * KINDS["length"][unit] < limit]
             hint = f", perhaps {away:g} {meant[-1]} were meant" if meant else ""
@@ -94,6 +95,18 @@ def _check_surfaces(scene: Scene | Scene3D) -> None:
                 f"scene {scene.name!r}: surface[{index}] {surface.name!r} reaches {away:.4g} m from the radar, whose "
                 f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m{hint}"
             )
+
+
+def _farthest(scene: Scene | Scene3D) -> float:
+    """Distance [m] of the farthest surface, zero where there is none."""
+    return max((_distance(scene, surface) for surface in scene.surface), default=0.0)
+
+
+def _distance(scene: Scene | Scene3D, surface: Any) -> float:
+    """How far away [m] a surface reaches."""
+    origin = scene.array.tx_position.mean(axis=0) if isinstance(scene, Scene) else np.asarray(scene.scanner.origin)
+    corners = _corners(surface)
+    return float(np.linalg.norm(corners - origin[: corners.shape[1]], axis=1).max())
 
 
 def _corners(surface: Any) -> Array:
