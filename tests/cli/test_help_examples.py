@@ -10,7 +10,7 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, main
 
-CHAIN = ("simulate", "info", "focus", "fold", "reconstruct", "score", "report", "show", "export", "import", "calibrate")
+CHAIN = ("simulate", "info", "focus", "fold", "reconstruct", "score", "report", "show", "export", "import")
 """In this order each finds what those before it have written."""
 
 
@@ -49,6 +49,7 @@ def test_the_examples_work_one_after_the_other(capsys, tmp_path, monkeypatch):
 
 def test_every_verb_has_an_example_that_is_tested_here_or_takes_long():
     assert set(VERBS) - {*CHAIN, "plan", "completion", "schema"} <= {
+        "calibrate",  # the guide for a network analyser is run by a test of its own
         "demo",
         "view",
         "benchmark",

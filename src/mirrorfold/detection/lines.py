@@ -50,6 +50,9 @@ BEHIND = 2.0
 LEVEL_CELLS = 8.0
 """Resolution cells along a wall over which its speckle is averaged to tell how bright the wall is there."""
 
+SPECKLE_SAMPLES = 241
+"""Samples of the profiles that are turned with the line, so close that straight lines join them."""
+
 SPECKLE_FLOOR = 1e-4
 """Power, relative to the wall's, that speckle cannot be told from noise and side lobes below."""
 
@@ -129,15 +132,20 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
     the depths' logarithmic means is smallest: a line askew smears the wall's steep front.
     """
     places = mirror.places(view)
-    depth = view.extent(places, mirror.normal)[:, None] * np.linspace(-BEHIND, BEHIND, PROFILE_SAMPLES)
-    peak = mirror.profiles(view, places, depth)[1].max(axis=1)
+    across = view.extent(places, mirror.normal)
+    power = mirror.profiles(view, places, across[:, None] * np.linspace(-BEHIND, BEHIND, SPECKLE_SAMPLES))[1]
     width = round(LEVEL_CELLS * len(places) / mirror.independent(view))
-    level = np.maximum(uniform_filter1d(peak, max(1, width), mode="nearest"), np.finfo(float).tiny)[:, None]
+    level = uniform_filter1d(power.max(axis=1), max(1, width), mode="nearest")
+    power /= np.maximum(level, np.finfo(float).tiny)[:, None]
+    # Turning the line by an angle moves each profile along itself.
+    samples = (places - mirror.center) @ mirror.direction / (across * 2.0 * BEHIND / (SPECKLE_SAMPLES - 1))
+    row = np.arange(len(places))[:, None]
 
     def unlikelihood(angle: float) -> float:
-        turned = depth + np.tan(angle) * ((places - mirror.center) @ mirror.direction)[:, None]
-        power = mirror.profiles(view, places, turned)[1] / level
-        return float(np.log(power.mean(axis=0) + SPECKLE_FLOOR).mean())
+        at = np.clip(np.arange(SPECKLE_SAMPLES) + np.tan(angle) * samples[:, None], 0.0, SPECKLE_SAMPLES - 1.001)
+        first = at.astype(np.intp)
+        turned = power[row, first] + (at - first) * (power[row, first + 1] - power[row, first])
+        return float(np.log(turned.mean(axis=0) + SPECKLE_FLOOR).mean())
 
     angle = min(np.radians(np.linspace(-LARGEST_TURN_DEG, LARGEST_TURN_DEG, TURNS)), key=unlikelihood)
     inward = mirror.profiles(view, mirror.center[None], np.zeros((1, 1)))[0][0]

@@ -44,7 +44,7 @@ WALL_CELLS = 10.0
 """Smallest width and height of a wall, in resolution cells: random echoes are not flat over as many by chance."""
 
 STRAIGHT_DEG = 0.3
-"""Largest error of a wall's direction: the planes that chance finds in a cloud of echoes are known to 0.5 to 1 degree."""
+"""Largest error of a wall's direction: planes that chance finds in a cloud of echoes are known to 0.5 to 1 degree."""
 
 WALLS_RATIO = 3.0
 """Beams that meet walls with range running one way over those with the other, for the walls to tell."""
