@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import PROFILE_SAMPLES, front_depth, refined
+from mirrorfold.detection.fit import front_depth, refined
 from mirrorfold.detection.growing import NEAR, Search
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
