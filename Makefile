@@ -32,7 +32,7 @@ demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in
 test: $(READY) ## run all tests
 	$(PYTHON) -m pytest $(SHARED)
 
-test-quick: $(READY) ## run the tests that take no more than a few seconds each
+test-quick: $(READY) ## run the tests that take no more than a second each
 	$(PYTHON) -m pytest $(SHARED) -m "not slow"
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many

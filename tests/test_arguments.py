@@ -62,6 +62,7 @@ VALUES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", VALUES)
 @pytest.mark.parametrize("call", CALLS)
 def test_the_wrong_kind_is_one_sentence_without_its_content(call, value, tmp_path, monkeypatch):

@@ -97,6 +97,7 @@ def test_a_varied_constant_is_varied_wherever_it_is_held_and_restored_everywhere
     assert held() == before
 
 
+@pytest.mark.slow
 def test_every_variation_differs_and_shares_stay_below_one(benchmark):
     constants, _ = benchmark.selected(benchmark.Sources("mirrorfold"), None)
     assert len(constants) > 20
@@ -107,6 +108,7 @@ def test_every_variation_differs_and_shares_stay_below_one(benchmark):
                 assert 0.0 < value < 1.0
 
 
+@pytest.mark.slow
 def test_a_constant_of_the_program_takes_effect_and_is_restored(benchmark):
     """A wall that is just long enough for a mirror is none when mirrors must be half as long again."""
     start, end = [-0.25, 1.25], [0.25, 1.2]

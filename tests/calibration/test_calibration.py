@@ -54,6 +54,7 @@ def worst_error(found, tx_delay, rx_delay, good=slice(None)):
 # ---------------------------------------------------------------- elements
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_element_delays_of_two_millimetres_are_recovered_to_20_micrometres(seed):
     """Random arrays, bands, spheres and places, at 20 dB SNR; echoes from elsewhere; broken transmitters."""
@@ -316,6 +317,7 @@ def test_the_displacement_of_the_apertures_is_found_from_two_places():
     np.testing.assert_allclose(moved["rx_position"], rx + found)
 
 
+@pytest.mark.slow
 def test_autofocus_removes_small_errors_of_the_positions():
     random = np.random.default_rng(1)
     points = np.column_stack([random.uniform(-0.4, 0.4, 8), random.uniform(0.4, 1.2, 8)])

@@ -46,6 +46,7 @@ def test_a_session_from_raw_files_to_a_calibrated_sweep(session, capsys):
     np.testing.assert_allclose(mf.load("again.nc")["s"], clean["s"], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     given = ["--background", "empty.nc", "--sphere", "sphere.nc", "--sphere-at", "0,0.8"]
     assert main(["calibrate", "scene.nc", "-o", "clean.nc", *given, "--json"]) == 0

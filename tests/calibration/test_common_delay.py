@@ -87,6 +87,7 @@ def test_an_element_that_heard_nothing_has_the_cables_of_the_others():
     assert np.abs(np.delete(errors(found, instrument), 2, axis=0)).max() < 0.1
 
 
+@pytest.mark.slow
 def test_several_places_agree_on_one_cable_at_the_end_of_the_period():
     """A cable of just a period less: one place may tell nearly all of it, another a little less than none."""
     frequency = np.linspace(90e9, 100e9, 101)

@@ -86,6 +86,7 @@ def test_help_of_a_verb_has_its_purpose_and_its_example(verb, capsys):
     assert "--json" in printed
 
 
+@pytest.mark.slow
 def test_examples_can_be_parsed(folder, capsys):
     from mirrorfold.cli.program import app
 
@@ -102,6 +103,7 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == mf.__version__
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -120,6 +122,7 @@ def test_wrong_arguments_are_one_sentence(folder, capsys, arguments, words):
     assert words in complaint(capsys, folder, *arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -143,12 +146,14 @@ def test_wrong_input_is_one_sentence(folder, capsys, arguments, words):
     assert words in complaint(capsys, folder, *arguments)
 
 
+@pytest.mark.slow
 def test_an_input_in_the_output_directory_is_not_overwritten(folder, capsys):
     (folder / "out").mkdir()
     mf.save(mf.load("sweep.nc"), folder / "out" / "reconstruction.nc")
     assert "is the input itself" in complaint(capsys, folder, "reconstruct", "out/reconstruction.nc", "-o", "out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [["info"], ["focus", "-o", "i.nc"], ["reconstruct", "-o", "out"]])
 def test_sweeps_that_cannot_be_used(folder, capsys, verb, sweep):
     whole = (folder / "sweep.nc").read_bytes()
@@ -174,6 +179,7 @@ def test_a_typo_in_a_scene(folder, capsys):
         assert "array.pitch is missing" in printed
 
 
+@pytest.mark.slow
 def test_the_same_in_a_process_of_its_own(folder):
     (folder / "broken.nc").write_bytes((folder / "sweep.nc").read_bytes()[:3000])
     before = names(folder)
@@ -185,6 +191,7 @@ def test_the_same_in_a_process_of_its_own(folder):
     assert names(folder) == before
 
 
+@pytest.mark.slow
 def test_a_mistake_of_our_own_is_one_line_too(folder, capsys, monkeypatch):
     def fail(*arguments, **options):
         raise ZeroDivisionError("division\nby zero")
@@ -197,6 +204,7 @@ def test_a_mistake_of_our_own_is_one_line_too(folder, capsys, monkeypatch):
         main(["reconstruct", "sweep.nc", "-o", "out"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "code", "words"),
     [
@@ -222,6 +230,7 @@ def parsed(capsys, *arguments):
     return result
 
 
+@pytest.mark.slow
 def test_info_of_each_kind(folder, capsys):
     for name, kind in (
         ("sweep.nc", "sweep"),
@@ -236,6 +245,7 @@ def test_info_of_each_kind(folder, capsys):
         assert kind in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_from_a_scene_to_a_score(folder, capsys):
     found = parsed(capsys, "simulate", "scene.toml", "-o", "s.nc", "--seed", "3", "--snr-db", "30")
     assert found["files"] == ["s.nc"]
@@ -250,6 +260,7 @@ def test_from_a_scene_to_a_score(folder, capsys):
     assert "F-score at 2 cm" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_reconstruct_leaves_the_reconstruction_and_its_picture(folder, capsys):
     found = parsed(capsys, "reconstruct", "sweep.nc", "-o", "out")
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
@@ -264,6 +275,7 @@ def test_reconstruct_leaves_the_reconstruction_and_its_picture(folder, capsys):
     assert result.attrs["command"] == "mirrorfold reconstruct sweep.nc -o out --json"
 
 
+@pytest.mark.slow
 def test_an_image_without_any_mirror_is_unfolded_with_a_remark(folder, capsys):
     assert main(["fold", "image.nc", "-o", "r.nc"]) == 0
     captured = capsys.readouterr()
@@ -308,6 +320,7 @@ def test_help_needs_little_processor_time():
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
 
 
+@pytest.mark.slow
 def test_progress_is_shown_to_people_only(folder):
     quiet = {**os.environ, "NO_COLOR": "1"}
     result = subprocess.run(

@@ -64,6 +64,7 @@ def test_a_field_that_is_not_promised_is_refused():
         check("completion", '{"kind": "completion", "shell": "bash"}')
 
 
+@pytest.mark.slow
 def test_the_chain_from_a_scene_to_a_score(folder, capsys):
     simulated = checked(capsys, "simulate", "scene.toml", "-o", "s.nc")
     assert simulated.files == ["s.nc"]
@@ -105,6 +106,7 @@ def test_info_of_a_sweep_that_cannot_be_used(folder, capsys, sweep):
     assert [finding.name for finding in found.findings] == ["nan"]
 
 
+@pytest.mark.slow
 def test_three_dimensions(folder, capsys):
     """A wall across the view, turned by 45 degrees, that shows a ball around the corner."""
     wall, half, radius = panel(width=0.8, height=0.8), np.radians(4.0), 0.15
@@ -147,6 +149,7 @@ def test_measured_data(folder, capsys):
     assert proposal.missing
 
 
+@pytest.mark.slow
 def test_full_waves_are_estimated(folder, capsys):
     found = checked(capsys, "simulate", "scene.toml", "--solver", "fullwave", "--dry-run")
     truth = mf.load_scene("scene.toml")
@@ -160,6 +163,7 @@ def test_full_waves_are_estimated(folder, capsys):
     assert found.memory_gb == pytest.approx(found.workers * found.memory_per_worker_gb)
 
 
+@pytest.mark.slow
 def test_plan_and_completion(folder, capsys):
     plan = checked(capsys, "plan", *PLAN)
     assert (plan.tx, plan.samples, plan.files) == (41, 41 * 41 * 101, [])
@@ -184,6 +188,7 @@ def test_bash_completes_verbs_and_options(folder):
         assert expected in result.stdout.split(), result
 
 
+@pytest.mark.slow
 def test_a_view_says_where_it_is(folder):
     """The page stays until it is interrupted; its address is one JSON object."""
     command = [sys.executable, "-m", "mirrorfold", "view", "reconstruction.nc", "--no-open", "--json"]
@@ -250,6 +255,7 @@ def in_terminal(*arguments, cwd, **environment):
     return b"".join(pieces).decode("utf-8", "replace")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments", [["score", "reconstruction.nc", "scene.toml"], ["plan", *PLAN], ["plan", "--help"]]
 )
@@ -265,6 +271,7 @@ def test_pipes_get_plain_text(folder, arguments):
     assert "\x1b[3" not in shown.replace("\x1b[3m", "")
 
 
+@pytest.mark.slow
 def test_progress_says_how_long_it_takes(folder):
     """In a terminal a bar with the time left; nobody else sees it."""
     shown = in_terminal("focus", "sweep.nc", "-o", "i.nc", cwd=folder)

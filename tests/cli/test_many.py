@@ -41,6 +41,7 @@ def test_a_bad_file_is_named_and_the_others_are_done(folder, capsys):
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_the_summary_is_a_table(folder, capsys):
     assert main(["reconstruct", "a.nc", "b.nc", "-o", "out", *GRID]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -49,6 +50,7 @@ def test_the_summary_is_a_table(folder, capsys):
     assert lines[2].split()[-1] == "out/a"
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_says_what_is_done(folder, capsys, monkeypatch):
     real, calls = mf.reconstruct, []
 

@@ -96,6 +96,7 @@ def opened(path):
     return session
 
 
+@pytest.mark.slow
 def test_an_old_reconstruction_folds_to_what_it_holds(old):
     before = mf.load(old)
     again = mf.fold(before)
@@ -105,6 +106,7 @@ def test_an_old_reconstruction_folds_to_what_it_holds(old):
     np.testing.assert_allclose(mirrors_of(mf.load("again.nc")), mirrors_of(again), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_old_reconstruction_is_described_judged_and_shown(old, capsys):
     assert main(["info", "old.nc", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["mirrors"]) == 1
@@ -117,6 +119,7 @@ def test_an_old_reconstruction_is_described_judged_and_shown(old, capsys):
         assert main(["show", "old.nc", "-o", f"{what}.png", "--what", what]) == 0
 
 
+@pytest.mark.slow
 def test_an_old_reconstruction_is_edited_in_the_page(old):
     session = opened(old)
     assert session.state["status"] == "ready"
@@ -131,6 +134,7 @@ def test_an_old_reconstruction_is_edited_in_the_page(old):
     np.testing.assert_allclose(mirrors_of(mf.load("edited.nc")), mirrors_of(mf.load(old)), atol=HALF_CELL)
 
 
+@pytest.mark.slow
 def test_an_old_volume_is_described_and_shown(old_volume, capsys):
     assert main(["info", "old.nc", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["mirrors"]

@@ -76,6 +76,7 @@ def test_only_given_settings_reach_fold(given):
     np.testing.assert_array_equal(given["mirrors"], MIRROR)
 
 
+@pytest.mark.slow
 def test_reconstruct_takes_the_settings_of_focusing_and_of_folding(given):
     assert main(["reconstruct", "sweep.nc", "-o", "out"]) == 0
     assert set(given) == {"mirrors", "preset", "progress", "tolerance"}
@@ -93,6 +94,7 @@ def test_reconstruct_takes_the_settings_of_focusing_and_of_folding(given):
     np.testing.assert_array_equal(given["mirrors"], MIRROR)
 
 
+@pytest.mark.slow
 def test_opacity_can_be_switched_on_and_off(given):
     for flag, wanted in (("--opaque", True), ("--no-opaque", False)):
         for verb, file in (("fold", "image.nc"), ("reconstruct", "sweep.nc")):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -87,6 +88,7 @@ def test_reflection_in_the_line_y_equals_x_swaps_coordinates():
     assert_allclose(reflect([[3.0, 1.0], [0.0, -2.0]], [5.0, 5.0], normal), [[1.0, 3.0], [-2.0, 0.0]], atol=1e-15)
 
 
+@pytest.mark.slow
 @given(chains())
 def test_a_chain_of_reflections_is_one_isometry(case):
     isometry, chain, p = case
@@ -97,6 +99,7 @@ def test_a_chain_of_reflections_is_one_isometry(case):
     assert_allclose(np.linalg.det(isometry.linear), (-1.0) ** len(chain), atol=1e-12)
 
 
+@pytest.mark.slow
 @given(chains())
 def test_the_inverse_undoes_an_isometry_from_both_sides(case):
     isometry, _, p = case
@@ -106,6 +109,7 @@ def test_the_inverse_undoes_an_isometry_from_both_sides(case):
         assert_allclose(product.shift, 0.0, atol=1e-10)
 
 
+@pytest.mark.slow
 @given(chains(), st.data())
 def test_composition_is_one_after_the_other_and_keeps_distances(case, data):
     isometry, _, p = case
@@ -155,6 +159,7 @@ def test_parallel_rays_never_meet_the_line():
     assert not in_shadow([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0])
 
 
+@pytest.mark.slow
 @given(vectors(2), vectors(2), segments(), st.floats(-np.pi, np.pi), vectors(2))
 def test_shadows_turn_and_move_with_the_scene(origin, target, segment, angle, shift):
     start, end = segment

@@ -125,6 +125,7 @@ def test_no_fact_has_the_name_of_what_dicts_can_do():
         assert kind.__doc__
 
 
+@pytest.mark.slow
 def test_records_do_without_pydantic():
     """Only scenes and schemas are read with it."""
     modules = ("describing.info", "scoring.figures", "scoring.mirrors", "cli.program", "cli.results")

@@ -111,6 +111,7 @@ def test_what_cannot_be_compared_is_refused(reconstruction, folded_scan, image, 
             mf.compare(first, second)
 
 
+@pytest.mark.slow
 def test_the_command_line_prints_figures_and_a_page(reconstruction, image, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(reconstruction, "a.nc")

@@ -83,6 +83,7 @@ def test_echoes_at_the_end_of_the_range_are_remarked():
     assert mf.info(weak)["remarks"] == []
 
 
+@pytest.mark.slow
 def test_the_shared_sweep_is_fine_and_wraps_with_half_its_frequencies(shared_data):
     sweep = mf.load(shared_data / "two_walls_fullwave.nc").isel(tx=slice(0, 161, 20))
     assert not any("wrapped" in remark for remark in mf.info(sweep)["remarks"])

@@ -87,6 +87,7 @@ def test_better_mirrors_and_more_power_show_more_bounces():
     assert mf.plan(**BASE, roughness=(150e-6, None))["bounces_above_noise"] < plain
 
 
+@pytest.mark.slow
 def test_what_will_go_wrong_is_remarked():
     assert any("measure at least 603 frequencies" in r for r in mf.plan(**BASE | {"points": 401})["remarks"])
     assert mf.plan(**BASE | {"points": 603})["bounces_unambiguous"] == 0
@@ -118,6 +119,7 @@ def test_what_makes_no_sense_is_refused(change, words):
         mf.plan(**BASE | change)
 
 
+@pytest.mark.slow
 def test_the_verb_prints_and_draws(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main([*ARGUMENTS, "--roughness", "50,200", "--material", "concrete", "-o", "plan.png"]) == 0

@@ -47,6 +47,7 @@ def view(scatterers):
     return radar_image(*scatterers, np.linspace(-1.0, 2.2, 401), np.linspace(0.3, 2.6, 288))
 
 
+@pytest.mark.slow
 def test_the_mirrors_that_were_found_fold_to_the_same_scene_when_they_are_given(view):
     found = mf.fold(view)
     given = mf.fold(view, mirrors=ends(found))
@@ -82,6 +83,7 @@ def test_a_moved_mirror_moves_what_it_shows_by_twice_as_much(view):
     assert_allclose([hidden[1][p] - hidden[0][p] for p in both], [0.02 * normal] * len(both), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_generations_end_the_chains():
     second = np.array([[-0.75, 1.0], [-0.55, 2.2]])
     in_first = ghost(second)
@@ -106,6 +108,7 @@ def test_generations_end_the_chains():
     assert beside.max() < RANGE_CELL
 
 
+@pytest.mark.slow
 def test_the_plan_folds_as_the_function_does_and_remembers(view):
     plan = FoldPlan(view)
     for settings in ({}, {"threshold_db": -12.0}, {"wall_margin": 0.1}, {"normalization": "none"}, {}):
@@ -114,6 +117,7 @@ def test_the_plan_folds_as_the_function_does_and_remembers(view):
         assert_allclose(points(first)["x"], points(second)["x"])
 
 
+@pytest.mark.slow
 def test_another_grid_shows_the_same_scene(view):
     plan = FoldPlan(view)
     x, y = view["x"].values[20:180:2], view["y"].values[10:250:3]
@@ -211,6 +215,7 @@ def test_wrong_settings_are_refused(view):
         mf.fold(view, mirrors=[1.0, 2.0])
 
 
+@pytest.mark.slow
 def test_the_command_line_folds_with_given_mirrors(view, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(view, "image.nc")

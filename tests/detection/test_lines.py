@@ -65,6 +65,7 @@ def bare_mirrors(echoes, view, monkeypatch):
         return find_mirrors(view, echoes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("incidence", [-30.0, 40.0])
 def test_the_ends_of_a_short_wall_hardly_turn_it(incidence):
     """The cells at the ends of a slanting row turn it by 0.1 degree, towards the same side for any speckle."""
@@ -78,6 +79,7 @@ def test_the_ends_of_a_short_wall_hardly_turn_it(incidence):
     assert np.std(turns) < 0.11
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(15))
 @given(
     st.integers(0, 10**6),
@@ -103,6 +105,7 @@ def test_a_wall_is_found_to_a_tenth_of_a_degree_and_half_a_millimetre(seed, rang
     assert mirror.fill > 0.9
 
 
+@pytest.mark.slow
 def test_the_stated_errors_are_no_smaller_than_the_true_ones():
     ratios = []
     for seed in range(10):
@@ -196,6 +199,7 @@ def room():
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(12))
 @given(st.floats(-180.0, 180.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 def test_mirrors_turn_and_move_with_the_radar_and_its_echoes(room, angle, x, y):
@@ -247,6 +251,7 @@ def test_a_glint_does_not_turn_a_mirror():
     assert offset < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0.01, 0.02])
 def test_the_line_of_a_wall_that_scatters_from_inside_is_moved_to_its_face(depth, monkeypatch):
     before, after = [], []

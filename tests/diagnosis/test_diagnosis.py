@@ -90,6 +90,7 @@ def test_mistakes_in_a_full_wave_sweep(shared_data, mistake):
     assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
 
 
+@pytest.mark.slow
 def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     clean = scene(2, displaced=True)
@@ -109,6 +110,7 @@ def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsy
         assert abs(int(np.argmax(np.correlate(spectrum, ideal, "full"))) - 300) <= (0 if mistake == "conjugated" else 4)
 
 
+@pytest.mark.slow
 def test_a_range_offset_is_measured():
     found, _ = diagnose(wrong(scene(0, displaced=True), "cable"))
     assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
@@ -130,6 +132,7 @@ def faces(seed, elements, cable=0.0):
     return mf.add_noise(sweep, snr_db=20.0, seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_flat_faces_are_not_taken_for_a_wrong_delay(seed):
     """For points, they would stand at twice their distance."""
@@ -151,6 +154,7 @@ def test_cables_show_in_three_and_a_half_centimetres_of_a_full_wave_sweep(shared
         assert float(found[0].remedy.split()[-1]) == pytest.approx(cable, abs=0.4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [11, 31, 41])
 def test_arrays_too_short_to_tell_distances_are_not_blamed(shared_data, size):
     whole = mf.load(shared_data / "two_walls_fullwave.nc")
@@ -159,6 +163,7 @@ def test_arrays_too_short_to_tell_distances_are_not_blamed(shared_data, size):
         assert named(mf.add_noise(whole.isel(tx=part, rx=part), snr_db=20.0, seed=first)) == ()
 
 
+@pytest.mark.slow
 def test_exchanged_antennas_at_the_same_places_do_not_matter_and_are_not_judged():
     sweep = scene(1, displaced=False, elements=41)
     assert diagnose(sweep)[1]["exchange"] is False
@@ -203,6 +208,7 @@ def flight(seed, degrees):
     return sweep.assign_attrs(scene_center=[0.0, 0.0, 0.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_smeared_image_tells_the_mistakes_of_a_moving_antenna(seed):
     for mistake in ("none", "conjugated", "reversed"):
@@ -211,6 +217,7 @@ def test_a_smeared_image_tells_the_mistakes_of_a_moving_antenna(seed):
         assert named(wrong(flight(seed, 0.1), mistake)) == ()
 
 
+@pytest.mark.slow
 def test_noise_is_no_mistake():
     for seed in range(4):
         sweep = scene(seed, displaced=True, elements=31, snr_db=-60.0)
@@ -296,6 +303,7 @@ def raster_scan(seed, *, leakage):
     return mf.add_noise(sweep, snr_db=20.0, seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leakage", [False, True])
 def test_the_range_axis_of_a_scan_runs_forward(leakage):
     for seed in range(3):
@@ -306,6 +314,7 @@ def test_the_range_axis_of_a_scan_runs_forward(leakage):
         assert diagnose(sweep)[1]["waves"]
 
 
+@pytest.mark.slow
 def test_walls_alone_tell_which_way_range_runs():
     """Without leakage, and with nothing known of the beam."""
     wall = panel(center=(0.1, 2.0, 0.0), normal=(-0.3, -1.0, 0.1))

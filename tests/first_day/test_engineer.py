@@ -6,11 +6,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from pages import play, steps
 
 import mirrorfold as mf
 
 
+@pytest.mark.slow
 def test_results_go_to_other_programs(tmp_path, monkeypatch, capsys, scene_file):
     monkeypatch.chdir(tmp_path)
     mf.save(mf.simulate(mf.load_scene(scene_file)), "sweep.nc")

@@ -42,6 +42,7 @@ def test_interpolation_error_is_what_is_predicted():
     assert 0.7 * predicted < relative_error(focus_exact(p, s, 1e-2), p, s, pixels=200) < 1.4 * predicted
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     seed=st.integers(0, 10_000),

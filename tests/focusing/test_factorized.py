@@ -43,6 +43,7 @@ def test_factorized_path_for_one_antenna_moved_over_a_plane(divide_always):
     assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
 
 
+@pytest.mark.slow
 def test_factorized_path_for_planes_of_transmitters_and_receivers(divide_always):
     tx, rx = plane(6, 5, 4e-3), plane(5, 8, 5e-3, y=0.01) - np.array([0.02, 0.0, 0.01])
     x, y, z = np.linspace(-0.3, 0.2, 50), np.linspace(0.6, 1.0, 50), np.linspace(-0.1, 0.1, 20)
@@ -53,6 +54,7 @@ def test_factorized_path_for_planes_of_transmitters_and_receivers(divide_always)
     assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_factorized_path_on_arrays_anywhere(seed, divide_always):

@@ -74,6 +74,7 @@ def test_the_image_is_linear_in_the_data():
     assert np.abs(iab - ia - 2j * ib).max() < 3e-4 * np.abs(iab).max()
 
 
+@pytest.mark.slow
 def test_focus_takes_the_factorized_path_where_it_pays():
     tx = plane(40, 40, 1e-3)
     sweep = xr.Dataset(
@@ -363,6 +364,7 @@ def test_pixels_partly_beyond_the_ambiguous_range_are_warned_of():
 # Real data.
 
 
+@pytest.mark.slow
 def test_ultrasonic_notch_and_back_wall():
     path = DATA / "arim" / "contact_notch_aluminium.mat"
     if not path.exists():

@@ -155,6 +155,7 @@ def test_gather(run, folded):
     np.testing.assert_allclose(out, np.concatenate([sums[:, :1].ravel(), sums[:, 1:].ravel()]), **SINGLE)
 
 
+@pytest.mark.slow
 def test_collapse(run, rng):
     first, frequencies = np.array([0, 1, 1, 4]), 3
     gathered, factor = single(rng, 2 * 4 * frequencies), single(rng, 8, 10)
@@ -181,6 +182,7 @@ def test_combine(run):
     np.testing.assert_allclose(out, np.einsum("ljq,jlq->lj", value, rows), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planar", [False, True])
 @pytest.mark.parametrize("apart", [0.0, 0.07])
 @pytest.mark.parametrize("taps", [2, 4, 6, 8, 10, 12])
@@ -215,6 +217,7 @@ def test_interpolate(run, rng, taps, apart, planar):
     np.testing.assert_allclose(image, wanted, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_pivoted_rows(run):
     rows = noise((12, 3)).astype(complex) @ noise((3, 9), 1).astype(complex)
     picked = run(nodes.pivoted_rows, rows.copy(), 1e-9, 12)
@@ -224,6 +227,7 @@ def test_pivoted_rows(run):
     np.testing.assert_allclose(rows @ basis.conj() @ basis.T, rows, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_turn(run, rng):
     x, y, z, centres, turns = (
         uniform(rng, 6),
@@ -247,6 +251,7 @@ def linear(profile, position):
     return profile[below] + (position - below) * (profile[below + 1] - profile[below])
 
 
+@pytest.mark.slow
 def test_strongest(run, rng):
     profile, cosine, out = rng.random((3, 9)).astype(np.float32), np.array([0.9, 1.0, 0.8]), np.zeros(9, np.float32)
     run(range_profiles.strongest, profile, cosine, 0.5, 0.1, out)
@@ -256,6 +261,7 @@ def test_strongest(run, rng):
         assert out[k] == pytest.approx(max(heights), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_polar_to_plan(run, rng):
     polar, x, y = rng.random((4, 9)).astype(np.float32), np.linspace(-0.4, 0.4, 5), np.linspace(0.3, 1.6, 6)
     angle, out = rng.uniform(-1.0, 3.0, (6, 5)), np.zeros((6, 5), np.float32)
@@ -272,12 +278,14 @@ def trilinear(volume, a, e, k):
     return linear([linear([linear(profile.astype(float), k) for profile in plane], e) for plane in volume], a)
 
 
+@pytest.mark.slow
 def test_at_point(run, rng):
     volume = rng.random((3, 4, 5)).astype(np.float32)
     for place in rng.uniform(-0.5, 4.5, (100, 3)):
         assert run(range_profiles.at_point, volume, *place) == pytest.approx(trilinear(volume, *place), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_grid_row(run, rng):
     volume, x, z = rng.random((4, 5, 9)).astype(np.float32), np.linspace(-0.5, 0.5, 7), np.linspace(-0.3, 0.3, 6)
     azimuth, elevation, out = np.array([-0.3, 0.2]), np.array([-0.2, 0.1]), np.full((7, 6), np.nan, np.float32)

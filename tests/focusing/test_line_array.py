@@ -45,6 +45,7 @@ LINES = {
 CASES = [(name, tolerance) for name in LINES for tolerance in (1e-3, 1e-5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), CASES)
 def test_fast_path_holds_its_tolerance_on(name, tolerance):
     tx, rx = LINES[name]
@@ -105,6 +106,7 @@ def test_fast_path_with_position_jitter():
     assert relative_error(LineArrayPlan(p, 1e-4)(s), p, s) <= 1e-4
 
 
+@pytest.mark.slow
 def test_wide_angle_close_in():
     tx = line(161, 0.5e-3)
     r, u = np.meshgrid(np.linspace(0.5, 3.0, 40), np.linspace(-0.9, 0.9, 41))
@@ -119,6 +121,7 @@ def test_wide_angle_close_in():
     assert np.linalg.norm(image.ravel()[flat] - reference) <= 1e-4 * np.linalg.norm(reference)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=examples(12),
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],

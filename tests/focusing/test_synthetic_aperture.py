@@ -41,6 +41,7 @@ def test_the_scene_is_as_described(truth):
     assert [surface.name for surface in truth.surface][2:] == ["carpet roll", "box 1", "box 2"]
 
 
+@pytest.mark.slow
 def test_a_sphere_calibrates_the_elements_through_their_horns(truth):
     random = np.random.default_rng(0)
     tx_delay, rx_delay = random.uniform(-2e-3, 2e-3, (2, 81))

@@ -217,6 +217,7 @@ def test_an_image_without_mirrors_stays_unfolded_and_says_so():
     assert_array_equal(result["x"].values, image["x"].values)
 
 
+@pytest.mark.slow
 def test_an_image_of_nothing_folds_to_nothing(tmp_path):
     result = mf.fold(radar_image(np.empty((0, 2)), np.empty(0), *grid()))
     assert result["objects"].dataset.sizes["point"] == 0
@@ -341,6 +342,7 @@ def unmoved():
     return simulated(0.0, np.zeros(2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "shift"), [(0.0, (0.31, -0.17)), (14.0, (0.0, 0.0)), (-15.0, (-0.4, 1.3))])
 def test_turning_and_shifting_scene_and_array_turns_and_shifts_the_result(unmoved, angle, shift):
     shift = np.array(shift)

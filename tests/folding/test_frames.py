@@ -48,6 +48,7 @@ def assert_same(first, second):
         xr.testing.assert_identical(a, b)
 
 
+@pytest.mark.slow
 def test_a_frame_is_what_it_is_alone(recording, folded, tmp_path):
     again = on_disk(folded, tmp_path / "all.nc")
     for number in range(3):
@@ -136,6 +137,7 @@ def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path
     assert_same(result, on_disk(folded, "x.nc"))
 
 
+@pytest.mark.slow
 def test_reconstruct_writes_one_folder_for_a_recording(sweep, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     s = sweep["s"].values

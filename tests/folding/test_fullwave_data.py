@@ -24,6 +24,7 @@ def walls_are_where_the_readme_says(score):
         assert mirror["offset_error_mm"] <= 0.4
 
 
+@pytest.mark.slow
 def test_the_full_wave_sweep_of_two_walls_comes_out_as_the_true_floor_plan(measured):
     sweep, truth = measured
     image = mf.focus(sweep, tolerance=1e-3)
@@ -45,6 +46,7 @@ def test_the_full_wave_sweep_of_two_walls_comes_out_as_the_true_floor_plan(measu
     assert published["hidden"]["precision_2cm"] < 0.5 * hidden["precision_2cm"]
 
 
+@pytest.mark.slow
 def test_reconstructing_is_focusing_and_folding_with_nothing_given_by_hand(measured):
     """The default grid reaches the ambiguous range, the result knows where it came from, and the README is right."""
     sweep, truth = measured

@@ -60,6 +60,7 @@ def plan():
     return plan
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("without", [{"mirrors": []}, {"generations": 0}])
 def test_without_mirrors_the_scene_is_the_initial_image_point_for_point(plan, without):
     found, place = points(plan.fold())
@@ -136,6 +137,7 @@ def test_a_wall_that_only_the_hand_knows_may_be_drawn_outward_of_its_echoes(plan
         assert set(drawn["bounces"].values) == {1}
 
 
+@pytest.mark.slow
 def test_objects_are_opaque_where_they_are_folded_unless_the_switch_says_no():
     """Multiple scattering behind a ghost is no object, with found mirrors and with given ones."""
     ghost = reflect(OBJECTS[0], WALLS[0][0], segment_normal(*WALLS[0]))

@@ -44,6 +44,7 @@ def image():
     return radar_image(*parts, np.linspace(-1.0, 2.2, 401), np.linspace(0.3, 2.6, 288))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-3, 0.37, 1e3])
 def test_an_image_of_everything_larger_folds_to_everything_larger(image, factor):
     here, there = mf.fold(image), mf.fold(scaled(image, factor, "xy"))
@@ -60,6 +61,7 @@ def test_an_image_of_everything_larger_folds_to_everything_larger(image, factor)
         assert there.attrs[name] == pytest.approx(factor * here.attrs[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_a_volume_of_everything_larger_folds_to_everything_larger(factor):
     world = scene(panel("wall", (0.0, 2.0, 0.0), (-1.0, -1.0, 0.0), 2.0, 1.6), ball("ball", (-1.1, 2.0, 0.0), 0.16))
@@ -71,6 +73,7 @@ def test_a_volume_of_everything_larger_folds_to_everything_larger(factor):
         assert_allclose(points(there)[name], factor * points(here)[name], rtol=1e-4, atol=1e-4 * factor)
 
 
+@pytest.mark.slow
 def test_a_radar_at_79_ghz_sees_around_a_corner_too():
     """A band of 4 GHz and 16 cm of aperture: cells of 7.5 cm by 4 cm, in a hall."""
     roughness = {"rms_height": 0.2e-3, "correlation_length": 0.8e-3}

@@ -143,6 +143,7 @@ def wall_world(angle=0.0, lean=0.0, half=8.0, **settings):
     return scene(*(turned(thing, angle) for thing in things), half=half, azimuth=angle, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lean_deg", [0.0, 5.0, -8.0])
 def test_a_wall_at_any_tilt_folds_the_ball_home(lean_deg):
     world = wall_world(lean=np.radians(lean_deg))
@@ -156,6 +157,7 @@ def test_a_wall_at_any_tilt_folds_the_ball_home(lean_deg):
     assert score["surfaces"]["ball"]["completeness_3cm"] > 0.95
 
 
+@pytest.mark.slow
 def test_a_thick_wall_is_found_at_its_face():
     """Volume scattering moves the centroid of the echoes inside, not the mirror."""
     for depth in (0.0, 0.03):
@@ -166,6 +168,7 @@ def test_a_thick_wall_is_found_at_its_face():
         assert row["angle_error_deg"] < 0.15
 
 
+@pytest.mark.slow
 def test_turning_the_scene_turns_the_result():
     here, there = folded(wall_world()), folded(wall_world(angle=20.0))
     found = here.children["mirrors"].dataset, there.children["mirrors"].dataset
@@ -176,6 +179,7 @@ def test_turning_the_scene_turns_the_result():
     assert np.linalg.norm(middle[1] - expected) < 0.008
 
 
+@pytest.mark.slow
 def test_three_bounces_come_home():
     world = scene(*periscope())
     volume = mf.focus(mf.simulate(world, snr_db=25.0))
@@ -206,6 +210,7 @@ def corners_of(result):
     return np.stack([mirrors[f"corner_{axis}"].values for axis in "xyz"], axis=-1)
 
 
+@pytest.mark.slow
 def test_the_planes_that_were_found_fold_to_the_same_scene_when_they_are_given(world_volume):
     world, volume = world_volume
     found = mf.fold(volume)
@@ -229,6 +234,7 @@ def test_the_tree_of_a_volume_shows_itself(world_volume):
     assert json.loads(tree.to_json())["mirrors"][0]["line"]["start"][1] == tree.mirrors[0].line.ends[0, 1]
 
 
+@pytest.mark.slow
 def test_a_moved_plane_moves_what_it_shows_by_twice_as_much(world_volume):
     _, volume = world_volume
     corners = corners_of(mf.fold(volume))
@@ -247,6 +253,7 @@ def test_without_generations_a_volume_stays_unfolded(world_volume):
     assert_allclose(objects["x"], objects["x_initial"], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_published_algorithm_runs_on_volumes(world_volume):
     """It takes every bright sample for an object; its mirror is the wall all the same, and the ball comes home."""
     world, volume = world_volume
@@ -309,6 +316,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     assert close.mean() > 0.995  # a voxel on the border between two beams may belong to either
 
 
+@pytest.mark.slow
 def test_a_result_explains_itself_and_survives_the_disk(tmp_path):
     result = folded(wall_world())
     again = mf.load(mf.save(result, tmp_path / "result.nc"))
@@ -380,6 +388,7 @@ def test_a_lossy_wall_still_shows_what_is_behind_the_corner():
     assert len(points_of(folded(world), 1)) > 20
 
 
+@pytest.mark.slow
 def test_a_steel_wall_is_a_mirror_too():
     world = scene(panel("wall", (0.0, 2.0, 0.0), (-1, -1, 0), 2.0, 1.6, **STEEL), ball("ball", (-1.1, 2.0, 0.0), 0.16),
                   half=6.0, beams=31)  # fmt: skip
@@ -387,6 +396,7 @@ def test_a_steel_wall_is_a_mirror_too():
     assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
 
 
+@pytest.mark.slow
 def test_a_scan_without_noise_folds_as_one_with_noise():
     """Far below the echoes, numerical dust is no echo either."""
     world = wall_world()

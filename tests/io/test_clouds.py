@@ -88,6 +88,7 @@ diffuse_fraction = 1.0
 """
 
 
+@pytest.mark.slow
 def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
@@ -122,6 +123,7 @@ def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     assert main(["simulate", "few.toml", "-o", "few.nc", "--force"]) == 0
 
 
+@pytest.mark.slow
 def test_pictures_of_a_folded_volume(reconstruction):
     world = scene(
         panel("wall", (0, 2, 0), (-1, -1, 0), 2.0, 1.6), ball("ball", (-1.1, 2.0, 0.0), 0.16), half=6.0, beams=31

@@ -132,6 +132,7 @@ def test_vtk_reads_them(two_mirrors, tmp_path):
             assert found.GetDimensions() == (101, 76, 1)
 
 
+@pytest.mark.slow
 def test_the_command_line_exports_each_kind(reconstruction, image, sweep, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(reconstruction, "r.nc")

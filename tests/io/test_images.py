@@ -135,6 +135,7 @@ def wall_and_ghosts():
     return wall, body, ghost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", ".npz", ".h5"])
 def test_the_command_folds_what_other_tools_have_made(wall_and_ghosts, tmp_path, suffix, capsys):
     wall, body, ghost = wall_and_ghosts

@@ -225,6 +225,7 @@ def test_range_profiles_about_a_carrier_become_frequencies(tmp_path):
     assert y[profile.argmax()] == pytest.approx(place, abs=0.006)
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(seed=st.integers(0, 1000))
 def test_motion_compensation_is_undone_whatever_the_reference(tmp_path, seed):

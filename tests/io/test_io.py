@@ -217,6 +217,7 @@ def test_a_truncated_file_is_refused(content, share):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(place=st.floats(0.0, 1.0, exclude_max=True), garbage=st.binary(min_size=1, max_size=200))
 def test_a_damaged_file_is_refused_or_still_a_valid_sweep(content, place, garbage):

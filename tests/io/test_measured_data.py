@@ -100,6 +100,7 @@ def test_mistakes_in_a_flight_smear_its_image_and_are_named(gotcha):
         assert [finding.name for finding in diagnose(repair(gotcha))[0]] == names
 
 
+@pytest.mark.slow
 def test_gotcha_shows_vehicles_with_the_brightest_point_where_it_is_known(gotcha):
     x = np.arange(-50.0, 50.01, 0.25)
     image = mf.focus(gotcha, x=x, y=x, tolerance=1e-3)
@@ -119,6 +120,7 @@ def test_gotcha_has_a_default_grid_about_the_scene(gotcha):
     assert np.hypot(x0 + 15.5, y0 - 21.5) < 1.0
 
 
+@pytest.mark.slow
 def test_gotcha_needs_no_mapping_but_the_name_on_the_command_line(shared_data, tmp_path, capsys):
     files = [str(path) for path in sorted((shared_data / "gotcha").glob("*.mat"))]
     assert main(["import", *files, "--mapping", "gotcha", "-o", str(tmp_path / "g.nc")]) == 0

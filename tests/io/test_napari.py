@@ -36,6 +36,7 @@ def test_an_image_lies_where_its_pixels_are(image, tmp_path):
     assert (data.max(), data.min() >= -40.0) == (0.0, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["reconstruction", "folded_scan"])
 def test_points_and_mirrors_have_their_features(which, request, tmp_path):
     tree = request.getfixturevalue(which)
@@ -51,6 +52,7 @@ def test_points_and_mirrors_have_their_features(which, request, tmp_path):
         np.testing.assert_allclose(shapes[0], [[1.6, 0.4], [0.9, 0.6]])
 
 
+@pytest.mark.slow
 def test_frames_come_before_the_other_axes(reconstruction, tmp_path):
     found = {kind: data for data, _, kind in layers(join_frames([reconstruction] * 3, {}), tmp_path)}
     assert found["image"].shape == (3, 76, 101)

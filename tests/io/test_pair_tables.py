@@ -145,6 +145,7 @@ def test_unknown_headings_are_named(tmp_path, measured):
         mf.import_data(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content",
     [

@@ -116,6 +116,7 @@ def test_a_missing_plan_or_library_is_named(tmp_path, monkeypatch):
         read_plan(path)
 
 
+@pytest.mark.slow
 def test_plans_lie_over_report_and_figures(reconstruction, tmp_path, monkeypatch):
     from mirrorfold.reporting.document import to_document
 

@@ -88,6 +88,7 @@ def test_matlab_arrays_are_read_as_scipy_reads_them(tmp_path, rng, samples, comp
     assert str(contents.array("scan.name")) == "corner"
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(shape=st.lists(st.integers(1, 5), min_size=2, max_size=4), seed=st.integers(0, 1000), packed=st.booleans())
 def test_any_complex_matlab_array_comes_back(tmp_path, shape, seed, packed):
@@ -445,6 +446,7 @@ def test_pickles_are_never_loaded(tmp_path, suffix):
     assert not mark.exists()
 
 
+@pytest.mark.slow
 def test_zip_bombs_are_refused(tmp_path):
     path = tmp_path / "bomb.npz"
     head = io.BytesIO()
@@ -513,6 +515,7 @@ def test_matlab_structures_without_end_are_refused(tmp_path):
     refused(tmp_path / "deep.mat", "nested")
 
 
+@pytest.mark.slow
 def test_absurd_hdf5_shapes_are_refused(tmp_path):
     with h5py.File(tmp_path / "huge.h5", "w") as file:
         file.create_dataset("s", shape=(10**7, 10**7), dtype="c16", chunks=(100, 100))
@@ -547,6 +550,7 @@ def test_hdf5_groups_that_hold_themselves_end(tmp_path):
     assert "s" in read_contents(tmp_path / "loop.h5").variables
 
 
+@pytest.mark.slow
 def test_a_file_that_hangs_or_kills_the_hdf5_library_is_refused_and_the_next_one_read(tmp_path, monkeypatch, samples):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
@@ -637,6 +641,7 @@ def test_a_reader_that_fails_in_its_own_way_still_says_one_sentence(tmp_path, mo
     refused(tmp_path / "data", "damaged")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_damaged_files_of_every_format_are_refused_or_read(tmp_path, seed):
     path = Path(__file__).parents[2] / "benchmarks" / "fuzz_readers.py"

@@ -108,6 +108,7 @@ def test_positions_in_another_unit_are_named_with_the_command(tmp_path, scale, u
     np.testing.assert_allclose(repaired["tx_position"], TX, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slip", ["frequency-unit", "angle-unit", "axes-exchanged"])
 def test_the_command_that_info_names_mends_the_file(tmp_path, slip, capsys):
     path = tmp_path / "s.nc"
@@ -221,6 +222,7 @@ def test_a_pitch_alone_puts_the_antennas_around_zero_and_says_so(tmp_path):
     assert any("around zero" in finding.why and finding.sure == "a guess" for finding in guess.findings)
 
 
+@pytest.mark.slow
 def test_frequencies_that_stand_for_antennas_are_told_by_waves():
     f, tx, rx = np.linspace(290e9, 300e9, 41), line_of(41), line_of(30, 0.02)
     good = mf.make_sweep(echo(f, tx, rx), frequency=f, tx_position=tx, rx_position=rx)

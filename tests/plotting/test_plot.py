@@ -84,6 +84,7 @@ def test_the_picture_is_cropped_to_what_it_shows(reconstruction):
     assert content_extent(reconstruction, folded=False)[1] > x1  # the ghosts stand beyond the wall
 
 
+@pytest.mark.slow
 def test_before_and_after_have_one_scale_and_equal_axes(reconstruction, scene_file, tmp_path):
     figure = mf.plot.before_after(reconstruction, mf.load(scene_file))
     path = tmp_path / "picture.png"

@@ -51,6 +51,7 @@ def test_a_dead_channel_shows_as_a_dark_line(sweep, scan, ax):
     assert "azimuth" in beams.get_xlabel()
 
 
+@pytest.mark.slow
 def test_one_figure_of_a_sweep_has_both(sweep, scan, tmp_path):
     for measured in (sweep, scan):
         figure = mf.plot.sweep(measured)
@@ -86,6 +87,7 @@ def test_before_and_after_go_into_axes_that_are_given(reconstruction, scene_file
     assert all(panel.images for panel in axes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_every_kind_of_file_makes_a_figure(
     suffix, sweep, image, reconstruction, scene_file, scan, tmp_path, monkeypatch

@@ -148,6 +148,7 @@ def test_settings_are_listed_with_unit_and_meaning_and_other_attributes_as_they_
     assert not {name for name, _ in document["parameters"]} & set(rows)
 
 
+@pytest.mark.slow
 def test_points_mean_the_same_in_header_tree_score_and_info(reconstruction, scene_file, tmp_path, chromium):
     """Points of objects and on walls, apart; the numbers of all places add up."""
     objects = reconstruction["objects"].to_dataset(inherit=False)
@@ -228,6 +229,7 @@ def test_the_verb_writes_the_page_or_says_why_not(reconstruction, scene_file, tm
     assert not (tmp_path / "x.html").exists()
 
 
+@pytest.mark.slow
 def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium):
     groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     groups["/mirrors"] = groups["/mirrors"].isel(mirror=slice(0))
@@ -239,6 +241,7 @@ def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium
         assert "No mirror was found" in page.inner_text("body")
 
 
+@pytest.mark.slow
 def test_the_browser_shows_it_without_errors_and_without_network(address, chromium):
     with opened(chromium, address) as page:
         assert "mirrorfold reconstruct sweep.nc -o out" in page.inner_text("body")
@@ -249,6 +252,7 @@ def test_the_browser_shows_it_without_errors_and_without_network(address, chromi
             assert len(np.unique(pixels(page, f".panel[data-which={name}] canvas")[..., 0])) > 50
 
 
+@pytest.mark.slow
 def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chromium):
     reconstruction.attrs |= {"title": HOSTILE, "command": HOSTILE, "remark": HOSTILE}
     path = mf.report(reconstruction, tmp_path / "report.html")
@@ -257,6 +261,7 @@ def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chro
         assert page.locator("img").count() == 0
 
 
+@pytest.mark.slow
 def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruction, chromium):
     """In the initial image of a ghost; in the corrected one of what it is a ghost of; and of what stands free."""
     objects = reconstruction["objects"].to_dataset(inherit=False)
@@ -286,6 +291,7 @@ def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruct
         assert_allclose(folded, [objects["x"][3], objects["y"][3]], atol=0.02)
 
 
+@pytest.mark.slow
 def test_the_divider_slides_by_mouse_and_keys(address, chromium):
     with opened(chromium, address) as page:
         divider, stage = page.locator(".divider"), page.locator(".stage").bounding_box()
@@ -306,6 +312,7 @@ def test_the_divider_slides_by_mouse_and_keys(address, chromium):
         assert divider.get_attribute("aria-valuenow") == "98"
 
 
+@pytest.mark.slow
 def test_the_floor_and_the_bounces_change_the_picture(address, chromium):
     with opened(chromium, address) as page:
         page.locator("[data-mode=side]").click()
@@ -331,6 +338,7 @@ def test_the_floor_and_the_bounces_change_the_picture(address, chromium):
         assert int((np.abs(final[..., :3] - green).max(axis=-1) < 30).sum()) == 0
 
 
+@pytest.mark.slow
 def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):
     with opened(chromium, address) as page:
         before = pixels(page, ".panel[data-which=corrected] canvas")
@@ -346,6 +354,7 @@ def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):
         assert page.locator("tbody tr.lit").count() == 1
 
 
+@pytest.mark.slow
 def test_everything_can_be_reached_and_has_a_name(address, chromium):
     with opened(chromium, address) as page:
         nameless = page.evaluate(
@@ -364,6 +373,7 @@ def test_everything_can_be_reached_and_has_a_name(address, chromium):
         assert {"divider", "panel", "node", "mirror"} <= {word for name in seen for word in name.split()}
 
 
+@pytest.mark.slow
 def test_the_page_prints(address, chromium):
     with opened(chromium, address) as page:
         printed = page.pdf()
@@ -371,6 +381,7 @@ def test_the_page_prints(address, chromium):
         assert len(printed) > 20_000
 
 
+@pytest.mark.slow
 def test_a_volume_turns_and_is_cut(folded_scan, tmp_path, chromium):
     path = mf.report(folded_scan, tmp_path / "volume.html")
     with opened(chromium, path.as_uri()) as page:

@@ -48,10 +48,12 @@ def scale(page):
     return float(np.abs(b - a).max()) / 0.5, a
 
 
+@pytest.mark.slow
 def test_the_page_fits_a_phone(page):
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
 
 
+@pytest.mark.slow
 def test_a_tap_shows_what_pointing_shows(page, reconstruction):
     objects = reconstruction["objects"].to_dataset(inherit=False)
     page.locator("[data-mode=side]").tap()
@@ -72,6 +74,7 @@ def test_a_tap_shows_what_pointing_shows(page, reconstruction):
         assert box["y"] + box["height"] <= 844
 
 
+@pytest.mark.slow
 def test_a_tap_lights_a_mirror_until_the_next_tap(page):
     page.locator("[data-mode=side]").tap()
     to_picture(page)
@@ -86,6 +89,7 @@ def test_a_tap_lights_a_mirror_until_the_next_tap(page):
     assert page.locator(".mirror.lit").count() == 0
 
 
+@pytest.mark.slow
 def test_a_swipe_on_the_picture_scrolls_the_page(page):
     before, (metre, place) = page.evaluate("() => window.scrollY"), scale(page)
     box = page.locator(".panel[data-which=initial]").bounding_box()
@@ -99,6 +103,7 @@ def test_a_swipe_on_the_picture_scrolls_the_page(page):
     assert_allclose(scale(page)[1] - place, [0.0, -moved], atol=1.0)
 
 
+@pytest.mark.slow
 def test_two_fingers_zoom_about_the_place_between_them_and_move(page):
     scrolled, (metre, place) = page.evaluate("() => window.scrollY"), scale(page)
     box = page.locator(".panel[data-which=initial]").bounding_box()
@@ -115,6 +120,7 @@ def test_two_fingers_zoom_about_the_place_between_them_and_move(page):
     assert_allclose(scale(page)[1] - there, [30.0, 20.0], atol=5.0)
 
 
+@pytest.mark.slow
 def test_the_divider_slides_under_a_finger(page):
     box = page.locator(".divider").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 3
@@ -123,6 +129,7 @@ def test_the_divider_slides_under_a_finger(page):
     assert int(page.locator(".divider").get_attribute("aria-valuenow")) < before - 10
 
 
+@pytest.mark.slow
 def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan, tmp_path, chromium):
     path = mf.report(folded_scan, tmp_path / "volume.html")
     with opened(chromium, path.as_uri(), **PHONE) as page:
@@ -143,6 +150,7 @@ def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan,
         assert page.evaluate("() => window.scrollY") > before + 60
 
 
+@pytest.mark.slow
 def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
     path = tmp_path / "image.nc"
     mf.save(two_walls(), path)

@@ -32,10 +32,12 @@ def dense(two_walls: System) -> np.ndarray:
     return scattered(replace(two_walls, roots=()), LOW)
 
 
+@pytest.mark.slow
 def test_compressed_is_dense_to_the_tolerance(two_walls, dense):
     assert distance(scattered(two_walls, LOW), dense) < 1e-3
 
 
+@pytest.mark.slow
 def test_error_follows_the_tolerance():
     coarse, fine = (
         prepare(small_two_walls(0.06), tolerance=tolerance, nodes_per_wavelength=16) for tolerance in (1e-2, 1e-4)
@@ -67,28 +69,33 @@ def test_nodes_follow_the_tolerance():
     assert fine < 4e-4
 
 
+@pytest.mark.slow
 def test_single_precision_is_enough():
     system = prepare(small_two_walls(0.055), tolerance=1e-3)
     system = replace(system, roots=())
     assert distance(scattered(system, K), exact_field(system.nodes, system.tx, system.rx, K).T) < 2e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [LOW, K], ids=["low", "high"])
 def test_reciprocity(two_walls, k):
     s = scattered(two_walls, k)
     assert distance(s.T, s) < 1e-4
 
 
+@pytest.mark.slow
 def test_residual_of_the_whole_system(two_walls):
     assert residual(two_walls, LOW, seed=0) < 1e-3
     assert residual(replace(two_walls, roots=()), LOW, seed=0) < 1e-5
 
 
+@pytest.mark.slow
 def test_residual_tells_bad_skeletons(two_walls):
     worse = prepare(small_two_walls(0.1), tolerance=0.05)
     assert residual(worse, LOW, seed=0) > 3 * residual(two_walls, LOW, seed=0)
 
 
+@pytest.mark.slow
 def test_currents_radiate_what_is_scattered(two_walls):
     excitation = np.eye(len(two_walls.tx), dtype=np.complex64)
     flowing = currents(two_walls, excitation, LOW)
@@ -104,6 +111,7 @@ def test_skeletons_reproduce_the_field_where_they_were_not_sampled(two_walls):
     assert distance(field[:, group.skeleton] @ to_skeleton, field) < 2e-3
 
 
+@pytest.mark.slow
 def test_separate_receivers():
     scene = small_two_walls(0.1)
     receiving = replace(scene.array, elements=4, center=(0.01, 0.002))

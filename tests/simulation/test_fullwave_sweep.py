@@ -95,6 +95,7 @@ def test_noise_is_added_by_its_level():
     assert 10 * np.log10(measured) == pytest.approx(10.0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_bytes(scene_file, uninterrupted):
     done = []
     s = mf.simulate(scene_file, solver="fullwave", workers=2, progress=lambda *state: done.append(state))["s"].values
@@ -145,6 +146,7 @@ def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_p
     assert not results.exists()
 
 
+@pytest.mark.slow
 def test_resumption_solves_only_what_is_missing(scene_file, uninterrupted, tmp_path, monkeypatch):
     mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done")
     for index in (0, 7, 12):
@@ -173,6 +175,7 @@ def test_dry_run_estimates_and_writes_nothing(scene_file, tmp_path, capsys):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_estimate_grows_with_the_scene():
     small, large = (estimate(prepare(small_two_walls(scale)), 100) for scale in (0.06, 0.12))
     assert 1.7 < large.unknowns / small.unknowns < 2.3
@@ -292,6 +295,7 @@ def test_options_that_rays_do_not_know():
         mf.simulate(scene_of(STRIP), tolerance=1e-4)
 
 
+@pytest.mark.slow
 def test_no_scheduler_at_the_address(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("mirrorfold.simulation.fullwave.tasks.CONNECT_SECONDS", 1)

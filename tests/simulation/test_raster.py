@@ -108,6 +108,7 @@ def test_a_glint_comes_by_way_of_a_mirror_too():
     assert find_echoes(world, bounces=2, seed=0)[0].range.size == 0
 
 
+@pytest.mark.slow
 def test_three_mirrors_in_turn():
     world = scene(*periscope())
     echoes, counts = find_echoes(world, bounces=3, seed=0)
@@ -129,6 +130,7 @@ def test_things_cast_shadows():
     assert np.count_nonzero(echoes.range > 1.7) == 0
 
 
+@pytest.mark.slow
 def test_turning_scene_and_scan_together_changes_nothing():
     """The frozen speckle turns with the surfaces, also with what is seen in a mirror."""
     walls = [panel(), panel("other", (-1.0, 2.0, 0.0), (1.0, 0.2, 0.0), 0.8, 0.8)]
@@ -167,6 +169,7 @@ def test_noise_has_the_power_that_is_asked_for():
     assert 10.0 * np.log10(ratio) == pytest.approx(6.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_speckle_belongs_to_the_seed():
     world = scene(panel(), half=2.0, beams=9)
     first, again, other = (mf.simulate(world, seed=seed)["s"].values for seed in (1, 1, 2))
@@ -206,6 +209,7 @@ def test_a_scene_that_returns_nothing_is_refused():
     assert mf.simulate(smooth, snr_db=0.0)["s"].values.std() == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_estimate_knows_what_will_be_done():
     world = scene(panel(), ball(), half=3.0, beams=13)
     found = estimate(world, bounces=1)

@@ -218,6 +218,7 @@ def test_scattered_power_is_what_the_specular_beam_has_lost(rms_height: float, i
     np.testing.assert_allclose(power, np.cos(incidence) * (VOLUME_SHARE * (1 - smooth) if inside else lost), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_receivers_around_a_rough_wall_collect_the_power_it_lost() -> None:
     length, height = 0.2, 4.0
     wall = segment((-length / 2, 0.0), (length / 2, 0.0), roughness=ROUGH)
@@ -234,6 +235,7 @@ def test_receivers_around_a_rough_wall_collect_the_power_it_lost() -> None:
     assert collected == pytest.approx(lost * length / height, rel=0.06)
 
 
+@pytest.mark.slow
 def test_mean_power_does_not_depend_on_the_density_of_scatterers() -> None:
     scene = make_scene(segment((-0.2, 1.0), (0.2, 1.3), roughness=ROUGH), elements=8, pitch=0.02)
 
@@ -252,6 +254,7 @@ def test_nothing_passes_through_a_wall_that_is_rough_on_both_sides() -> None:
     assert not scattered_field(make_scene(wall, *mirrors, elements=2, array=behind), bounces=2, seed=0).any()
 
 
+@pytest.mark.slow
 def test_inside_of_a_wall_returns_after_its_face_and_more() -> None:
     depth = 0.03
     wall = segment((-0.05, 1.0), (0.05, 1.0), material="plasterboard", volume_depth=depth)
@@ -313,6 +316,7 @@ def test_sweep_is_reciprocal() -> None:
     np.testing.assert_allclose(there, back.transpose(0, 2, 1), atol=1e-5 * np.abs(there).max())
 
 
+@pytest.mark.slow
 def test_moving_the_whole_world_changes_nothing() -> None:
     angle = 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -321,6 +325,7 @@ def test_moving_the_whole_world_changes_nothing() -> None:
     np.testing.assert_allclose(there, here, atol=1e-5 * np.abs(here).max())
 
 
+@pytest.mark.slow
 def test_seed_makes_the_speckle_reproducible() -> None:
     scene = busy_scene(elements=3)
     first, again, other = (simulate(scene, seed=n, snr_db=20.0)["s"].values for n in (1, 1, 2))
@@ -472,6 +477,7 @@ def twin_field(scene: Scene, *, bounces: int, seed: int, spacing: float) -> np.n
     return s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bounces", "spacing"), [(1, 0.04), (2, 0.1)])
 def test_agrees_with_the_slow_twin(bounces: int, spacing: float) -> None:
     # Apart from the transmitters, because their own paths in a corner all meet its vertex, which the twin cannot judge.
@@ -481,6 +487,7 @@ def test_agrees_with_the_slow_twin(bounces: int, spacing: float) -> None:
     assert np.abs(fast - slow).max() < 1e-5 * np.abs(slow).max()
 
 
+@pytest.mark.slow
 def test_phasors_stay_exact_over_many_frequencies() -> None:
     band = {"start": 270e9, "stop": 300e9, "points": 401}
     rough = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
@@ -508,6 +515,7 @@ def test_sweep_keeps_the_contract_and_reports_progress() -> None:
     assert calls[-1] == (6, 6)
 
 
+@pytest.mark.slow
 def test_inside_of_a_closed_room_with_a_circle() -> None:
     corners = [(-1.0, -0.5), (1.1, -0.5), (1.1, 2.0), (-1.0, 2.0), (-1.0, -0.5)]
     room = {"kind": "polyline", "points": corners}

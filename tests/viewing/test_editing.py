@@ -57,6 +57,7 @@ def wall_of(page, number):
     return int(np.argmin(np.linalg.norm(np.array(places) - here, axis=1)))
 
 
+@pytest.mark.slow
 def test_with_a_wall_switched_off_its_ghosts_are_where_they_seemed_to_be(page):
     wall = wall_of(page, 0)
     seemed = reflect(OBJECTS[wall].mean(axis=0), WALLS[wall][0], segment_normal(*WALLS[wall]))
@@ -74,6 +75,7 @@ def test_with_a_wall_switched_off_its_ghosts_are_where_they_seemed_to_be(page):
     assert page.locator(".tree .node").nth(1).text_content().startswith("mirror 1")
 
 
+@pytest.mark.slow
 def test_a_line_that_no_line_of_sight_meets_looks_unused(page):
     """It points at the radar, so that nothing is seen through it."""
     page.locator("#draw").click()
@@ -88,6 +90,7 @@ def test_a_line_that_no_line_of_sight_meets_looks_unused(page):
     assert page.locator(".tree .node").count() == 3
 
 
+@pytest.mark.slow
 def test_every_step_is_undone_and_done_again_by_keys_and_buttons(page):
     states = [state(page)]
     page.locator("[data-line='1']").uncheck()
@@ -125,6 +128,7 @@ def test_every_step_is_undone_and_done_again_by_keys_and_buttons(page):
     assert page.locator("html").get_attribute("data-folds") == "4"
 
 
+@pytest.mark.slow
 def test_a_drag_is_one_step(page):
     first = state(page)
     box = page.locator("[data-handle='0-2']").bounding_box()
@@ -139,6 +143,7 @@ def test_a_drag_is_one_step(page):
     assert page.locator("#undo").is_disabled()
 
 
+@pytest.mark.slow
 def test_starting_over_is_the_state_of_the_file_and_can_be_undone(page):
     first = state(page)
     page.locator("[data-line='0']").uncheck()
@@ -154,6 +159,7 @@ def test_starting_over_is_the_state_of_the_file_and_can_be_undone(page):
     assert same(state(page), changed)
 
 
+@pytest.mark.slow
 def test_a_file_with_given_mirrors_keeps_them_when_a_setting_changes(tmp_path, chromium):
     path = tmp_path / "given.nc"
     mf.save(mf.fold(two_walls(), mirrors=WALLS[:1]), path)
@@ -165,6 +171,7 @@ def test_a_file_with_given_mirrors_keeps_them_when_a_setting_changes(tmp_path, c
         assert np.allclose(server.session._lines, WALLS[:1])
 
 
+@pytest.mark.slow
 def test_keys_in_a_field_of_text_are_those_of_the_browser(page):
     page.locator("[data-line='0']").uncheck()
     folded(page, 1)

@@ -96,6 +96,7 @@ def test_other_trees_are_shown_as_xarray_shows_them(reconstruction):
     assert "x_initial" in to_html(reconstruction["objects"])
 
 
+@pytest.mark.slow
 def test_ipython_is_told(reconstruction):
     interactive = pytest.importorskip("IPython.core.interactiveshell")
     shell = interactive.InteractiveShell()

@@ -68,6 +68,7 @@ def expected(view, document, **settings):
     return np.where(amplitude > 0, np.maximum(level, -60.0), np.nan)
 
 
+@pytest.mark.slow
 def test_a_fold_is_what_the_api_computes(file, view):
     with served(file) as server:
         first = server.session.state["document"]
@@ -88,6 +89,7 @@ def test_a_fold_is_what_the_api_computes(file, view):
             assert found["values"]["wall_margin"] == settings.get("wall_margin", used["wall_margin"])
 
 
+@pytest.mark.slow
 def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monkeypatch, capsys):
     with served(file) as server:
         mirrors = lines_of(server.session.state["document"])[:1] + 0.015
@@ -109,6 +111,7 @@ def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monke
         assert np.array_equal(*(r.children["objects"].to_dataset(inherit=False)[name] for r in (repeated, written)))
 
 
+@pytest.mark.slow
 def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mf.save(sweep, "sweep.nc")
@@ -123,6 +126,7 @@ def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path
     assert np.array_equal(mf.load("again.nc")["intensity"], mf.load("out.nc")["intensity"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"])
 def test_a_name_leads_to_no_other_place(file, name):
     def files() -> dict[Path, tuple[int, int]]:
@@ -137,6 +141,7 @@ def test_a_name_leads_to_no_other_place(file, name):
     assert files() == before
 
 
+@pytest.mark.slow
 def test_only_this_machine_may_look(file):
     with served(file) as server:
         port = server.server_port
@@ -158,6 +163,7 @@ def test_only_this_machine_may_look(file):
     assert not (file.parent / "x.nc").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["/../../etc/passwd", "/etc/passwd", "/image.nc", "/%2e%2e/image.nc", "/api/", "//image.nc"]
 )
@@ -167,6 +173,7 @@ def test_no_address_leads_to_a_file(file, path):
         assert call(server, path, {})[0] == 404
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "status", "words"),
     [
@@ -197,6 +204,7 @@ def test_pieces_belong_to_the_line_they_lie_on():
     assert line_of([[0.5, 1.3], [1.0, 1.4]], lines) == 1
 
 
+@pytest.mark.slow
 def test_the_page_follows_a_switch_and_saves(file, view, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         canvas = ".panel[data-which=corrected] canvas"
@@ -233,6 +241,7 @@ def test_the_page_follows_a_switch_and_saves(file, view, chromium):
     assert np.array_equal(written["intensity"], mf.fold(view, mirrors=mirrors)["intensity"])
 
 
+@pytest.mark.slow
 def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         start = lines_of(server.session.state["document"])
@@ -264,6 +273,7 @@ def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
         assert_allclose(np.abs(server.session._lines[2]), [[0.3, 0.8], [0.3, 0.8]], atol=0.02)
 
 
+@pytest.mark.slow
 def test_settings_of_the_page_reach_the_fold(file, chromium):
     with served(file) as server, opened(chromium, server.address) as page:
         page.locator("#set-generations").select_option("0")
@@ -286,6 +296,7 @@ def test_settings_of_the_page_reach_the_fold(file, chromium):
         assert page.locator(".tree .node").count() == 3
 
 
+@pytest.mark.slow
 def test_a_setting_without_a_scale_is_typed_in(view, tmp_path, chromium):
     path = tmp_path / "r.nc"
     mf.save(mf.fold(view, wall_margin=0.0), path)
@@ -296,6 +307,7 @@ def test_a_setting_without_a_scale_is_typed_in(view, tmp_path, chromium):
         assert server.session._settings["wall_margin"] == 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"not netCDF", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])
 def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, chromium, content):
     path = tmp_path / "<b>bad<b>.nc"
@@ -308,6 +320,7 @@ def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, c
         page.wait_for_selector(".tree .node")
 
 
+@pytest.mark.slow
 def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, scene_file, tmp_path, chromium):
     path = tmp_path / "r.nc"
     reconstruction.attrs["title"] = "</script><img src=x onerror=alert(1)>"
@@ -318,6 +331,7 @@ def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, s
         assert "3 seen around a corner" in page.locator("header").inner_text()
 
 
+@pytest.mark.slow
 def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys):
     assert main(["view", str(file), "--port", "99999", "--no-open"]) == 2
     assert "port is 99999" in capsys.readouterr().err
