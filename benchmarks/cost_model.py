@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.windows import window
 from mirrorfold.focusing import choice, cost, factorized, machine
 from mirrorfold.focusing.accuracy import measured_error, white_noise
 from mirrorfold.focusing.caching import PlanCache
@@ -80,18 +79,7 @@ def random_problem(rng: np.random.Generator) -> tuple[str, Problem, float]:
         pixels /= z.size
     x = np.linspace(-1.0, 1.0, int(np.sqrt(pixels * shape))) * rng.uniform(1.0, 5.0) * length
     y = near + np.linspace(0.0, depth, int(np.sqrt(pixels / shape)))
-    problem = Problem(
-        k=2.0 * np.pi * frequency / speed_of_light,
-        tx=tx,
-        rx=rx,
-        taper=window("hann", frequency.size, "taper"),
-        tx_weight=window(None, len(tx), "apodization"),
-        rx_weight=window(None, len(rx), "apodization"),
-        x=x,
-        y=y,
-        z=z,
-        monostatic=monostatic,
-    )
+    problem = Problem.usual(frequency, tx, rx, x, y, z, monostatic=monostatic)
     return kind, problem, float(10.0 ** rng.uniform(-4.0, -2.7))
 
 

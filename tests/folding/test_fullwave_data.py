@@ -16,12 +16,12 @@ def measured(shared_data):
 
 
 def walls_are_where_the_readme_says(score):
-    """The README promises 0.01 degrees and 0.2 mm; twice that is left to a change that moves a threshold."""
+    """The README promises 0.015 degrees and 0.2 mm; a little more is left to a change that moves a threshold."""
     assert sorted(mirror["surface"] for mirror in score["mirrors"]) == ["wall 1", "wall 2"]
     for mirror in score["mirrors"]:
         assert mirror["generation"] == 1
         assert mirror["angle_error_deg"] <= 0.02
-        assert mirror["offset_error_mm"] <= 0.4
+        assert mirror["offset_error_mm"] <= 0.3
 
 
 @pytest.mark.slow

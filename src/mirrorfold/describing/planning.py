@@ -13,7 +13,6 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.common.plausible import frequency_unit, length_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import window
 from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.errors import InputError
@@ -253,17 +252,7 @@ def _focusing(frequency: Array, tx: Array, rx: Array, x: Array, y: Array) -> Cho
     from mirrorfold.focusing.choice import explain
     from mirrorfold.focusing.problem import Problem
 
-    problem = Problem(
-        k=2.0 * np.pi * frequency / speed_of_light,
-        tx=tx,
-        rx=rx,
-        taper=window("hann", frequency.size, "taper"),
-        tx_weight=window(None, len(tx), "apodization"),
-        rx_weight=window(None, len(rx), "apodization"),
-        x=x,
-        y=y,
-        z=np.zeros(1),
-    )
+    problem = Problem.usual(frequency, tx, rx, x, y, np.zeros(1))
     return explain(problem, TOLERANCE_TO_FOLD)
 
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
 
 from mirrorfold.common.types import Array, Complex
+from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 
 COINCIDENT_TOLERANCE = 1e-9
@@ -42,6 +44,24 @@ class Problem:
     y: Array
     z: Array
     monostatic: bool = False
+
+    @classmethod
+    def usual(
+        cls, frequency: Array, tx: Array, rx: Array, x: Array, y: Array, z: Array, *, monostatic: bool = False
+    ) -> Problem:
+        """The sum that `focus` computes by default, for light: a Hann taper over frequency [Hz], antennas all alike."""
+        return cls(
+            k=2.0 * np.pi * frequency / speed_of_light,
+            tx=tx,
+            rx=rx,
+            taper=window("hann", frequency.size, "taper"),
+            tx_weight=window(None, len(tx), "apodization"),
+            rx_weight=window(None, len(rx), "apodization"),
+            x=x,
+            y=y,
+            z=z,
+            monostatic=monostatic,
+        )
 
     @property
     def shape(self) -> tuple[int, int, int]:
