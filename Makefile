@@ -17,10 +17,10 @@ endif
 JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
-QUICK := focus fullwave raster looking touchstone
+QUICK := focus cost_model fullwave raster looking touchstone
 LONG := families calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
-.PHONY: help demo test test-quick test-nightly test-nojit lint bench bench-long docs clean
+.PHONY: help demo test test-quick test-timing test-nightly test-nojit lint bench bench-long docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -29,14 +29,17 @@ help: ## list the targets
 demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in demo/
 	$(VENV)/bin/mirrorfold demo --out demo
 
-test: $(READY) ## run all tests
-	$(PYTHON) -m pytest $(SHARED)
+test: $(READY) ## run all tests but those of measured times
+	$(PYTHON) -m pytest $(SHARED) -m "not timing"
+
+test-timing: $(READY) ## compare measured times, on an otherwise idle machine
+	$(PYTHON) -m pytest -m timing
 
 test-quick: $(READY) ## run the tests that take no more than a second each
-	$(PYTHON) -m pytest $(SHARED) -m "not slow"
+	$(PYTHON) -m pytest $(SHARED) -m "not slow and not timing"
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
-	$(PYTHON) -m pytest $(SHARED) --hypothesis-profile=nightly
+	$(PYTHON) -m pytest $(SHARED) -m "not timing" --hypothesis-profile=nightly
 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit

@@ -78,6 +78,7 @@ def test_whatever_is_chosen_is_predicted_to_be_no_slower_than_the_exact_kernel(n
 
 
 @pytest.mark.slow
+@pytest.mark.timing
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_whatever_is_chosen_is_measured_to_be_no_slower_than_the_exact_kernel(name):
     """Processor time of choice, plan, image and proof, against the exact kernel on a quarter of the pixels."""
@@ -160,6 +161,7 @@ def test_a_home_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.timing
 def test_costs_are_predicted(monkeypatch):
     """Of a dozen random geometries most are predicted within 40 %; `benchmarks/cost_model.py` prints sixty."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))

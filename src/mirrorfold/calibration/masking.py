@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
@@ -47,6 +48,10 @@ LARGEST_BAD_SHARE = 0.1
 
 FEWEST_CHANNELS = 8
 """In a single channel, echoes that fade against each other look like spurs, in frame after frame."""
+
+ENOUGH = {"frequencies": 100, "channels": 4000, "partners": 16}
+"""Of more than these, as many evenly spread ones are looked at: medians come out to a tenth of a decibel, profiles of
+noise flat to some percent."""
 
 CHANNEL_DIMENSIONS = ("frequency", "tx", "rx", "position", "azimuth", "elevation")
 """Of a sweep; along any other, such as `frame`, the same channels are measured again."""
@@ -112,19 +117,21 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     s = _by_frequency(sweep)
     count = s.shape[0]
     finite = np.isfinite(s)
-    per_frequency = finite.reshape(count, -1).mean(axis=1)
-    gap = per_frequency < 0.5
+    gap = finite.reshape(count, -1).mean(axis=1) < 0.5
     undefined = ~finite[~gap].all(axis=0)
-    s = np.where(finite, s, 0.0)
-    power = np.median(np.abs(s[~gap]) ** 2, axis=0) if not gap.all() else np.zeros(s.shape[1:])
+    if not finite.all():
+        s = np.where(finite, s, 0.0)
+    some = s[~gap][_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]
+    power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
     dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
     frequencies = gap | _spurs(s, gap, dead) if dead.size >= FEWEST_CHANNELS * frames else gap
-    s[frequencies] = 0.0
+    if frequencies.any():
+        s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
     clipped = np.zeros(s.shape[1:], dtype=int)
     for part in (np.abs(s.real), np.abs(s.imag)):
-        clipped += np.count_nonzero(part >= part.max(axis=0) * (1.0 - 1e-6), axis=0)
+        clipped += np.count_nonzero(part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0)
     saturated = ~dead & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
@@ -173,16 +180,23 @@ def _by_frequency(sweep: xr.Dataset) -> NDArray[np.complexfloating]:
     return np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
 
 
+def _spread(count: int, enough: int) -> NDArray[np.int64]:
+    """Indices of all of `count`, or of `enough` that are evenly spread."""
+    return np.linspace(0, count - 1, min(count, enough)).astype(np.int64)
+
+
 def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Channels (tx, rx) of elements whose range profile is flat while the others' is not."""
     if min(s.shape[1:]) < FEWEST_PARTNERS or s.shape[0] < 32:
         return np.zeros(s.shape[1:], dtype=bool)
-    profile = np.abs(np.fft.ifft(s, axis=0)) ** 2
-    level = profile.mean(axis=0)
-    profile = np.where(usable & (level > 0), profile / np.where(level > 0, level, 1.0), 0.0)
+    s = s[: scipy.fft.prev_fast_len(s.shape[0])]
     found = np.zeros(s.shape[1:], dtype=bool)
     for axis in (1, 2):
-        total = profile.sum(axis=3 - axis)
+        partners = _spread(s.shape[3 - axis], ENOUGH["partners"])
+        profile = np.abs(scipy.fft.ifft(s.take(partners, axis=3 - axis), axis=0)) ** 2
+        level = profile.mean(axis=0)
+        weight = usable.take(partners, axis=2 - axis) & (level > 0)
+        total = (profile * (weight / np.where(level > 0, level, 1.0))).sum(axis=3 - axis)
         mean = total.mean(axis=0)
         flatness = np.where(mean > 0, np.median(total, axis=0) / np.where(mean > 0, mean, 1.0), 0.0)
         if np.median(flatness) < ECHO_FLATNESS:
@@ -192,10 +206,11 @@ def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -
 
 def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], dead: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Frequencies that step out of their neighbours, in the median over the channels."""
-    good = s[:, ~dead].reshape(s.shape[0], -1)
-    if s.shape[0] < 2 * NEIGHBOURS or good.shape[1] == 0 or gap.all():
+    good = np.flatnonzero(~dead)
+    if s.shape[0] < 2 * NEIGHBOURS or not good.size or gap.all():
         return np.zeros(s.shape[0], dtype=bool)
-    power = np.median(np.abs(good) ** 2, axis=1)
+    some = good[_spread(good.size, ENOUGH["channels"])]
+    power = np.median(np.abs(s.reshape(s.shape[0], -1)[:, some]) ** 2, axis=1)
     smallest = max(1e-12 * float(np.median(power)), np.finfo(float).tiny)
     level = 10.0 * np.log10(np.maximum(power, smallest))
     level[gap] = np.median(level[~gap])

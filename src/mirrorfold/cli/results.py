@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,10 +93,19 @@ def write_results(
     reconstruction: xr.DataTree, directory: Path, scene: Any = None, plan: FloorPlan | None = None
 ) -> list[str]:
     """Write a reconstruction and its pictures, of a recording those of its first frame; returns the files' names."""
+    save = mf.save  # imported now: two threads must not import at once
+    with ThreadPoolExecutor(1) as beside:
+        saved = beside.submit(save, reconstruction, directory / RECONSTRUCTION)
+        names = _write_pictures(reconstruction, directory, scene, plan)
+        saved.result()
+    return [RECONSTRUCTION, *names, REPORT]
+
+
+def _write_pictures(reconstruction: xr.DataTree, directory: Path, scene: Any, plan: FloorPlan | None) -> list[str]:
+    """The report and the pictures; returns the names of the pictures."""
     from mirrorfold.folding.frames import frame_count
 
-    mf.save(reconstruction, directory / RECONSTRUCTION)
-    names = [RECONSTRUCTION, PICTURE]
+    names = [PICTURE]
     if frame_count(reconstruction) is not None:
         figure: Any = mf.plot.frames(reconstruction).figure
         figure.savefig(directory / FRAMES, bbox_inches="tight")
@@ -103,14 +113,13 @@ def write_results(
         reconstruction = mf.pick_frame(reconstruction, 0)
         reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
     mf.report(reconstruction, directory / REPORT, scene=scene, plan=plan)
+    mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
     if "z" not in reconstruction.children["objects"].variables:
-        mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
-        return [*names, REPORT]
+        return names
     from mirrorfold.plotting import volumes as plot_volume
 
-    mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
-    names += [SPACE, REPORT]
+    names.append(SPACE)
     if plot_volume.has_body(reconstruction):
         plot_volume.body(reconstruction).savefig(directory / BODY)
         names.append(BODY)

@@ -20,9 +20,11 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
+from mirrorfold.focusing.phasor import unit_phasor
 from mirrorfold.sweep import antenna_positions, wavenumber
 
 Complex = NDArray[np.complex64]
+Single = NDArray[np.float32]
 
 SMALLEST_RATIO = 0.5
 """True echoes have ratios near one, mixed ones far below a half."""
@@ -58,28 +60,36 @@ def _send(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _listen(
-    field: Complex, k0: float, dk: float, rx: Array, point: Array, reach: Array, level: Array, first: int, last: int
-) -> None:
-    """``level[p, j] = |sum_b,k field[p, b, k] exp(j (k0 + b dk) (|point[p, j] - rx[k]| - reach[p]))|``.
+    re: Single, im: Single, k0: float, dk: float, rx: Array, point: Array, reach: Array, level: Array, first: int,
+    last: int,
+) -> None:  # fmt: skip
+    """``level[p, j] = |sum_b,k (re + j im)[p, b, k] exp(j (k0 + b dk) (|point[p, j] - rx[k]| - reach[p]))|``.
 
     Points p from the first up to, and without, the last; directions j, groups of frequencies b, receivers k; places in
     x, y and z [m].
     """
-    groups, antennas = field.shape[1:]
+    groups, antennas = re.shape[1:]
+    per_turn = 0.5 / np.pi
+    cos, sin = np.empty(antennas, np.float32), np.empty(antennas, np.float32)
+    cos_turn, sin_turn = np.empty(antennas, np.float32), np.empty(antennas, np.float32)
     for p in range(first, last):
         for j in range(point.shape[1]):
-            total = 0.0 + 0.0j
             for k in range(antennas):
                 x = point[p, j, 0] - rx[k, 0]
                 y = point[p, j, 1] - rx[k, 1]
                 z = point[p, j, 2] - rx[k, 2]
-                path = np.sqrt(x * x + y * y + z * z) - reach[p]
-                turn = complex(np.cos(dk * path), np.sin(dk * path))
-                value = complex(np.cos(k0 * path), np.sin(k0 * path))
-                for b in range(groups):
-                    total += field[p, b, k] * value
-                    value *= turn
-            level[p, j] = abs(total)
+                path = per_turn * (np.sqrt(x * x + y * y + z * z) - reach[p])
+                cos[k], sin[k] = unit_phasor(k0 * path)
+                cos_turn[k], sin_turn[k] = unit_phasor(dk * path)
+            total_re, total_im = np.float32(0.0), np.float32(0.0)
+            for b in range(groups):
+                for k in range(antennas):
+                    c, s = cos[k], sin[k]
+                    total_re += re[p, b, k] * c - im[p, b, k] * s
+                    total_im += re[p, b, k] * s + im[p, b, k] * c
+                    cos[k] = c * cos_turn[k] - s * sin_turn[k]
+                    sin[k] = c * sin_turn[k] + s * cos_turn[k]
+            level[p, j] = np.sqrt(total_re * total_re + total_im * total_im)
 
 
 class _Aperture(NamedTuple):
@@ -181,7 +191,8 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
         level = np.empty(directions.shape)
         # Each group counts with its middle frequency.
         k_middle = float(k[0]) + 0.5 * (size - 1) * dk
-        in_shares(_listen, r.size, np.ascontiguousarray(field), k_middle, size * dk, rx.position, where, r, level)
+        parts = np.ascontiguousarray(field.real), np.ascontiguousarray(field.imag)
+        in_shares(_listen, r.size, *parts, k_middle, size * dk, rx.position, where, r, level)
         ratio[part] = level[:, -1] / np.maximum(level.max(axis=1), np.finfo(float).tiny)
     return ratio
 
