@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -45,16 +44,17 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import assign_echoes
-from mirrorfold.tree.directions import of_mixed_paths
+from mirrorfold.tree.directions import Known, of_mixed_paths
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order, order_mirrors
+from mirrorfold.tree.wrapped import of_wrapped_paths
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
 
 GHOST_CELLS = 0.5
-"""An echo this close, in resolution cells, to a known ghost of mixed paths is that ghost."""
+"""An echo this close, in resolution cells, to a known ghost, as of mixed paths, is that ghost."""
 
 
 @takes(FocusSettings, FoldSettings)
@@ -184,7 +184,7 @@ class FoldPlan:
         self._views: dict[str | None, View] = {}
         self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
         self._walls: tuple[FoldSettings, tuple[Echoes, Mask]] | None = None
-        self._ratios: dict[str, dict[tuple[float, float], float]] = {}
+        self._tested: dict[tuple[str, str], Known] = {}
 
     @takes(FoldSettings)
     def fold(
@@ -235,8 +235,8 @@ class FoldPlan:
             mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
         if mirrors is not None and settings.opaque:
             echoes, walls = self._shown_walls(view, echoes, settings)
-        mixed_paths = self._mixed_paths(view, settings)
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, mixed_paths=mixed_paths)
+        misplaced = self._misplaced(view, settings)
+        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, misplaced=misplaced)
         report(2, 3)
         mixed = np.concatenate([self._ghosts, found.mixed]) if view.dimensions == 2 else found.mixed
         points = fold_back(found.tree)
@@ -266,16 +266,23 @@ class FoldPlan:
             self._walls = settings, shown_walls(view, echoes, settings)
         return self._walls[1]
 
-    def _mixed_paths(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
-        """The test for mixed paths, where the sweep is there to tell."""
-        if self._sweep is None or settings.published or not isinstance(view, ImageView):
+    def _misplaced(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
+        """The tests for mixed paths and for echoes from beyond the ambiguous range, where there is a sweep to tell."""
+        sweep = self._sweep
+        if sweep is None or settings.published or not isinstance(view, ImageView):
             return None
-        known = self._ratios.setdefault(view.normalization, {})
-        return partial(of_mixed_paths, sweep=self._sweep, view=view, known=known)
+        mixed, wrapped = (self._tested.setdefault((view.normalization, name), {}) for name in ("mixed", "wrapped"))
+
+        def misplaced(echoes: Echoes) -> Mask:
+            late = of_wrapped_paths(echoes, sweep, view, wrapped)
+            late[~late] = of_mixed_paths(echoes.take(~late), sweep, view, mixed)
+            return late
+
+        return misplaced
 
 
 class Found(NamedTuple):
-    """What steps 2 to 4 find: echoes without those of mixed paths, and where these stood, (n, d) [m]."""
+    """What steps 2 to 4 find: echoes without those from elsewhere, and where these stood, (n, d) [m]."""
 
     echoes: Echoes
     tree: MirrorTree
@@ -290,7 +297,7 @@ def find_tree(
     *,
     known: Array | None = None,
     walls: Mask | None = None,
-    mixed_paths: Callable[[Echoes], Mask] | None = None,
+    misplaced: Callable[[Echoes], Mask] | None = None,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -304,19 +311,19 @@ def find_tree(
         Mirrors in the place of those found, see `find_mirrors`.
     walls : (n,) bool array, optional
         With known mirrors: which echoes are those of walls, see `shown_walls`.
-    mixed_paths : callable, optional
-        Tells which echoes are ghosts of mixed paths. What stands behind one comes into view when it is left out, and is
-        tested in its turn.
+    misplaced : callable, optional
+        Tells which echoes come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
+        one comes into view when it is left out, and is tested in its turn.
     """
     mixed = np.empty((0, view.dimensions))
     trusted = np.zeros(len(echoes), dtype=bool)
     while True:
         seen, tree, sight = _settled(view, echoes, settings, known, walls)
         new = ~trusted & sight.clear(echoes)
-        if mixed_paths is None or not new.any():
+        if misplaced is None or not new.any():
             return Found(seen, tree, sight, mixed)
         ghost = np.zeros_like(new)
-        ghost[new] = mixed_paths(echoes.take(new))
+        ghost[new] = misplaced(echoes.take(new))
         if not ghost.any():
             return Found(seen, tree, sight, mixed)
         mixed = np.concatenate([mixed, echoes.position[ghost]])

@@ -15,8 +15,8 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.diagnosis import diagnose
 from mirrorfold.diagnosis.direct import direct_findings
-from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
 from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.sweep.pairs import on_a_line, pairs_of
 
 MISTAKES = {
     "none": (),

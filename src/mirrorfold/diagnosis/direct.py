@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.pairs import Pairs
-from mirrorfold.diagnosis.wavefronts import profiles
+from mirrorfold.focusing.coherence import profiles
+from mirrorfold.sweep.pairs import Pairs
 
 LEAST_SPREAD = 1.0
 """Range cells over which the distances of antennas must spread, between their quartiles."""

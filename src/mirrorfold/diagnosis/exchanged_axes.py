@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mirrorfold.calibration.repairs import swap_axes
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.pairs import on_a_line, pairs_of
 from mirrorfold.diagnosis.physics import IN_PHASE, in_phase
 from mirrorfold.diagnosis.wavefronts import wavefronts
 from mirrorfold.sweep import antenna_positions
+from mirrorfold.sweep.pairs import on_a_line, pairs_of
 
 FEWEST = 8
 """Samples along an axis, below which nothing is judged."""

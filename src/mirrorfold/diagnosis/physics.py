@@ -11,10 +11,10 @@ from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
-from mirrorfold.diagnosis.pairs import Pairs, on_a_line, pairs_of
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
 from mirrorfold.sweep import doubts, wave_speed
+from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 COARSE_PITCH = 15.0
 """Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""

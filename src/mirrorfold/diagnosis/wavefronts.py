@@ -26,16 +26,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import hann
-from mirrorfold.diagnosis.pairs import Pairs
-from mirrorfold.focusing.phasor import unit_phasor
-
-Complex64 = NDArray[np.complex64]
+from mirrorfold.focusing.coherence import OVERSAMPLING, Complex64, coherence, profiles, windows
+from mirrorfold.sweep.pairs import Pairs
 
 PAIRS = (300, 600)
 """Fewest and most pairs that are looked at, a random choice: an echo stands out of their incoherent sum by this."""
@@ -50,9 +46,6 @@ MOST_DIRECTIONS = 1500
 GATES = 128
 FEWEST_GATES = 10
 """Largest number of range bins that are looked at, and the number below which pairs are saved instead."""
-
-OVERSAMPLING = 4
-"""Points of the range profile in a cell, between which it is linear to a few percent."""
 
 NEAREST = (0.3, 0.05)
 """Distance of the strongest curvature looked for: the smaller of a length [m] and a share of the ambiguous range, or
@@ -145,37 +138,27 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, GATES)))
     if gate.size < 2:
         return None
-    windows = _windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
+    around = windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     arrangements = [(pairs.tx, pairs.rx), (pairs.rx, pairs.tx)][: 2 if exchange else 1]
-    coherence = np.zeros((len(arrangements), 2, curvature.size, gate.size))
+    found = np.zeros((len(arrangements), 2, curvature.size, gate.size))
 
     def look(task: tuple[int, int, int]) -> None:
         n, m, at = task
         for flat in (False, True):
-            _coherence(
-                *(windows, step, (1.0, -1.0)[m], flat, *arrangements[n], tx_of, rx_of, centre, u),
-                *(curvature[at], along, ahead, coherence[task]),
+            coherence(
+                *(around, step, (1.0, -1.0)[m], flat, *arrangements[n], tx_of, rx_of, centre, u),
+                *(curvature[at], along, ahead, found[task]),
             )
 
-    for_each(look, np.ndindex(*coherence.shape[:3]))
+    for_each(look, np.ndindex(*found.shape[:3]))
     return Wavefronts(
         range=np.asarray(0.5 * step * gate),
         curvature=curvature,
-        coherence=coherence.swapaxes(2, 3),
+        coherence=found.swapaxes(2, 3),
         pairs=chosen.size,
         ambiguous_range=0.5 * profile.shape[1] * step,
     )
-
-
-def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
-    """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
-    count = wavenumber.size
-    taper = hann(count)[:, None].astype(np.float32)
-    profile = np.fft.ifft((s * taper).T, OVERSAMPLING * count, axis=1)
-    step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / (OVERSAMPLING * count)
-    carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(OVERSAMPLING * count))
-    return (profile * carrier).astype(np.complex64), float(step)
 
 
 def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
@@ -191,89 +174,3 @@ def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
     loud = loud[np.argsort(power[loud])[::-1]]
     direct = np.count_nonzero(power[loud] > power.max() * 10.0 ** (-DIRECT_DB / 10.0))
     return np.sort(loud[: min(most, max(direct, FEWEST_GATES))])
-
-
-def _windows(
-    profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float
-) -> NDArray[np.float32]:
-    """Pieces of the profiles around the gates, unwrapped around the ambiguous range: (pairs, 2 half + 1, 2, gates).
-
-    The third axis holds real and imaginary parts, so that all gates are worked on side by side.
-    """
-    size = profile.shape[1]
-    index = np.arange(-half, half + 1)[:, None] + gate
-    turn = np.exp(-1j * carrier * size * step * np.floor_divide(index, size))
-    pieces = profile[:, index % size] * turn
-    return np.ascontiguousarray(np.stack([pieces.real, pieces.imag], axis=2), dtype=np.float32)
-
-
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True, inline="always")
-def _change(along: float, curvature: float) -> float:
-    """``(sqrt(1 + q a) - 1) / q``, exact for q = 0 too."""
-    return along / (np.sqrt(max(1.0 + curvature * along, 0.0)) + 1.0)
-
-
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
-def _lengthen(
-    tx: Array, rx: Array, tx_of: NDArray[np.int64], rx_of: NDArray[np.int64], direction: Array, q: float, flat: bool,
-    out: Array,
-) -> None:  # fmt: skip
-    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of a point or a flat face in a direction."""
-    for p in range(out.size):
-        a, b = tx[tx_of[p]], rx[rx_of[p]]
-        a_ahead = a[0] * direction[0] + a[1] * direction[1] + a[2] * direction[2]
-        b_ahead = b[0] * direction[0] + b[1] * direction[1] + b[2] * direction[2]
-        if flat:
-            apart = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
-            out[p] = 2.0 * _change(q * (a_ahead * b_ahead + 0.25 * apart) - a_ahead - b_ahead, q)
-        else:
-            a_square = a[0] ** 2 + a[1] ** 2 + a[2] ** 2
-            b_square = b[0] ** 2 + b[1] ** 2 + b[2] ** 2
-            out[p] = _change(q * a_square - 2.0 * a_ahead, q) + _change(q * b_square - 2.0 * b_ahead, q)
-
-
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
-def _add_up(
-    windows: NDArray[np.float32], cell: NDArray[np.int64], rest: NDArray[np.float32], cos: NDArray[np.float32],
-    sin: NDArray[np.float32], total: NDArray[np.float32],
-) -> None:  # fmt: skip
-    """Add ``w exp(j ...)`` and ``|w|^2`` of all pairs, each w between two cells of its window, to (3, gates)."""
-    for p in range(cell.size):
-        here, beyond, share, c, s = windows[p, cell[p]], windows[p, cell[p] + 1], rest[p], cos[p], sin[p]
-        for g in range(total.shape[1]):
-            re = here[0, g] + share * (beyond[0, g] - here[0, g])
-            im = here[1, g] + share * (beyond[1, g] - here[1, g])
-            total[0, g] += re * c - im * s
-            total[1, g] += re * s + im * c
-            total[2, g] += re * re + im * im
-
-
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
-def _coherence(
-    windows: NDArray[np.float32], step: float, shift: float, flat: bool, tx: Array, rx: Array, tx_of: NDArray[np.int64],
-    rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,
-    out: Array,
-) -> None:  # fmt: skip
-    """Raise out (gates,) to the largest ``|sum y|^2 / (n sum |y|^2)``, ``y = w(L + shift D) exp(j k_c D)``, over u.
-
-    D is how much longer the path is than 2 rho, by way of a point or of a flat face in the direction u, at the distance
-    rho = 1 / q. A contracting wave is the time reversal of one from the opposite side.
-    """
-    pairs, size, _, gates = windows.shape
-    middle = size // 2
-    sign = 1.0 if curvature >= 0.0 else -1.0
-    longer, cell, rest = np.empty(pairs), np.empty(pairs, np.int64), np.empty(pairs, np.float32)
-    cos, sin = np.empty(pairs, np.float32), np.empty(pairs, np.float32)
-    for u in sign * directions:
-        direction = u * along + np.sqrt(1.0 - u * u) * ahead
-        _lengthen(tx, rx, tx_of, rx_of, direction, abs(curvature), flat, longer)
-        for p in range(pairs):
-            at = shift * sign * longer[p] / step + middle
-            cell[p] = int(min(max(np.floor(at), 0.0), size - 2.0))
-            rest[p] = at - cell[p]
-            cos[p], sin[p] = unit_phasor(sign * centre / (2.0 * np.pi) * longer[p])
-        total = np.zeros((3, gates), np.float32)
-        _add_up(windows, cell, rest, cos, sin, total)
-        for g in range(gates):
-            if total[2, g] > 0.0:
-                out[g] = max(out[g], (total[0, g] ** 2 + total[1, g] ** 2) / (pairs * total[2, g]))

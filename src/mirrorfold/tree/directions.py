@@ -8,6 +8,8 @@ another direction than that of the point.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numba
@@ -25,6 +27,7 @@ from mirrorfold.sweep import antenna_positions, wavenumber
 
 Complex = NDArray[np.complex64]
 Single = NDArray[np.float32]
+Known = dict[tuple[float, float], float]
 
 SMALLEST_RATIO = 0.5
 """True echoes have ratios near one, mixed ones far below a half."""
@@ -197,18 +200,24 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     return ratio
 
 
-def of_mixed_paths(
-    echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: dict[tuple[float, float], float] | None = None
-) -> Mask:
+def of_mixed_paths(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Mask:
     """Which echoes of a view arrive from another direction than they left in, (n,).
 
-    Each resolution cell is tested once, at its brightest echo. Where all transmitters, or all receivers, stand at one
-    place, directions cannot be told and no echo is called mixed. `known` holds ratios by range [m] and u from earlier
-    calls; those measured now are added.
+    Where all transmitters, or all receivers, stand at one place, directions cannot be told and no echo is called mixed.
+    """
+    if min(side.places for side in _apertures(sweep)) < 2:
+        return np.zeros(len(echoes), dtype=bool)
+    return once_a_cell(partial(direction_ratio, sweep, view), echoes, view, known) < SMALLEST_RATIO
+
+
+def once_a_cell(
+    measure: Callable[[Array, Array], Array], echoes: Echoes, view: ImageView, known: Known | None = None
+) -> Array:
+    """What `measure` says of ranges [m] and u, (n,) each: once for each resolution cell, at its brightest echo, (n,).
+
+    `known` holds values by range and u from earlier calls; those measured now are added.
     """
     known = {} if known is None else known
-    if not echoes.range.size or min(side.places for side in _apertures(sweep)) < 2:
-        return np.zeros(echoes.range.size, dtype=bool)
     _, u = view.to_polar(echoes.position)
     cells = view.in_cells(echoes.position).T.astype(np.intp)
     _, cell = np.unique(cells, axis=1, return_inverse=True)
@@ -218,7 +227,6 @@ def of_mixed_paths(
     where = list(zip(echoes.range[brightest].tolist(), u[brightest].tolist(), strict=True))
     new = brightest[[place not in known for place in where]]
     if new.size:
-        measured = direction_ratio(sweep, view, echoes.range[new], u[new])
+        measured = measure(echoes.range[new], u[new])
         known.update(zip(zip(echoes.range[new].tolist(), u[new].tolist(), strict=True), measured, strict=True))
-    ratio = np.array([known[place] for place in where])
-    return np.asarray(ratio[cell] < SMALLEST_RATIO)
+    return np.array([known[place] for place in where])[cell]

@@ -1,0 +1,84 @@
+"""Echoes from beyond the ambiguous range, told by the curvature of their waves.
+
+Equal steps of frequency cannot tell the range r of an echo from r + P, P the ambiguous range: a late echo stands in the
+image before the radar, where nothing is. Its waves give it away. What the distance between transmitter and receiver
+adds to the path, ``(x_i - x_k)^2 / 4 rho`` for anything at the distance rho, must fit to where it stands.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
+from mirrorfold.focusing.coherence import coherence, profiles, windows
+from mirrorfold.sweep.pairs import pairs_of
+from mirrorfold.tree.directions import Known, once_a_cell
+
+PAIRS = 1000
+"""Pairs that are looked at, a random choice: what stands elsewhere at the same range is suppressed by this."""
+
+LARGEST_RATIO = 1.15
+"""Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
+from there fit several times better. Far away, where waves are flat either way, both fit alike."""
+
+DIRECTION_STEP = 0.5
+"""From one direction to the next, in resolution cells of the array."""
+
+
+def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """How much better echoes at ranges [m] and u, (n,) each, fit to waves from one ambiguous range farther, (n,).
+
+    The ratio of two coherences, see `mirrorfold.focusing.coherence`, each the largest over the directions into which an
+    echo spreads that is focused at the wrong distance, and over points and flat faces.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        Of pairs, s(frequency, tx, rx).
+    view : ImageView
+    range_, u : (n,) arrays
+    """
+    pairs = pairs_of(sweep)
+    chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[:PAIRS]
+    tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
+    profile, step = profiles(pairs.s[:, chosen], pairs.wavenumber)
+    period = 0.5 * profile.shape[1] * step
+    centre = float(pairs.wavenumber.mean())
+    along, ahead = (np.append(axis, 0.0) for axis in (view.along, view.broadside))
+    places = np.concatenate([pairs.tx, pairs.rx])
+    reach = float(np.linalg.norm(places, axis=1).max())
+    cell = np.pi / (centre * max(float(np.ptp(places @ along)), 1e-9))
+    half = int(np.ceil(2.0 * reach / step)) + 2
+    ratio = np.ones(range_.size)
+
+    def look(n: int) -> None:
+        r = float(range_[n])
+        gate = np.array([round(2.0 * r / step)])
+        around = windows(profile, gate, half, centre - float(pairs.wavenumber[0]), step)
+        spread = reach * (1.0 / r - 1.0 / (r + period)) + cell
+        count = int(np.ceil(2.0 * spread / (DIRECTION_STEP * cell)))
+        directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
+        fits = np.zeros((2, 1))
+        for found, distance in zip(fits, (r, r + period), strict=True):
+            for flat in (False, True):
+                coherence(
+                    *(around, step, 1.0, flat, pairs.tx, pairs.rx, tx_of, rx_of, centre, directions),
+                    *(1.0 / distance, along, ahead, found),
+                )
+        ratio[n] = fits[1, 0] / max(fits[0, 0], np.finfo(float).tiny)
+
+    for_each(look, range(range_.size))
+    return ratio
+
+
+def of_wrapped_paths(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Mask:
+    """Which echoes of a view come from one ambiguous range farther away than they stand, (n,)."""
+    if sweep.sizes["frequency"] < 2:
+        return np.zeros(len(echoes), dtype=bool)
+    return once_a_cell(partial(wrapping_ratio, sweep, view), echoes, view, known) > LARGEST_RATIO

@@ -1,0 +1,87 @@
+"""Echoes from beyond the ambiguous range, told by the curvature of their waves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from scipy.constants import speed_of_light
+from scipy.spatial.distance import cdist
+
+import mirrorfold as mf
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.tree.wrapped import LARGEST_RATIO, wrapping_ratio
+
+ELEMENTS = 113
+BAND = np.linspace(116e9, 128e9, 97)
+PERIOD = 0.5 * speed_of_light / (BAND[1] - BAND[0])
+"""The ambiguous range [m]: 1.2 m."""
+
+
+def array(behind=0.0):
+    position = np.zeros((ELEMENTS, 3))
+    position[:, 0] = 1.25e-3 * (np.arange(ELEMENTS) - 0.5 * (ELEMENTS - 1))
+    position[:, 1] = -behind
+    return position
+
+
+def sweep_of(paths, tx, rx):
+    """The sum of echoes whose paths (tx, rx) [m] are given."""
+    k = 2.0 * np.pi * BAND / speed_of_light
+    s = sum(np.exp(-1j * k[:, None, None] * path) for path in paths)
+    return mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
+
+
+def point(range_, u, tx, rx):
+    """Out to a point and back."""
+    place = range_ * np.array([[u, np.sqrt(1.0 - u**2), 0.0]])
+    return cdist(tx, place) + cdist(rx, place).T
+
+
+def face(range_, u, tx, rx):
+    """From the mirror image of each transmitter in a flat face whose normal points at the radar."""
+    normal = np.array([u, np.sqrt(1.0 - u**2), 0.0])
+    return cdist(tx + 2.0 * (range_ - tx @ normal)[:, None] * normal, rx)
+
+
+def view_of(tx, rx):
+    """The radar's view with the arrays along x; only its axes count."""
+    radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))[:2]
+    axes, cells = (np.linspace(0.2, 1.1, 10), np.linspace(-0.9, 0.9, 10)), (0.0125, 0.01)
+    return ImageView(radar, *np.eye(2), *axes, np.zeros((10, 10)), 1.0, *cells, 60.0, 60.0)
+
+
+@pytest.mark.parametrize("shape", [point, face])
+@pytest.mark.parametrize("behind", [0.0, 0.02])
+@pytest.mark.parametrize("range_", [0.35, 0.6])
+@pytest.mark.parametrize("u", [-0.3, 0.1])
+def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_, u):
+    """Points and flat faces, near ones and those from one ambiguous range farther away."""
+    tx, rx = array(), array(behind)
+    view = view_of(tx, rx)
+    for far in (False, True):
+        sweep = sweep_of([shape(range_ + far * PERIOD, u, tx, rx)], tx, rx)
+        ratio = wrapping_ratio(sweep, view, np.array([range_]), np.array([u]))
+        assert ratio[0] > 2.0 if far else ratio[0] < 0.6
+
+
+@pytest.mark.slow
+def test_a_late_echo_is_left_out_and_a_near_one_stays():
+    tx = rx = array()
+    sweep = sweep_of([point(0.5, -0.2, tx, rx), point(0.6 + PERIOD, 0.3, tx, rx)], tx, rx)
+    image = mf.focus(sweep, x=np.linspace(-0.5, 0.5, 251), y=np.linspace(0.2, 0.9, 176))
+    with_sweep, alone = (FoldPlan(image, sweep=known).fold()["objects"].dataset for known in (sweep, None))
+    assert (alone["x"].values > 0.1).any()
+    np.testing.assert_allclose(with_sweep["x"], -0.1, atol=0.01)
+    assert with_sweep.sizes["point"]
+
+
+def test_waves_that_are_flat_either_way_prove_nothing():
+    """Far away a short array cannot tell one distance from twice as much."""
+    tx = rx = array()[48:65]
+    sweep = sweep_of([point(1.1 + PERIOD, 0.1, tx, rx)], tx, rx)
+    view = view_of(tx, rx)
+    ratio = wrapping_ratio(sweep, view, np.array([1.1]), np.array([0.1]))
+    assert 1.0 < ratio[0] < LARGEST_RATIO
+    assert_array_equal(wrapping_ratio(sweep, view, np.zeros(0), np.zeros(0)), [])
