@@ -16,8 +16,6 @@ from mirrorfold.tree.directions import (
     PHASE_SPREAD,
     SMALLEST_RATIO,
     _Aperture,
-    _listen,
-    _send,
     direction_ratio,
     of_mixed_paths,
 )
@@ -210,38 +208,6 @@ def test_elements_at_one_place_share_its_weight():
     assert_allclose(_Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
 
 
-def plain_and_compiled(kernel):
-    """The kernel as it runs, and the Python that it was compiled from (the same where the JIT is off)."""
-    return {id(f): f for f in (kernel, getattr(kernel, "py_func", kernel))}.values()
-
-
-def test_sending_kernel_equals_the_formula():
-    random = np.random.default_rng(0)
-    path, weight, taper = random.uniform(0.4, 0.9, (3, 4)), random.random(4), random.random(9)
-    k0, dk = 6100.0, 3.5
-    k = k0 + dk * np.arange(9)
-    expected = taper[:, None, None] * weight[:, None] * np.exp(1j * k[:, None, None] * path.T)
-    for kernel in plain_and_compiled(_send):
-        phasor = np.full((9, 4, 3), np.nan, dtype=np.complex64)
-        kernel(k0, dk, weight, taper, path, phasor, 0, 4)
-        assert_allclose(phasor, expected, atol=2e-7)
-
-
-def test_listening_kernel_equals_the_formula():
-    random = np.random.default_rng(1)
-    field = (random.standard_normal((2, 5, 6)) + 1j * random.standard_normal((2, 5, 6))).astype(np.complex64)
-    rx, point = random.uniform(-0.1, 0.1, (6, 3)), random.uniform(0.5, 1.5, (2, 4, 3))
-    reach, k0, dk = np.array([0.9, 1.3]), 6100.0, 3.5
-    k = k0 + dk * np.arange(5)
-    path = np.linalg.norm(point[:, :, None] - rx, axis=-1) - reach[:, None, None]
-    expected = np.abs(np.einsum("pbk,pjkb->pj", field.astype(complex), np.exp(1j * path[..., None] * k)))
-    for kernel in plain_and_compiled(_listen):
-        level = np.full((2, 4), np.nan)
-        kernel(field, k0, dk, rx, point, reach, level, 0, 2)
-        # Plain Python adds the single-precision samples in single precision.
-        assert_allclose(level, expected, rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("spread", "error"),
     [
@@ -251,7 +217,7 @@ def test_listening_kernel_equals_the_formula():
     ],
 )
 def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
-    """The kernels, the groups of frequencies and the weights, against a plain float64 double sum."""
+    """The phases, the groups of frequencies and the weights, against a plain float64 double sum."""
     monkeypatch.setattr(directions, "PHASE_SPREAD", spread)
     tx, rx = line(21), line(31, middle=(0.0, 0.0, 0.01))
     random = np.random.default_rng(2)
