@@ -52,24 +52,22 @@ class View(ABC):
 
     @property
     @abstractmethod
+    def axes(self) -> tuple[Array, ...]:
+        """Angles [rad] of the lines of sight, uniform along each axis, of which the last varies fastest: u, the sine of
+        the angle off broadside, of an image; azimuth and elevation of a volume."""
+
+    @property
+    @abstractmethod
     def sight(self) -> Array:
         """Unit vectors of all lines of sight, (n, d)."""
 
     @abstractmethod
-    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
-        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their angles as in `axes`, (..., axes); NaN where there are none."""
 
     @abstractmethod
-    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it, each (pairs,)."""
-
-    @abstractmethod
-    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
-        """Directions to all sides of each point, so far away that its beam still reaches over."""
-
-    @abstractmethod
-    def in_cells(self, points: Array) -> Array:
-        """Coordinates of points (n, d) in units of the resolution cell, (n, d)."""
+    def width(self, range_: Array | float) -> Array:
+        """Width of a line of sight [m] at ranges [m]: of the resolution cell of an image, or the radius of a beam."""
 
     @abstractmethod
     def cell(self, range_: Array | float) -> Array:
@@ -87,18 +85,66 @@ class View(ABC):
         """How far [m] behind the first echo of an object others may be the object's own, at that range."""
 
     @abstractmethod
-    def looks_at(self, echoes: Echoes) -> Mask:
-        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+    def beside_steps(self, range_: Array) -> Index:
+        """How many directions away, at ranges [m], a beam still reaches over."""
 
     @property
-    @abstractmethod
     def covered_angle(self) -> float:
         """How far [rad] to either side of its own direction an object hides what is behind it."""
+        return 0.0
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+        return np.ones(len(self.sight), dtype=bool)
 
     @property
-    @abstractmethod
-    def cross_angle(self) -> float:
-        """Angle [rad] that the radar resolves."""
+    def shape(self) -> tuple[int, ...]:
+        """Number of directions along each axis."""
+        return tuple(axis.size for axis in self.axes)
+
+    @property
+    def steps(self) -> Array:
+        """Angle [rad] from one direction to the next along each axis."""
+        return np.array([(axis[-1] - axis[0]) / (axis.size - 1) for axis in self.axes])
+
+    def indices(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their place along each axis in steps, (..., axes)."""
+        range_, angles = self.angles(points)
+        return range_, (angles - [axis[0] for axis in self.axes]) / self.steps
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+        range_, place = self.indices(points)
+        at = np.rint(np.nan_to_num(place, nan=-9.0)).astype(np.intp)
+        inside = np.all((at >= 0) & (at < self.shape), axis=-1) & (range_ >= self.range[0])
+        return range_, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), self.shape, mode="clip"), inside
+
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it along each axis, or
+        nearest to it, each (pairs,)."""
+        _, place = self.indices(points)
+        row, direction = np.arange(len(points)), np.zeros(len(points), dtype=np.intp)
+        for at, step, size in zip(place.T, self.steps, self.shape, strict=True):
+            reach = np.maximum(np.asarray(aside) / step, 0.5)
+            first, last = (np.clip(np.ceil(edge), 0, size).astype(np.intp) for edge in (at - reach, at + reach))
+            count = (last - first)[row]
+            begin = np.repeat(np.cumsum(count) - count - first[row], count)
+            row, direction = np.repeat(row, count), np.repeat(direction * size, count) + np.arange(count.sum()) - begin
+        return row, direction
+
+    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
+        """Directions to all sides of each point, so far away that its beam still reaches over."""
+        at, step = np.array(np.unravel_index(direction, self.shape)), self.beside_steps(range_)
+        moves = [side * axis for axis in np.eye(len(self.shape), dtype=np.intp) for side in (-1, 1)]
+        return tuple(
+            np.ravel_multi_index(tuple(at + np.multiply.outer(move, step)), self.shape, mode="clip") for move in moves
+        )
+
+    def in_cells(self, points: Array) -> Array:
+        """Range and angles of points (n, d) in units of the range cell and of the width of a line of sight, (n, d)."""
+        range_, angles = self.angles(points)
+        angle = self.width(range_) / np.maximum(range_, self.dr)
+        return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
 
     @property
     def dimensions(self) -> int:

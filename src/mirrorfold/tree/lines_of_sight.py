@@ -164,7 +164,7 @@ class LinesOfSight:
         range_ = np.concatenate([direct.range, nearest[met]])
         empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)
         margin = OPEN_CELLS * self.view.cell(range_)
-        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.cross_angle))
+        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.steps.mean()))
         np.minimum.at(empty, direction, (range_ - margin)[row])
         return empty
 
