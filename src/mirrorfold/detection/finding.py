@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
@@ -96,7 +97,8 @@ def find_mirrors(
         return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
     find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
-    return find(echoes, view, minimum_length=length, tested=tested)
+    with one_thread():
+        return find(echoes, view, minimum_length=length, tested=tested)
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:

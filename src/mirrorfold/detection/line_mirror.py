@@ -80,9 +80,9 @@ class LineMirror(Mirror):
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
-        extent, half = view.extents(echoes.position), 0.5 * self.length
-        beside = np.abs(self.along(echoes.position) - half) <= half + extent(self.direction)
-        return beside, beside.copy(), extent(self.normal)
+        along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
+        beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
+        return beside, beside.copy(), across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
         """A row along it, without its ends.

@@ -160,20 +160,20 @@ class View(ABC):
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
-    def extents(self, points: Array) -> Callable[[Array], Array]:
-        """What tells the `extent` at points (n, d) of any unit vectors."""
-        offset, cross = points - self.radar, self.cross_cell(points)
+    def squares(self, points: Array) -> Callable[..., Array]:
+        """What tells the square of the `extent` at points (n, d), or at some of them, along any unit vectors."""
+        offset, cross = points - self.radar, self.cross_cell(points) ** 2
         sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
 
-        def extent(along: Array) -> Array:
-            cosine = np.minimum(np.abs(along.T @ sight), 1.0)
-            return np.hypot(self.range_cell * cosine, cross * np.sqrt(1.0 - cosine**2)).T
+        def square(along: Array, which: Index | slice = slice(None)) -> Array:
+            cosine = along.T @ sight[:, which]
+            return (cross[which] + (self.range_cell**2 - cross[which]) * cosine**2).T
 
-        return extent
+        return square
 
     def extent(self, points: Array, along: Array) -> Array:
         """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
-        return self.extents(points)(along)
+        return np.asarray(np.sqrt(self.squares(points)(along)))
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""
