@@ -54,7 +54,8 @@ class View(ABC):
     @abstractmethod
     def axes(self) -> tuple[Array, ...]:
         """Angles [rad] of the lines of sight, uniform along each axis, of which the last varies fastest: u, the sine of
-        the angle off broadside, of an image; azimuth and elevation of a volume."""
+        the angle off broadside, of an image; azimuth and elevation of a volume.
+        """
 
     @property
     @abstractmethod
@@ -121,7 +122,8 @@ class View(ABC):
 
     def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
         """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it along each axis, or
-        nearest to it, each (pairs,)."""
+        nearest to it, each (pairs,).
+        """
         _, place = self.indices(points)
         row, direction = np.arange(len(points)), np.zeros(len(points), dtype=np.intp)
         for at, step, size in zip(place.T, self.steps, self.shape, strict=True):

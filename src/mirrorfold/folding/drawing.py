@@ -29,7 +29,8 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def draw_row(  # type: ignore[no-untyped-def]
-    x, y, z, maps, number, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid, out
+    x, y, z, maps, number, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid,
+    out,
 ):  # fmt: skip
     """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`.
 
