@@ -17,7 +17,7 @@ from collections.abc import Callable, MutableMapping
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -44,10 +44,9 @@ from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.tree.assignment import assign_echoes
+from mirrorfold.tree.assignment import Found, assign_echoes
 from mirrorfold.tree.directions import of_mixed_paths
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
-from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
@@ -233,9 +232,9 @@ class FoldPlan:
             mixed_paths = partial(of_mixed_paths, sweep=self._sweep, view=view, known=self._ratios)
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, mixed_paths=mixed_paths)
         report(2, 3)
-        mixed = np.concatenate([self._ghosts, found.mixed]) if view.dimensions == 2 else found.mixed
-        points = fold_back(found.tree)
-        result = collect(self.image, found.echoes, found.tree, found.sight, points, settings, mixed=mixed, grid=grid)
+        if view.dimensions == 2:
+            found = found._replace(mixed=np.concatenate([self._ghosts, found.mixed]))
+        result = collect(self.image, found, fold_back(found.tree), settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
@@ -258,15 +257,6 @@ class FoldPlan:
         echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
         order, seen = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
         return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
-
-
-class Found(NamedTuple):
-    """What steps 2 to 4 find: echoes without those of mixed paths, and where these stood, (n, d) [m]."""
-
-    echoes: Echoes
-    tree: MirrorTree
-    sight: LinesOfSight
-    mixed: Array
 
 
 def find_tree(

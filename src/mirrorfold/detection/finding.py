@@ -65,12 +65,7 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
 
 
 def find_mirrors(
-    view: View,
-    echoes: Echoes,
-    *,
-    minimum_length: float | None = None,
-    tested: bool = True,
-    known: Array | None = None,
+    view: View, echoes: Echoes, *, minimum_length: float | None = None, tested: bool = True, known: Array | None = None
 ) -> Sequence[Mirror]:
     """The mirrors of a view: straight rows or flat sheets among the visible echoes.
 
