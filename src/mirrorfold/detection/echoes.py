@@ -76,9 +76,8 @@ class Echoes:
     ) -> Echoes:
         """Echoes as published, all strong and of amplitude one: that transform counts pixels, by their area."""
         one = np.ones(range_.size)
-        return replace(
-            cls.found(position, range_, direction, one, area, 0.0 * one, threshold, brightest), strong=one > 0.0
-        )
+        found = cls.found(position, range_, direction, one, area, 0.0 * one, threshold, brightest)
+        return replace(found, strong=one > 0.0)
 
     def range_up_to(self, share: float) -> float:
         """Range [m] up to which that share of the strong echoes lies; in an empty scene zero."""

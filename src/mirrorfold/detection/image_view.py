@@ -183,8 +183,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
     broadside = np.array([-along[1], along[0]])
     corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
-    if corners.mean(axis=0) @ broadside < 0.0:
-        broadside = -broadside
+    broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
 
     pixel = max(x[1] - x[0], y[1] - y[0])
     farthest = float(np.linalg.norm(corners, axis=1).max())
@@ -211,10 +210,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     u = np.arange(-half, half + 1) * (u_cell / SAMPLES_PER_CELL)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
-    view = ImageView(
-        radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-        range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-    )  # fmt: skip
+    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength)  # fmt: skip
     where = view.to_points(range_[:, None], u[None, :])
     pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
     if np.iscomplexobj(image.values) and np.isfinite(wavelength):

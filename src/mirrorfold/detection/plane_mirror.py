@@ -96,9 +96,8 @@ class PlaneMirror(Mirror):
 
     def independent(self, view: VolumeView) -> float:  # type: ignore[override]
         """Its beams; those a beam radius apart see the same speckle."""
-        return np.count_nonzero(self.beams) / max(
-            float(np.mean(view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1)) ** 2)), 1.0
-        )
+        steps = view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1))
+        return np.count_nonzero(self.beams) / max(float(np.mean(steps**2)), 1.0)
 
     def moved(self, normal: Array, center: Array) -> PlaneMirror:
         """With the same beams."""

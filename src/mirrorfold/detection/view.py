@@ -137,10 +137,9 @@ class View(ABC):
     def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
         """Directions to all sides of each point, so far away that its beam still reaches over."""
         at, step = np.array(np.unravel_index(direction, self.shape)), self.beside_steps(range_)
-        moves = [side * axis for axis in np.eye(len(self.shape), dtype=np.intp) for side in (-1, 1)]
-        return tuple(
-            np.ravel_multi_index(tuple(at + np.multiply.outer(move, step)), self.shape, mode="clip") for move in moves
-        )
+        axes = np.eye(len(self.shape), dtype=np.intp)
+        moved = (at + np.multiply.outer(side * axis, step) for axis in axes for side in (-1, 1))
+        return tuple(np.ravel_multi_index(tuple(place), self.shape, mode="clip") for place in moved)
 
     def in_cells(self, points: Array) -> Array:
         """Range and angles of points (n, d) in units of the range cell and of the width of a line of sight, (n, d)."""
@@ -199,13 +198,10 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "ima
             raise InputError(f"{source}: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
         step = np.diff(image[name].values.astype(float))
         if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
-            raise InputError(
-                f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid"
-            )
+            wrong = f"the coordinate {name} does not rise in equal steps; resample to a regular grid"
+            raise InputError(f"{source}: {wrong}")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
-    if missing:
-        raise InputError(
-            f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
-        )
+    if missing := int(np.count_nonzero(~np.isfinite(image.values))):
+        wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
+        raise InputError(f"{source}: {wrong}")

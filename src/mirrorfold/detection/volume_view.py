@@ -179,16 +179,9 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
         amplitude /= np.maximum(done, np.finfo(np.float32).tiny).astype(np.float32)
     # An odd stride visits all ranges and beams alike.
     sample = amplitude.ravel()[:: max(1, amplitude.size // NOISE_SAMPLES) | 1]
-    return VolumeView(
-        amplitude=amplitude,
-        range=range_,
-        azimuth=azimuth,
-        elevation=elevation,
-        gain=spreading(attrs, range_, frequency, chosen, "image"),
-        normalization=chosen,
-        noise=float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN,
-        radar=np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float),
-        range_cell=max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step),
-        beam=beam,
-        taper=str(attrs.get("taper", "hann")),
-    )
+    noise = float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN
+    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+    range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
+    gain = spreading(attrs, range_, frequency, chosen, "image")
+    taper = str(attrs.get("taper", "hann"))
+    return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, taper)

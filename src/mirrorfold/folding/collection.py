@@ -53,12 +53,12 @@ def collect(
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
     (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin or 0.0, grid)
-    coords = {name: (name, axis, {"units": "m", "long_name": text})
-              for name, axis, text in (("y", y, "range"), ("x", x, "cross-range"))}  # fmt: skip
-    drawn = {name: xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, coords=coords)
-             for name, picture in (("intensity", intensity), ("initial", initial))}  # fmt: skip
-    groups = {"/initial": drawn["initial"], "/objects": _objects(points), "/mirrors": _mirrors(tree)}
-    return xr.DataTree.from_dict({"/": drawn["intensity"].assign_attrs(attrs)} | groups)
+    axes_of = {"y": ("y", y, {"units": "m", "long_name": "range"}),
+               "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
+    drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
+                     for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
+    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree)}
+    return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
 def _objects(points: Points) -> xr.Dataset:

@@ -93,9 +93,8 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     """
     data = sweep["s"]
     if data.dims != ("frequency", "tx", "rx"):
-        raise InputError(
-            f"sweep: s has the dimensions {data.dims}, expected (frequency, tx, rx); choose one frame or polarization"
-        )
+        wanted = "expected (frequency, tx, rx); choose one frame or polarization"
+        raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
     k = wavenumber(sweep)
     tx, rx = _apertures(sweep)
     height = 0.5 * float(tx.centre[2] + rx.centre[2])

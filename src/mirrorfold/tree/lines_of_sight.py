@@ -133,9 +133,7 @@ class LinesOfSight:
     def seen_through(self, range_: Array, direction: Index) -> Index:
         """The mirror through which points at that range [m] and direction are seen: its number, ROOT or NOBODY."""
         crossing, through = self.passages
-        passed = np.zeros(range_.shape, dtype=np.intp)
-        for ranges in crossing:
-            passed += ranges[direction] < range_
+        passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
         return np.asarray(through[passed, direction])
 
     def clear(self, echoes: Echoes) -> Mask:
