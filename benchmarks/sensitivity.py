@@ -65,7 +65,7 @@ LEFT_OUT = {
 }
 """Constants that are no tuning, by name or by module and name, with the reason."""
 
-SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_RATIO", "LARGEST_SINE")
+SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_DIRECTION_RATIO", "LARGEST_SINE")
 """Shares of one, and a sine: with 1 or more nothing would ever pass, or there is no angle."""
 LARGEST_SHARE = 0.99
 

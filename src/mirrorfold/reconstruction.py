@@ -15,8 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
 from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -37,18 +38,17 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
-from mirrorfold.folding.frames import each_frame, frame_count, pick_frame
+from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.tree.assignment import assign_echoes
-from mirrorfold.tree.directions import Known, of_mixed_paths
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
-from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.assignment import Found, assign_echoes
+from mirrorfold.tree.lines_of_sight import ROOT
+from mirrorfold.tree.misplaced import Known
+from mirrorfold.tree.misplaced import misplaced as comes_from_elsewhere
 from mirrorfold.tree.ordering import Order, order_mirrors
-from mirrorfold.tree.wrapped import of_wrapped_paths
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
@@ -92,14 +92,9 @@ def reconstruct(
     InputError
         If the sweep or a setting cannot be used.
     """
-    if frame_count(sweep) is not None:
-        recording = check_sweep(sweep)
-
-        def one(number: int) -> xr.DataTree:  # `focus` keeps its plan from one frame to the next
-            frame = pick_frame(recording, number)
-            return reconstruct(frame, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
-
-        return each_frame(recording, one, finished, progress)
+    if frame_count(sweep) is not None:  # `focus` keeps its plan from one frame to the next
+        one = partial(reconstruct, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
+        return each_frame(check_sweep(sweep), one, finished, progress)
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
     image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
@@ -158,12 +153,8 @@ def fold(
                 "image was focused from"
             )
 
-        def one(number: int) -> xr.DataTree:
-            measured = None if sweep is None else pick_frame(sweep, number)
-            frame: Any = pick_frame(cast("xr.DataArray", image), number)
-            return fold(frame, sweep=measured, mirrors=mirrors, preset=preset, **given)
-
-        return each_frame(image, one, finished, progress)
+        one = partial(fold, mirrors=mirrors, preset=preset, **given)
+        return each_frame(image, one, finished, progress, sweep=sweep)
     return FoldPlan(image, sweep=sweep).fold(mirrors=mirrors, preset=preset, progress=progress, **given)
 
 
@@ -181,10 +172,11 @@ class FoldPlan:
         # One antenna hears an echo from where it sent it to.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
-        self._views: dict[str | None, View] = {}
-        self._echoes: dict[tuple[str | None, float | None, bool], Echoes] = {}
-        self._walls: tuple[FoldSettings, tuple[Echoes, Mask]] | None = None
-        self._tested: dict[tuple[str, str], Known] = {}
+        self._tested: Known = {}
+        # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
+        self._view = lru_cache(partial(see, self.image))
+        self._echoes = lru_cache(1)(self._find_echoes)
+        self._shown_walls = lru_cache(1)(self._find_walls)
 
     @takes(FoldSettings)
     def fold(
@@ -225,7 +217,8 @@ class FoldPlan:
         if mirrors is not None and not isinstance(mirrors, FloorPlan):
             mirrors = check_mirrors(mirrors)
         report = progress or (lambda done, total: None)
-        view, echoes = self._seen(chosen)
+        view = self._view(normalization=chosen.normalization)
+        echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
         report(1, 3)
         by_hand, walls = mirrors is not None, None
@@ -234,60 +227,37 @@ class FoldPlan:
         if settings.generations == 0 and not by_hand:
             mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
         if mirrors is not None and settings.opaque:
-            echoes, walls = self._shown_walls(view, echoes, settings)
-        misplaced = self._misplaced(view, settings)
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, misplaced=misplaced)
+            echoes, walls = self._shown_walls(chosen, settings)
+        elsewhere = None
+        if self._sweep is not None and isinstance(view, ImageView) and not settings.published:
+            elsewhere = partial(comes_from_elsewhere, sweep=self._sweep, view=view, known=self._tested)
+        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, misplaced=elsewhere)
         report(2, 3)
-        mixed = np.concatenate([self._ghosts, found.mixed]) if view.dimensions == 2 else found.mixed
-        points = fold_back(found.tree)
-        result = collect(self.image, found.echoes, found.tree, found.sight, points, settings, mixed=mixed, grid=grid)
+        if view.dimensions == 2:
+            found = found._replace(mixed=np.concatenate([self._ghosts, found.mixed]))
+        result = collect(self.image, found, fold_back(found.tree), settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
 
-    def _seen(self, settings: FoldSettings) -> tuple[View, Echoes]:
-        """The radar's view of the image and its echoes, less known ghosts of mixed paths; the latest are remembered."""
-        kind = settings.normalization
-        if kind not in self._views:
-            self._views[kind] = see(self.image, normalization=kind)
-        view = self._views[kind]
-        key = (kind, settings.threshold_db, settings.published)
-        if key not in self._echoes:
-            echoes = find_echoes(view, threshold_db=settings.threshold_db, published=settings.published)
-            if len(self._ghosts) and not settings.published:
-                known = cKDTree(view.in_cells(self._ghosts))
-                echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
-            self._echoes = {key: echoes}
-        return view, self._echoes[key]
+    def _find_echoes(self, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:
+        """The echoes of the image, less known ghosts of mixed paths."""
+        view = self._view(normalization=normalization)
+        echoes = find_echoes(view, threshold_db=threshold_db, published=published)
+        if len(self._ghosts) and not published:
+            known = cKDTree(view.in_cells(self._ghosts))
+            echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
+        return echoes
 
-    def _shown_walls(self, view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Echoes, Mask]:
-        """`shown_walls`, found again only with other settings: given mirrors are moved more often."""
-        if self._walls is None or self._walls[0] != settings:
-            self._walls = settings, shown_walls(view, echoes, settings)
-        return self._walls[1]
+    def _find_walls(self, chosen: FoldSettings, settings: FoldSettings) -> tuple[Echoes, Mask]:
+        """What the image itself tells, whichever mirrors are given: which echoes are strong, and which those of walls.
 
-    def _misplaced(self, view: View, settings: FoldSettings) -> Callable[[Echoes], Mask] | None:
-        """The tests for mixed paths and for echoes from beyond the ambiguous range, where there is a sweep to tell."""
-        sweep = self._sweep
-        if sweep is None or settings.published or not isinstance(view, ImageView):
-            return None
-        mixed, wrapped = (self._tested.setdefault((view.normalization, name), {}) for name in ("mixed", "wrapped"))
-
-        def misplaced(echoes: Echoes) -> Mask:
-            late = of_wrapped_paths(echoes, sweep, view, wrapped)
-            late[~late] = of_mixed_paths(echoes.take(~late), sweep, view, mixed)
-            return late
-
-        return misplaced
-
-
-class Found(NamedTuple):
-    """What steps 2 to 4 find: echoes without those from elsewhere, and where these stood, (n, d) [m]."""
-
-    echoes: Echoes
-    tree: MirrorTree
-    sight: LinesOfSight
-    mixed: Array
+        A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
+        """
+        view = self._view(normalization=chosen.normalization)
+        echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
+        order, seen = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
+        return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
 
 
 def find_tree(
@@ -310,7 +280,7 @@ def find_tree(
     known : array, optional
         Mirrors in the place of those found, see `find_mirrors`.
     walls : (n,) bool array, optional
-        With known mirrors: which echoes are those of walls, see `shown_walls`.
+        With known mirrors: which echoes are those of walls.
     misplaced : callable, optional
         Tells which echoes come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
         one comes into view when it is left out, and is tested in its turn.
@@ -318,34 +288,17 @@ def find_tree(
     mixed = np.empty((0, view.dimensions))
     trusted = np.zeros(len(echoes), dtype=bool)
     while True:
-        seen, tree, sight = _settled(view, echoes, settings, known, walls)
+        order, seen = _agreed(view, echoes, settings, known, walls)
+        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         new = ~trusted & sight.clear(echoes)
-        if misplaced is None or not new.any():
-            return Found(seen, tree, sight, mixed)
         ghost = np.zeros_like(new)
-        ghost[new] = misplaced(echoes.take(new))
+        if misplaced is not None and new.any():
+            ghost[new] = misplaced(echoes.take(new))
         if not ghost.any():
             return Found(seen, tree, sight, mixed)
         mixed = np.concatenate([mixed, echoes.position[ghost]])
         trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
         walls = None if walls is None else walls[~ghost]
-
-
-def shown_walls(view: View, echoes: Echoes, settings: FoldSettings) -> tuple[Echoes, Mask]:
-    """What the image itself tells, whichever mirrors are given: which echoes are strong, and which are those of walls.
-
-    A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
-    """
-    order, seen = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
-    return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
-
-
-def _settled(
-    view: View, echoes: Echoes, settings: FoldSettings, known: Array | None, walls: Mask | None
-) -> tuple[Echoes, MirrorTree, LinesOfSight]:
-    """Steps 2 to 4 of given echoes."""
-    order, seen = _agreed(view, echoes, settings, known, walls)
-    return seen, *assign_echoes(order, seen, opaque=settings.opaque)
 
 
 def _agreed(
@@ -355,16 +308,11 @@ def _agreed(
 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
     """
-    length, margin, opaque = settings.minimum_length, settings.wall_margin, settings.opaque
-    assert length is not None  # `completed` has chosen both
-    assert margin is not None
     for _ in range(MAXIMUM_ROUNDS):
-        mirrors = find_mirrors(view, echoes, minimum_length=length, tested=not settings.published, known=known)
-        order = order_mirrors(
-            mirrors, view, echoes, minimum_length=length, wall_margin=margin, opaque=opaque, walls=walls,
-            generations=settings.generations,
-        )  # fmt: skip
-        seen = order.seen(echoes) if opaque else echoes
+        tested, length = not settings.published, settings.minimum_length
+        mirrors = find_mirrors(view, echoes, minimum_length=length, tested=tested, known=known)
+        order = order_mirrors(mirrors, view, echoes, settings, walls)
+        seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break
         echoes = seen

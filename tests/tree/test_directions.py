@@ -12,15 +12,9 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions
-from mirrorfold.tree.directions import (
-    PHASE_SPREAD,
-    SMALLEST_RATIO,
-    _Aperture,
-    _listen,
-    _send,
-    direction_ratio,
-    of_mixed_paths,
-)
+from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, direction_ratio
+from mirrorfold.tree.misplaced import SMALLEST_DIRECTION_RATIO, Known, misplaced
+from mirrorfold.tree.wrapped import wrapping_ratio
 
 pytestmark = pytest.mark.nojit
 
@@ -136,7 +130,7 @@ class TestInvariance:
         # Backwards along the same two ways, with sides of different lengths: the same verdict.
         forth = ratio_of(self.tx, self.rx, *mixed_pair(4.0 * degrees))
         back = ratio_of(self.rx, self.tx, *mixed_pair(4.0 * degrees)[::-1])
-        assert (forth < SMALLEST_RATIO) == (back < SMALLEST_RATIO) == (degrees > 0.0)
+        assert (forth < SMALLEST_DIRECTION_RATIO) == (back < SMALLEST_DIRECTION_RATIO) == (degrees > 0.0)
 
 
 def test_heights_of_the_elements_count():
@@ -155,11 +149,12 @@ def test_two_echoes_at_one_range_are_told_apart():
     u = np.array([-0.4, 0.5 * (leaves + arrives)[0]])
     view = view_of(tx, rx)
     echoes = echoes_at(view, u)
-    known: dict[tuple[float, float], float] = {}
-    assert_array_equal(of_mixed_paths(echoes, sweep, view, known), [False, True])
-    assert set(known) == {(RANGE, -0.4), (RANGE, float(u[1]))}
-    known[RANGE, -0.4] = 0.1  # a ratio that is known is not measured again
-    assert_array_equal(of_mixed_paths(echoes, sweep, view, known), [True, True])
+    known: Known = {}
+    assert_array_equal(misplaced(echoes, sweep, view, known), [False, True])
+    measured = [(direction_ratio, RANGE, -0.4), (direction_ratio, RANGE, float(u[1]))]
+    assert set(known) == {*measured, *((wrapping_ratio, *place[1:]) for place in measured)}
+    known[measured[0]] = 0.1  # a ratio that is known is not measured again
+    assert_array_equal(misplaced(echoes, sweep, view, known), [True, True])
 
 
 @pytest.mark.parametrize("lonely", ["tx", "rx"])
@@ -170,8 +165,7 @@ def test_nobody_is_accused_where_a_side_stands_at_one_place(lonely):
     sweep = sweep_of(tx, rx, (leaves, arrives))
     u = 0.5 * (leaves + arrives)[:1]
     view = view_of(tx, rx)
-    assert not of_mixed_paths(echoes_at(view, u), sweep, view).any()
-    assert np.isfinite(direction_ratio(sweep, view, np.array([RANGE]), u)).all()
+    assert_array_equal(direction_ratio(sweep, view, np.array([RANGE]), u), 1.0)
 
 
 def test_frames_are_refused():
@@ -210,38 +204,6 @@ def test_elements_at_one_place_share_its_weight():
     assert_allclose(_Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
 
 
-def plain_and_compiled(kernel):
-    """The kernel as it runs, and the Python that it was compiled from (the same where the JIT is off)."""
-    return {id(f): f for f in (kernel, getattr(kernel, "py_func", kernel))}.values()
-
-
-def test_sending_kernel_equals_the_formula():
-    random = np.random.default_rng(0)
-    path, weight, taper = random.uniform(0.4, 0.9, (3, 4)), random.random(4), random.random(9)
-    k0, dk = 6100.0, 3.5
-    k = k0 + dk * np.arange(9)
-    expected = taper[:, None, None] * weight[:, None] * np.exp(1j * k[:, None, None] * path.T)
-    for kernel in plain_and_compiled(_send):
-        phasor = np.full((9, 4, 3), np.nan, dtype=np.complex64)
-        kernel(k0, dk, weight, taper, path, phasor, 0, 4)
-        assert_allclose(phasor, expected, atol=2e-7)
-
-
-def test_listening_kernel_equals_the_formula():
-    random = np.random.default_rng(1)
-    field = (random.standard_normal((2, 5, 6)) + 1j * random.standard_normal((2, 5, 6))).astype(np.complex64)
-    rx, point = random.uniform(-0.1, 0.1, (6, 3)), random.uniform(0.5, 1.5, (2, 4, 3))
-    reach, k0, dk = np.array([0.9, 1.3]), 6100.0, 3.5
-    k = k0 + dk * np.arange(5)
-    path = np.linalg.norm(point[:, :, None] - rx, axis=-1) - reach[:, None, None]
-    expected = np.abs(np.einsum("pbk,pjkb->pj", field.astype(complex), np.exp(1j * path[..., None] * k)))
-    for kernel in plain_and_compiled(_listen):
-        level = np.full((2, 4), np.nan)
-        kernel(field.real.copy(), field.imag.copy(), k0, dk, rx, point, reach, level, 0, 2)
-        # Phases and sums are in single precision.
-        assert_allclose(level, expected, atol=2e-7 * np.abs(field).sum())
-
-
 @pytest.mark.parametrize(
     ("spread", "error"),
     [
@@ -251,7 +213,7 @@ def test_listening_kernel_equals_the_formula():
     ],
 )
 def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
-    """The kernels, the groups of frequencies and the weights, against a plain float64 double sum."""
+    """The phases, the groups of frequencies and the weights, against a plain float64 double sum."""
     monkeypatch.setattr(directions, "PHASE_SPREAD", spread)
     tx, rx = line(21), line(31, middle=(0.0, 0.0, 0.01))
     random = np.random.default_rng(2)

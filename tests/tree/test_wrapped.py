@@ -11,7 +11,8 @@ from scipy.spatial.distance import cdist
 import mirrorfold as mf
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.tree.wrapped import LARGEST_RATIO, wrapping_ratio
+from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO
+from mirrorfold.tree.wrapped import wrapping_ratio
 
 ELEMENTS = 113
 BAND = np.linspace(116e9, 128e9, 97)
@@ -83,5 +84,5 @@ def test_waves_that_are_flat_either_way_prove_nothing():
     sweep = sweep_of([point(1.1 + PERIOD, 0.1, tx, rx)], tx, rx)
     view = view_of(tx, rx)
     ratio = wrapping_ratio(sweep, view, np.array([1.1]), np.array([0.1]))
-    assert 1.0 < ratio[0] < LARGEST_RATIO
+    assert 1.0 < ratio[0] < LARGEST_WRAPPING_RATIO
     assert_array_equal(wrapping_ratio(sweep, view, np.zeros(0), np.zeros(0)), [])

@@ -67,8 +67,7 @@ class Echoes:
     def found(cls, position: Array, range_: Array, direction: Index, amplitude: Array, length: Array, noise: Array,
               threshold: float, reference: float) -> Echoes:  # fmt: skip
         """Echoes as they are found: all visible, strong above the threshold."""
-        visible, limit = np.ones(range_.size, dtype=bool), np.full(range_.size, threshold)
-        strong = amplitude >= threshold
+        strong, visible, limit = amplitude >= threshold, range_ > -np.inf, np.full(range_.size, threshold)
         return cls(position, range_, direction, amplitude, length, strong, visible, noise, limit, threshold, reference)
 
     @classmethod
@@ -113,9 +112,7 @@ def reference_echo(brightest: Array) -> float:
 
 
 def brightest_of(beam: Index, amplitude: Array) -> Array:
-    """The largest amplitude in each beam that has an echo, (beams,)."""
-    if not beam.size:
-        return np.zeros(0)
-    brightest = np.zeros(int(np.ptp(beam)) + 1)
-    np.maximum.at(brightest, beam - beam.min(), amplitude)
+    """The largest amplitude in each beam up to the last with an echo, (beams,)."""
+    brightest = np.zeros(int(beam.max(initial=-1)) + 1)
+    np.maximum.at(brightest, beam, amplitude)
     return brightest

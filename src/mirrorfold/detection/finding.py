@@ -5,21 +5,22 @@ Here alone it is decided what serves an image and what a volume.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView, to_image_view
+from mirrorfold.detection.image_view import to_image_view
 from mirrorfold.detection.known_mirrors import known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
 from mirrorfold.detection.view import View
-from mirrorfold.detection.volume_view import VolumeView, to_volume_view
+from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
@@ -56,20 +57,15 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
     published : bool
         Every pixel above the threshold, relative to the brightest pixel, is an echo.
     """
-    level = usual_threshold(view) if threshold_db is None else threshold_db
-    if isinstance(view, VolumeView):
-        return (volume_echoes.find_voxels if published else volume_echoes.find_runs)(view, threshold_db=level)
-    view = _image(view)
-    return (image_echoes.find_pixels if published else image_echoes.find_ridges)(view, threshold_db=level)
+    found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
+    usual = image_echoes.THRESHOLD_DB
+    if view.dimensions == 3:
+        found, usual = (volume_echoes.find_runs, volume_echoes.find_voxels), volume_echoes.THRESHOLD_DB
+    return found[published](view, threshold_db=usual if threshold_db is None else threshold_db)
 
 
 def find_mirrors(
-    view: View,
-    echoes: Echoes,
-    *,
-    minimum_length: float | None = None,
-    tested: bool = True,
-    known: Array | None = None,
+    view: View, echoes: Echoes, *, minimum_length: float | None = None, tested: bool = True, known: Array | None = None
 ) -> Sequence[Mirror]:
     """The mirrors of a view: straight rows or flat sheets among the visible echoes.
 
@@ -95,14 +91,9 @@ def find_mirrors(
     if known is not None:
         return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
-    if isinstance(view, VolumeView):
-        return planes.find_planes(echoes, view, minimum_length=length, tested=tested)
-    return lines.find_lines(echoes, _image(view), minimum_length=length, tested=tested)
-
-
-def usual_threshold(view: View) -> float:
-    """Level [dB] of strong echoes relative to the robust reference, where none is given."""
-    return volume_echoes.THRESHOLD_DB if isinstance(view, VolumeView) else image_echoes.THRESHOLD_DB
+    find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
+    with one_thread():
+        return find(echoes, view, minimum_length=length, tested=tested)
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
@@ -111,10 +102,11 @@ def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
     Lengths [m] are multiples of one resolution cell of the scene: in an image, whose cells grow with range, that of the
     nearest echoes; in a volume, whose beam is focused somewhere in the scene, that in the middle of the echoes.
     """
-    cell = float(view.cell(echoes.range_up_to(MIDDLE if isinstance(view, VolumeView) else NEAREST)))
+    found, mirrors, share = (image_echoes, lines, NEAREST) if view.dimensions == 2 else (volume_echoes, planes, MIDDLE)
+    cell = float(view.cell(echoes.range_up_to(share)))
     return {
-        "threshold_db": usual_threshold(view),
-        "minimum_length": (planes if isinstance(view, VolumeView) else lines).MINIMUM_CELLS * cell,
+        "threshold_db": found.THRESHOLD_DB,
+        "minimum_length": mirrors.MINIMUM_CELLS * cell,
         "wall_margin": min(WALL_CELLS * cell, WALL_WAVELENGTHS * view.wavelength),
     }
 
@@ -125,9 +117,3 @@ def example_mirror(dimensions: int) -> Mirror:
         return LineMirror(np.zeros(2), np.array([1.0, 0.0]))
     square = np.array([[-0.5, 0.0, -0.5], [0.5, 0.0, -0.5], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])
     return PlaneMirror(np.zeros(3), np.array([0.0, -1.0, 0.0]), square, np.zeros(0, dtype=bool))
-
-
-def _image(view: View) -> ImageView:
-    if not isinstance(view, ImageView):
-        raise TypeError(f"view is a {type(view).__name__}, expected an ImageView or a VolumeView")
-    return view

@@ -6,8 +6,8 @@ single echoes stray by speckle; a wall that scatters from inside is moved to its
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -44,17 +44,9 @@ def flat(points: Array, weight: Array) -> tuple[Array, Array]:
     return np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0], center
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A line or plane through points.
-
-    Attributes
-    ----------
-    normal, center : (d,) arrays
-    deviation : float [m]
-        Of the points from it, robust.
-    offset_error : float [m]
-    angle_error : float [degree]
+class Fit(NamedTuple):
+    """A line or plane through points: normal and center (d,), how far [m] the points stray from it, robust, and the
+    standard errors of its offset [m] and angle [degree].
     """
 
     normal: Array
@@ -75,8 +67,7 @@ def robust(points: Array, weight: Array, independent: float) -> Fit:
         beside = (points - center) @ normal
         deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).tiny
         trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
-    dimensions = points.shape[1]
-    variance = float(np.average(beside**2, weights=trust)) / max(independent - dimensions, 1.0)
+    variance = float(np.average(beside**2, weights=trust)) / max(independent - points.shape[1], 1.0)
     size = float(np.sqrt(np.linalg.eigvalsh(np.cov(points.T, aweights=trust))[1]))
     return Fit(normal, center, deviation, np.sqrt(variance), float(np.degrees(np.sqrt(variance) / size)))
 
@@ -101,9 +92,8 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
         centroid = np.sum(power[lit] * depth[lit], axis=1) / total[lit]
         weight = np.minimum(peak[lit] / np.median(peak[lit]), clip) / across[lit] ** 2
         fit = robust(base[lit] + centroid[:, None] * beyond[lit], weight, mirror.independent(view))
-        mirror = replace(
-            mirror.moved(fit.normal, fit.center), angle_error=fit.angle_error, offset_error=fit.offset_error
-        )
+        mirror = mirror.moved(fit.normal, fit.center)
+        mirror = replace(mirror, angle_error=fit.angle_error, offset_error=fit.offset_error)
         base = mirror.places(view)
         if not np.isfinite(base).all():  # it has turned away from lines of sight that should meet it
             return mirror, np.inf
@@ -117,7 +107,7 @@ def front_depth(mirror: Mirror, view: View) -> float:
     and the same convolved with an exponential decay for what scatters inside (Grushka, Anal. Chem. 44, 1972).
     """
     from scipy.optimize import least_squares  # slow to load, and needed here alone
-    from scipy.special import erfcx
+    from scipy.special import log_ndtr
 
     base = mirror.places(view)
     cell = view.cell_at(mirror.center)
@@ -132,11 +122,8 @@ def front_depth(mirror: Mirror, view: View) -> float:
     def model(p: Array) -> Array:
         at, width, face, inside, decay = p
         t, rate = (depth - at) / (sigma * width), sigma * width / decay
-        gauss = np.exp(-0.5 * t**2)
-        with np.errstate(over="ignore", invalid="ignore"):
-            tail = np.sqrt(np.pi / 2.0) * rate * erfcx((rate - t) / np.sqrt(2.0)) * gauss
-        tail = np.where(np.isfinite(tail), tail, rate * np.sqrt(2.0 * np.pi) * np.exp(0.5 * rate**2 - rate * t))
-        return np.asarray(face * gauss + inside * tail)
+        tail = np.sqrt(2.0 * np.pi) * rate * np.exp(0.5 * rate**2 - rate * t + log_ndtr(t - rate))
+        return np.asarray(face * np.exp(-0.5 * t**2) + inside * tail)
 
     # Place of the face, width of the cell over its nominal one, weights of face and inside, depth of decay.
     start = np.array([-0.3 * sigma, 1.0, 0.5, 0.5, 0.15 * largest])

@@ -72,11 +72,11 @@ class Search(ABC, Generic[M]):
         self.every, self.echoes = echoes, evidence(echoes, view)
         usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
-        self.extent = view.extents(self.echoes.position)
+        self.square = view.squares(self.echoes.position)
         self.random = np.random.default_rng(seed)
 
     @abstractmethod
-    def patch(self, normal: Array, center: Array, near: Mask) -> tuple[M, Mask]:
+    def patch(self, normal: Array, center: Array, near: Index) -> tuple[M, Index]:
         """The mirror that echoes near a line or plane make up, unbroken, and those of them that lie on it."""
 
     @abstractmethod
@@ -100,9 +100,9 @@ class Search(ABC, Generic[M]):
             if mirror is not None:
                 found.append(mirror)
             missed = 0 if mirror is not None else missed + 1
-            if not (taken & free).any():
+            if not free[taken].any():
                 break
-            free &= ~taken
+            free[taken] = False
         return found
 
     def _proposed(self, free: Index) -> tuple[Array, Array, float]:
@@ -111,34 +111,32 @@ class Search(ABC, Generic[M]):
         points, weight = self.echoes.position[judge], self.weight[judge]
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
         cell = np.median(self.view.cell(self.echoes.range[judge]))
-        near = cdist(points[seeds], points) < REACH_CELLS * cell
+        near = cdist(points[seeds], points, "sqeuclidean") < (REACH_CELLS * cell) ** 2
         partners = [np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(self.view.dimensions - 1)]
         group = points[np.column_stack([seeds, *partners])]
-        group = group - points[seeds][:, None]
-        normal = np.linalg.svd(group)[2][:, -1]
-        distance = np.abs(points @ normal.T - np.sum(points[seeds] * normal, axis=1))
-        votes = weight @ (distance < 0.5 * self.view.extent(points, normal.T))
+        normal = np.linalg.svd(group - points[seeds][:, None])[2][:, -1]
+        distance = normal @ points.T - np.sum(points[seeds] * normal, axis=1)[:, None]
+        votes = (4.0 * distance**2 < self.square(normal.T, judge).T) @ weight
         best = int(np.argmax(votes))
         return normal[best], points[seeds[best]], float(votes[best]) * free.size / judge.size
 
-    def _grown(self, normal: Array, center: Array, free: Mask) -> tuple[M | None, Mask]:
+    def _grown(self, normal: Array, center: Array, free: Mask) -> tuple[M | None, Index]:
         """The mirror that a proposal grows to, None if it is none; and the echoes to take out of the search."""
-        points, member = self.echoes.position, free
+        points, member = self.echoes.position, np.flatnonzero(free)
         for i in range(ROUNDS + 1):
-            across = self.extent(normal)
-            near = free & (np.abs((points - center) @ normal) <= (NEAR if i else 1.0) * across)
-            if np.count_nonzero(near) < self.fewest:
+            distance, square = points @ normal - center @ normal, self.square(normal)
+            near = np.flatnonzero(free & (distance**2 <= (NEAR**2 if i else 1.0) * square))
+            if near.size < self.fewest:
                 return None, member if i else near
             mirror, member = self.patch(normal, center, near)
-            if np.count_nonzero(member) < self.fewest:
+            if member.size < self.fewest:
                 return None, near
             if i < ROUNDS:
-                normal, center = flat(points[member], self.weight[member] / across[member] ** 2)
-        on_it = self.echoes.take(member)
-        fill, strength = mirror.filled(self.view, on_it), float(np.median(on_it.amplitude))
-        mirror = replace(mirror, fill=fill, strength=strength)
+                normal, center = flat(points[member], self.weight[member] / square[member])
         if np.ptp(mirror.sides, axis=1).min() < self.minimum_length:
             return None, member
+        on_it = self.echoes.take(member)
+        mirror = replace(mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         if self.tested:
             bulge = sagitta(mirror, on_it.position)
             if bulge > self.sagitta * self.view.cell_at(mirror.center) or not self.passes(mirror):
@@ -149,7 +147,8 @@ class Search(ABC, Generic[M]):
             mirror = fitted
         _, own, across = mirror.near(self.view, self.echoes)
         own &= np.abs(mirror.beside(points)) <= across + mirror.depth
-        return replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own))), member | own
+        mirror = replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own)))
+        return mirror, np.union1d(member, np.flatnonzero(own))
 
 
 def evidence(echoes: Echoes, view: View) -> Echoes:

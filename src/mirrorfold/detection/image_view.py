@@ -75,46 +75,45 @@ class ImageView(View):
     normalization: str = "r"
     wavelength: float = np.inf
 
+    @property
+    def axes(self) -> tuple[Array, ...]:
+        """The sines u."""
+        return (self.u,)
+
     @cached_property
     def sight(self) -> Array:
         """Unit vectors of all lines of sight, (nu, 2)."""
         return self.to_points(np.ones(self.u.size), self.u) - self.radar
 
+    @property
+    def frame(self) -> Array:
+        """Unit vectors along the array and broadside, (2, 2)."""
+        return np.stack([self.along, self.broadside])
+
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] and u of points (..., 2) [m], (..., 1)."""
+        range_, u = self.to_polar(points)
+        return range_, u[..., None]
+
     def column(self, u: Array) -> Index:
         """Number of the direction nearest to u."""
         return np.clip(np.rint((u - self.u[0]) / self.du).astype(np.intp), 0, self.u.size - 1)
 
-    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
-        """Range [m] and nearest direction of points (..., 2) [m], and whether they lie inside the view."""
-        range_, u = self.to_polar(points)
-        inside = (np.abs(u) <= self.u[-1]) & (range_ >= self.range[0])
-        return range_, self.column(np.where(inside, u, 0.0)), inside
-
-    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """Every pair of a point (n, 2) and a direction whose u differs by less than `aside`, each (pairs,)."""
-        _, u = self.to_polar(points)
-        first, last = np.searchsorted(self.u, u - aside), np.searchsorted(self.u, u + aside)
-        count = last - first
-        start = np.cumsum(count) - count
-        return np.repeat(np.arange(count.size), count), np.arange(count.sum()) + np.repeat(first - start, count)
-
-    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
-        """Directions to the left and to the right, `EDGE_CELLS` away."""
-        step = EDGE_CELLS * SAMPLES_PER_CELL
-        return tuple(np.clip(direction + side, 0, self.u.size - 1) for side in (-step, step))
-
-    def in_cells(self, points: Array) -> Array:
-        """Range and u of points (n, 2) in units of their cells, (n, 2)."""
-        range_, u = self.to_polar(points)
-        return np.stack([range_ / self.range_cell, u / self.u_cell], axis=-1)
+    def width(self, range_: Array | float) -> Array:
+        """Width of the resolution cell ahead [m]."""
+        return self.u_cell * np.asarray(range_)
 
     def cell(self, range_: Array | float) -> Array:
         """Diagonal of the resolution cell [m]."""
-        return np.hypot(self.range_cell, self.u_cell * np.asarray(range_))
+        return np.hypot(self.range_cell, self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
-        """How far [m] behind the first echo of an object others may be the object's own."""
+        """The same at all ranges."""
         return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)
+
+    def beside_steps(self, range_: Array) -> Index:
+        """The same at all ranges."""
+        return np.full(np.shape(range_), EDGE_CELLS * SAMPLES_PER_CELL)
 
     def looks_at(self, echoes: Echoes) -> Mask:
         """Directions no farther aside than the strong echo that is farthest from broadside, (nu,)."""
@@ -125,11 +124,6 @@ class ImageView(View):
     def covered_angle(self) -> float:
         """How far in u to either side an object hides what is behind it."""
         return COVERED_CELLS * self.u_cell
-
-    @property
-    def cross_angle(self) -> float:
-        """Width of the resolution cell in u."""
-        return self.u_cell
 
     @property
     def du(self) -> float:
@@ -189,8 +183,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
     broadside = np.array([-along[1], along[0]])
     corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
-    if corners.mean(axis=0) @ broadside < 0.0:
-        broadside = -broadside
+    broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
 
     pixel = max(x[1] - x[0], y[1] - y[0])
     farthest = float(np.linalg.norm(corners, axis=1).max())
@@ -217,10 +210,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     u = np.arange(-half, half + 1) * (u_cell / SAMPLES_PER_CELL)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
-    view = ImageView(
-        radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-        range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-    )  # fmt: skip
+    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength)  # fmt: skip
     where = view.to_points(range_[:, None], u[None, :])
     pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
     if np.iscomplexobj(image.values) and np.isfinite(wavelength):

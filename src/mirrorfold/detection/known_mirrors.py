@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,14 +61,15 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     if len(places) > LARGEST_COUNT:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
     for number, points in enumerate(places):
+        mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
         if not np.isfinite(points).all():
-            raise InputError(f"{source}: mirror {number} has a place that is not finite, expected numbers in metres")
+            raise InputError(f"{mirror} has a place that is not finite, expected numbers in metres")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if spread[points.shape[1] - 2] <= SHORTEST * np.abs(points).max():
-            what = "length; give two different ends" if points.shape[1] == 2 else "extent; give four different corners"
-            raise InputError(f"{source}: mirror {number} has no {what}, or leave it out")
-        if points.shape[1] == 3 and spread[2] > FLATTEST * spread[0]:
-            raise InputError(f"{source}: mirror {number} is not flat; give four corners of one plane")
+        if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
+            what = "length; give two different ends" if flat else "extent; give four different corners"
+            raise InputError(f"{mirror} has no {what}, or leave it out")
+        if not flat and spread[2] > FLATTEST * spread[0]:
+            raise InputError(f"{mirror} is not flat; give four corners of one plane")
     return places
 
 
@@ -81,13 +81,11 @@ def read_mirrors(path: str | Path) -> Array:
     InputError
         If the file is missing, is not JSON, or holds something else.
     """
-    path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: does not exist; give a JSON file of mirrors") from None
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give a JSON file of mirrors") from None
+        what = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+        raise InputError(f"{path}: {what}; give a JSON file of mirrors") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON ({str(error).splitlines()[0]}); expected {EXAMPLE}") from None
     mirrors = content.get("mirrors") if isinstance(content, dict) else None
@@ -95,21 +93,20 @@ def read_mirrors(path: str | Path) -> Array:
         raise InputError(f"{path}: holds no list 'mirrors'; expected {EXAMPLE}")
     places = []
     for number, mirror in enumerate(mirrors):
-        if isinstance(mirror, dict) and "corners" in mirror:
-            places.append(mirror["corners"])
-        elif isinstance(mirror, dict) and {"start", "end"} <= set(mirror):
-            places.append([mirror["start"], mirror["end"]])
-        else:
-            raise InputError(f"{path}: mirror {number} has no 'start' and 'end'; expected {EXAMPLE}")
+        match mirror:
+            case {"corners": corners}:
+                places.append(corners)
+            case {"start": start, "end": end}:
+                places.append([start, end])
+            case _:
+                raise InputError(f"{path}: mirror {number} has no 'start' and 'end'; expected {EXAMPLE}")
     return check_mirrors(places, str(path))
 
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
     """Write a file of mirrors that `read_mirrors` reads back to the last bit; returns its path."""
-    rows: list[dict[str, Any]] = [
-        {"start": points[0].tolist(), "end": points[1].tolist()} if len(points) == 2 else {"corners": points.tolist()}
-        for points in check_mirrors(mirrors)
-    ]
+    places = check_mirrors(mirrors).tolist()
+    rows = [{"corners": p} if len(p) == 4 else {"start": p[0], "end": p[1]} for p in places]
     path = Path(path)
     path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
     return path
@@ -126,10 +123,8 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
         mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else LineMirror(*points)
         _, own, across = mirror.near(view, echoes)
         on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
-        strength = 0.0
-        if len(on_it):
-            strength = float(np.median(on_it.amplitude))
-        elif isinstance(view, ImageView):
+        strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
+        if isinstance(view, ImageView) and not len(on_it):
             strength = float(np.median(view.at(*view.to_polar(mirror.places(view)))))
         fill = mirror.filled(view, evidence(on_it, view))
         mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry, segment_normal, unit
+from mirrorfold.common.geometry import segment_normal, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
@@ -42,7 +41,7 @@ class LineMirror(Mirror):
     @property
     def length(self) -> float:
         """Length [m]."""
-        return float(np.linalg.norm(self.end - self.start))
+        return self.size
 
     @property
     def direction(self) -> Array:
@@ -81,9 +80,9 @@ class LineMirror(Mirror):
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
-        position, cell = self.along(echoes.position), view.extent(echoes.position, self.direction)
-        beside = (position >= -cell) & (position <= self.length + cell)
-        return beside, beside.copy(), view.extent(echoes.position, self.normal)
+        along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
+        beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
+        return beside, beside.copy(), across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
         """A row along it, without its ends.
@@ -101,9 +100,7 @@ class LineMirror(Mirror):
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
         """Square to it."""
-        inward = np.broadcast_to(
-            self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0), places.shape
-        )
+        inward = np.broadcast_to(self.inward(view), places.shape)
         return inward, view.at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None])) ** 2
 
     def independent(self, view: ImageView) -> float:  # type: ignore[override]
@@ -140,7 +137,3 @@ class LineMirror(Mirror):
         parts = [self.part(first, last) for first, last in pairwise(cuts)]
         kept = [part for part in parts if part.length >= smallest]
         return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])
-
-    def columns(self, fold: Isometry) -> dict[str, Any]:
-        """The ends after a map: x0, y0, x1 and y1."""
-        return {f"{axis}{end}": fold(self.ends)[end, i] for end in (0, 1) for i, axis in enumerate("xy")}

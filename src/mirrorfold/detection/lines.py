@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from mirrorfold.common.geometry import unit
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import front_depth, refined
 from mirrorfold.detection.growing import NEAR, Search
@@ -73,24 +73,21 @@ class _Lines(Search[LineMirror]):
     fewest, sagitta, misses = 3, 0.3, 100
     view: ImageView
 
-    def patch(self, normal: Array, center: Array, near: Mask) -> tuple[LineMirror, Mask]:
+    def patch(self, normal: Array, center: Array, near: Index) -> tuple[LineMirror, Index]:
         """The heaviest unbroken row."""
         line = LineMirror(center, center + np.array([normal[1], -normal[0]]))
-        row = self._row(line, self.echoes, self.weight, near)
-        position = line.along(self.echoes.position[row])
-        return line.part(position.min(), position.max()), row
+        position = line.along(self.echoes.position[near])
+        row = self._row(position, np.sqrt(self.square(line.direction, near)), self.weight[near])
+        return line.part(position[row].min(), position[row].max()), np.sort(near[row])
 
-    def _row(self, line: LineMirror, echoes: Echoes, weight: Array, near: Mask) -> Mask:
-        """The heaviest unbroken row among echoes near a line."""
-        position = line.along(echoes.position)
-        which = np.flatnonzero(near)
-        which = which[np.argsort(position[which])]
-        cell = self.view.extent(echoes.position[which], line.direction)
-        gap = np.diff(position[which]) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
+    @staticmethod
+    def _row(position: Array, cell: Array, weight: Array) -> Index:
+        """The heaviest unbroken row of echoes at positions [m] along a line, where the cell has that width along it."""
+        order = np.argsort(position)
+        position, cell = position[order], cell[order]
+        gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
         run = np.concatenate([[0], np.cumsum(gap)])
-        row = np.zeros_like(near)
-        row[which[run == np.argmax(np.bincount(run, weights=weight[which]))]] = True
-        return row
+        return order[run == np.argmax(np.bincount(run, weights=weight[order]))]
 
     def passes(self, mirror: LineMirror) -> bool:
         """Whether its echoes fill it and outweigh those in a band of the same width in front of it."""
@@ -100,28 +97,25 @@ class _Lines(Search[LineMirror]):
         points = self.echoes.position
         position, before = mirror.along(points), -mirror.behind(self.view, points)
         weight = np.where((position >= 0.0) & (position <= mirror.length), self.weight, 0.0)
-        across = self.extent(mirror.normal)
+        across = np.sqrt(self.square(mirror.normal))
         in_front = (before > BEFORE_LINE[0] * across) & (before <= BEFORE_LINE[1] * across)
         return bool(weight[np.abs(before) <= ON_LINE * across].sum() >= SMALLEST_CONTRAST * weight[in_front].sum())
 
     def refined(self, mirror: LineMirror) -> LineMirror:
         """The mirror as far as its row, faint echoes included, goes on, fitted to the image."""
-        every = self.every.take(self.every.visible)
-        points = every.position
-        near = np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)
-        position = mirror.along(points)
+        points = self.every.position[self.every.visible]
+        near = points[np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)]
+        position = mirror.along(near)
         # Its own echoes outweigh any other row on the same line.
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
-        row = position[self._row(mirror, every, weight, near)]
+        row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
         mirror, _ = refined(longer, self.view, *LOBE)
         depth = front_depth(mirror, self.view)
         if depth < DEEP * self.view.range_cell:
             return mirror
-        towards = np.sign((self.view.radar - mirror.center) @ mirror.normal)
-        return _parallel_to_speckle(
-            mirror.moved(mirror.normal, mirror.center + towards * depth * mirror.normal), self.view
-        )
+        front = mirror.center - depth * mirror.inward(self.view)
+        return _parallel_to_speckle(mirror.moved(mirror.normal, front), self.view)
 
 
 def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
@@ -139,15 +133,18 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
     power /= np.maximum(level, np.finfo(float).tiny)[:, None]
     # Turning the line by an angle moves each profile along itself.
     samples = (places - mirror.center) @ mirror.direction / (across * 2.0 * BEHIND / (SPECKLE_SAMPLES - 1))
-    row = np.arange(len(places))[:, None]
 
     def unlikelihood(angle: float) -> float:
-        at = np.clip(np.arange(SPECKLE_SAMPLES) + np.tan(angle) * samples[:, None], 0.0, SPECKLE_SAMPLES - 1.001)
-        first = at.astype(np.intp)
-        turned = power[row, first] + (at - first) * (power[row, first + 1] - power[row, first])
-        return float(np.log(turned.mean(axis=0) + SPECKLE_FLOOR).mean())
+        shift = np.tan(angle) * samples
+        whole = np.floor(shift).astype(np.intp)
+        # Profiles in a row that move by as many whole samples are added up before they are moved.
+        first = np.flatnonzero(np.diff(whole, prepend=whole[0] + 1))
+        turned = np.zeros(SPECKLE_SAMPLES)
+        for more, share in ((0, 1.0 - shift + whole), (1, shift - whole)):
+            at = np.clip(whole[first][:, None] + more + np.arange(SPECKLE_SAMPLES), 0, SPECKLE_SAMPLES - 1)
+            turned += np.take_along_axis(np.add.reduceat(share[:, None] * power, first), at, axis=1).sum(axis=0)
+        return float(np.log(turned / len(places) + SPECKLE_FLOOR).mean())
 
     angle = min(np.radians(np.linspace(-LARGEST_TURN_DEG, LARGEST_TURN_DEG, TURNS)), key=unlikelihood)
-    inward = mirror.profiles(view, mirror.center[None], np.zeros((1, 1)))[0][0]
-    tilted = mirror.direction + np.tan(angle) * inward
+    tilted = mirror.direction + np.tan(angle) * mirror.inward(view)
     return mirror.moved(unit(np.array([-tilted[1], tilted[0]])), mirror.center)

@@ -59,11 +59,6 @@ class Mirror(ABC):
     def sides(self) -> Array:
         """Where the mirror begins and ends along each of them, seen from its center, (d - 1, 2) [m]."""
 
-    @property
-    @abstractmethod
-    def ends(self) -> Array:
-        """Ends of its horizontal middle line, (2, d) [m]."""
-
     @abstractmethod
     def crossing(self, view: View) -> Array:
         """Range [m] at which each line of sight meets the mirror, (n,); infinite where it passes it by."""
@@ -100,14 +95,20 @@ class Mirror(ABC):
     def pieces(self, view: View, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
         """Cut it where `before`, what each of its lines of sight met last, changes: mirrors, and remains too small."""
 
-    @abstractmethod
-    def columns(self, fold: Isometry) -> dict[str, Any]:
-        """What a file says of its place after a map: values by name."""
+    @property
+    def ends(self) -> Array:
+        """Ends of its horizontal middle line, (2, d) [m]."""
+        return np.asarray(self.center + self.sides[0][:, None] * self.tangents[0])
 
     @property
     def size(self) -> float:
         """Distance of its ends [m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+
+    def columns(self, fold: Isometry) -> dict[str, Any]:
+        """What a file says of its place after a map: values by name, here those of the ends, x0, y0, x1 ..."""
+        return {f"{axis}{end}": place[i] for end, place in enumerate(fold(self.ends))
+                for i, axis in zip(range(place.size), "xyz", strict=False)}  # fmt: skip
 
     @property
     def reflection(self) -> Isometry:
@@ -118,9 +119,13 @@ class Mirror(ABC):
         """Signed distance [m] of points (..., d), positive on the side of `normal`."""
         return signed_distance(points, self.center, self.normal)
 
+    def inward(self, view: View) -> Array:
+        """The normal that points away from the radar, (d,)."""
+        return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
+
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
-        return self.beside(points) * -np.sign((view.radar - self.center) @ self.normal)
+        return np.asarray((points - self.center) @ self.inward(view))
 
 
 def faces(

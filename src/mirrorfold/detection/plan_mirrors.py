@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.common.geometry import crossing, reflect, segment_normal
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
@@ -49,9 +49,8 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
         If the view is that of a volume: a floor plan knows no heights.
     """
     if not isinstance(view, ImageView):
-        raise InputError(
-            f"{plan.source}: is a floor plan, which has no heights; give four corners of each mirror (JSON)"
-        )
+        what = "is a floor plan, which has no heights; give four corners of each mirror (JSON)"
+        raise InputError(f"{plan.source}: {what}")
     if plan.images is not None:
         return plan.images
     longest = LONGEST_CHAIN if generations is None else min(max(generations, 1), LONGEST_CHAIN)
@@ -71,40 +70,31 @@ def _follow(
     if not len(walls):
         return
     reach = float(view.range[-1])
-    towards = walls[:, 1] - walls[:, 0]
-    start = walls[:, 0] - view.radar
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Ray r s = start + t towards, by the cross products with the direction of the wall and with the ray.
-        across = sight[columns][:, :1] * towards[:, 1] - sight[columns][:, 1:] * towards[:, 0]
-        r = (start[:, 0] * towards[:, 1] - start[:, 1] * towards[:, 0]) / across
-        t = (start[:, 0] * sight[columns][:, 1:] - start[:, 1] * sight[columns][:, :1]) / across
-        meets = (t >= 0.0) & (t <= 1.0) & (r > begin[:, None] + TOUCHING * reach) & (r <= reach)
-    r = np.where(meets, r, np.inf)
-    nearest, distance = r.argmin(axis=1), r.min(axis=1)
-    for wall in np.unique(nearest[np.isfinite(distance)]):
-        hit = np.flatnonzero((nearest == wall) & np.isfinite(distance))
+    range_ = np.empty((len(walls), columns.size))
+    for met, wall in zip(range_, walls, strict=True):  # the lines of sight have unit length
+        met[:], along = crossing(view.radar, view.radar + sight[columns], *wall)
+        met[~((along >= 0.0) & (along <= 1.0) & (met > begin + TOUCHING * reach) & (met <= reach))] = np.inf
+    nearest, distance = range_.argmin(axis=0), range_.min(axis=0)
+    for number in np.unique(nearest[np.isfinite(distance)]):
+        wall, hit = walls[number], np.flatnonzero((nearest == number) & np.isfinite(distance))
         # Columns in a row; where something stands in between, the wall is seen in parts.
         for part in np.split(hit, np.flatnonzero(np.diff(columns[hit]) > 1) + 1):
             if part.size < FEWEST_DIRECTIONS:
                 continue
-            mirror = _visible(view, walls[wall], columns, part, distance)
-            found.append(mirror)
+            found.append(_visible(view, wall, columns[part[[0, -1]]], distance[part[[0, -1]]]))
             if left > 1:
-                normal = segment_normal(*walls[wall])
-                seen = np.stack([reflect(walls[:, end], walls[wall, 0], normal) for end in (0, 1)], axis=1)
-                seen[wall] = walls[wall]
+                seen = reflect(walls, wall[0], segment_normal(*wall))
+                seen[number] = wall
                 _follow(view, seen, sight, columns[part], distance[part], left - 1, found)
 
 
-def _visible(view: ImageView, wall: Array, columns: Index, part: Index, distance: Array) -> Array:
-    """The ends of what is seen of a wall, (2, 2): its own, where the next line of sight would pass beyond them."""
-    first, last = view.radar + distance[part[[0, -1]], None] * view.sight[columns[part[[0, -1]]]]
-    ends = wall if (wall[1] - wall[0]) @ (last - first) >= 0.0 else wall[::-1]
-    _, u = view.to_polar(ends)
-    mirror = np.array(
-        [
-            end if np.isfinite(of_end) and abs(of_end - view.u[columns[part[side]]]) <= view.du else met
-            for end, of_end, side, met in zip(ends, u, (0, -1), (first, last), strict=True)
-        ]
-    )
-    return mirror if ends is wall else mirror[::-1]
+def _visible(view: ImageView, wall: Array, outermost: Index, range_: Array) -> Array:
+    """The ends of what is seen of a wall, (2, 2): its own, where the next line of sight would pass beyond them.
+
+    The first and the last direction that meet it, `outermost`, do so at ranges [m].
+    """
+    met = view.points(range_, outermost)
+    turn = slice(None, None, 1 if (wall[1] - wall[0]) @ (met[1] - met[0]) >= 0.0 else -1)
+    _, u = view.to_polar(wall[turn])
+    own = np.abs(u - view.u[outermost]) <= view.du  # False behind the radar, where u is NaN
+    return np.where(own[:, None], wall[turn], met)[turn]

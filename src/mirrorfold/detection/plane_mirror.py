@@ -66,11 +66,6 @@ class PlaneMirror(Mirror):
         return np.asarray(np.ptp(self.sides, axis=1))
 
     @property
-    def ends(self) -> Array:
-        """Ends of its horizontal middle line, (2, 3) [m]."""
-        return np.asarray(self.center + self.sides[0][:, None] * self.tangents[0])
-
-    @property
     def corners(self) -> Array:
         """The rectangle around what is seen of it, its sides horizontal and upright, (4, 3) [m]."""
         (left, right), (low, high) = self.sides
@@ -101,9 +96,8 @@ class PlaneMirror(Mirror):
 
     def independent(self, view: VolumeView) -> float:  # type: ignore[override]
         """Its beams; those a beam radius apart see the same speckle."""
-        return np.count_nonzero(self.beams) / max(
-            float(np.mean(view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1)) ** 2)), 1.0
-        )
+        steps = view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1))
+        return np.count_nonzero(self.beams) / max(float(np.mean(steps**2)), 1.0)
 
     def moved(self, normal: Array, center: Array) -> PlaneMirror:
         """With the same beams."""
@@ -145,11 +139,10 @@ class PlaneMirror(Mirror):
         return (kept, remains) if kept else ([self], [])
 
     def columns(self, fold: Isometry) -> dict[str, Any]:
-        """Ends x0 ... z1, center, normal and corners after a map."""
-        found: dict[str, Any] = {}
-        center = fold(self.center)
-        normal, ends, corners = fold(self.center + self.normal) - center, fold(self.ends), fold(self.corners)
+        """Center, normal and corners, too."""
+        center, corners = fold(self.center), fold(self.corners)
+        normal = fold(self.center + self.normal) - center
+        found = super().columns(fold)
         for i, axis in enumerate("xyz"):
-            found |= {f"{axis}{end}": ends[end, i] for end in (0, 1)}
             found |= {f"center_{axis}": center[i], f"normal_{axis}": normal[i], f"corner_{axis}": corners[:, i]}
         return found

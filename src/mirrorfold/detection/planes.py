@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, label
 
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import front_depth, refined
 from mirrorfold.detection.growing import Search
@@ -50,11 +50,11 @@ class _Planes(Search[PlaneMirror]):
     fewest, sagitta, misses = 30, 0.16, 2
     view: VolumeView
 
-    def patch(self, normal: Array, center: Array, near: Mask) -> tuple[PlaneMirror, Mask]:
+    def patch(self, normal: Array, center: Array, near: Index) -> tuple[PlaneMirror, Index]:
         """The largest connected set of beams that show a plane, its small gaps closed."""
-        beam, shape = self.echoes.direction, self.view.shape
+        beam, shape = self.echoes.direction[near], self.view.shape
         lit = np.zeros(shape, dtype=bool)
-        lit.ravel()[beam[near]] = True
+        lit.ravel()[beam] = True
         pad = GAP_BEAMS + 1
         closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
         # Threads of chance echoes do not join two walls.
@@ -64,7 +64,7 @@ class _Planes(Search[PlaneMirror]):
         beams = largest.ravel() & (self.view.meets(normal, center) <= self.view.range[-1])
         towards = normal * -np.sign((center - self.view.radar) @ normal)
         mirror = PlaneMirror(center, towards, np.empty((0, 3)), beams)
-        return mirror.shown(self.view, beams) if beams.any() else mirror, near & beams[beam]
+        return mirror.shown(self.view, beams) if beams.any() else mirror, near[beams[beam]]
 
     def passes(self, mirror: PlaneMirror) -> bool:
         """Whether echoes stand in enough of its beams."""

@@ -52,24 +52,23 @@ class View(ABC):
 
     @property
     @abstractmethod
+    def axes(self) -> tuple[Array, ...]:
+        """Angles [rad] of the lines of sight, uniform along each axis, of which the last varies fastest: u, the sine of
+        the angle off broadside, of an image; azimuth and elevation of a volume.
+        """
+
+    @property
+    @abstractmethod
     def sight(self) -> Array:
         """Unit vectors of all lines of sight, (n, d)."""
 
     @abstractmethod
-    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
-        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their angles as in `axes`, (..., axes); NaN where there are none."""
 
     @abstractmethod
-    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it, each (pairs,)."""
-
-    @abstractmethod
-    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
-        """Directions to all sides of each point, so far away that its beam still reaches over."""
-
-    @abstractmethod
-    def in_cells(self, points: Array) -> Array:
-        """Coordinates of points (n, d) in units of the resolution cell, (n, d)."""
+    def width(self, range_: Array | float) -> Array:
+        """Width of a line of sight [m] at ranges [m]: of the resolution cell of an image, or the radius of a beam."""
 
     @abstractmethod
     def cell(self, range_: Array | float) -> Array:
@@ -87,18 +86,66 @@ class View(ABC):
         """How far [m] behind the first echo of an object others may be the object's own, at that range."""
 
     @abstractmethod
-    def looks_at(self, echoes: Echoes) -> Mask:
-        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+    def beside_steps(self, range_: Array) -> Index:
+        """How many directions away, at ranges [m], a beam still reaches over."""
 
     @property
-    @abstractmethod
     def covered_angle(self) -> float:
         """How far [rad] to either side of its own direction an object hides what is behind it."""
+        return 0.0
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+        return np.ones(len(self.sight), dtype=bool)
 
     @property
-    @abstractmethod
-    def cross_angle(self) -> float:
-        """Angle [rad] that the radar resolves."""
+    def shape(self) -> tuple[int, ...]:
+        """Number of directions along each axis."""
+        return tuple(axis.size for axis in self.axes)
+
+    @property
+    def steps(self) -> Array:
+        """Angle [rad] from one direction to the next along each axis."""
+        return np.array([(axis[-1] - axis[0]) / (axis.size - 1) for axis in self.axes])
+
+    def indices(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their place along each axis in steps, (..., axes)."""
+        range_, angles = self.angles(points)
+        return range_, (angles - [axis[0] for axis in self.axes]) / self.steps
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+        range_, place = self.indices(points)
+        at = np.rint(np.nan_to_num(place, nan=-9.0)).astype(np.intp)
+        inside = np.all((at >= 0) & (at < self.shape), axis=-1) & (range_ >= self.range[0])
+        return range_, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), self.shape, mode="clip"), inside
+
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it along each axis, or
+        nearest to it, each (pairs,).
+        """
+        _, place = self.indices(points)
+        row, direction = np.arange(len(points)), np.zeros(len(points), dtype=np.intp)
+        for at, step, size in zip(place.T, self.steps, self.shape, strict=True):
+            reach = np.maximum(np.asarray(aside) / step, 0.5)
+            first, last = (np.clip(np.ceil(edge), 0, size).astype(np.intp) for edge in (at - reach, at + reach))
+            count = (last - first)[row]
+            begin = np.repeat(np.cumsum(count) - count - first[row], count)
+            row, direction = np.repeat(row, count), np.repeat(direction * size, count) + np.arange(count.sum()) - begin
+        return row, direction
+
+    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
+        """Directions to all sides of each point, so far away that its beam still reaches over."""
+        at, step = np.array(np.unravel_index(direction, self.shape)), self.beside_steps(range_)
+        axes = np.eye(len(self.shape), dtype=np.intp)
+        moved = (at + np.multiply.outer(side * axis, step) for axis in axes for side in (-1, 1))
+        return tuple(np.ravel_multi_index(tuple(place), self.shape, mode="clip") for place in moved)
+
+    def in_cells(self, points: Array) -> Array:
+        """Range and angles of points (n, d) in units of the range cell and of the width of a line of sight, (n, d)."""
+        range_, angles = self.angles(points)
+        angle = self.width(range_) / np.maximum(range_, self.dr)
+        return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
 
     @property
     def dimensions(self) -> int:
@@ -114,20 +161,20 @@ class View(ABC):
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
-    def extents(self, points: Array) -> Callable[[Array], Array]:
-        """What tells the `extent` at points (n, d) of any unit vectors."""
-        offset, cross = points - self.radar, self.cross_cell(points)
+    def squares(self, points: Array) -> Callable[..., Array]:
+        """What tells the square of the `extent` at points (n, d), or at some of them, along any unit vectors."""
+        offset, cross = points - self.radar, self.cross_cell(points) ** 2
         sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
 
-        def extent(along: Array) -> Array:
-            cosine = np.minimum(np.abs(along.T @ sight), 1.0)
-            return np.hypot(self.range_cell * cosine, cross * np.sqrt(1.0 - cosine**2)).T
+        def square(along: Array, which: Index | slice = slice(None)) -> Array:
+            cosine = along.T @ sight[:, which]
+            return (cross[which] + (self.range_cell**2 - cross[which]) * cosine**2).T
 
-        return extent
+        return square
 
     def extent(self, points: Array, along: Array) -> Array:
         """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
-        return self.extents(points)(along)
+        return np.asarray(np.sqrt(self.squares(points)(along)))
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""
@@ -151,13 +198,10 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "ima
             raise InputError(f"{source}: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
         step = np.diff(image[name].values.astype(float))
         if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
-            raise InputError(
-                f"{source}: the coordinate {name} does not rise in equal steps; resample to a regular grid"
-            )
+            wrong = f"the coordinate {name} does not rise in equal steps; resample to a regular grid"
+            raise InputError(f"{source}: {wrong}")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
-    if missing:
-        raise InputError(
-            f"{source}: {missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
-        )
+    if missing := int(np.count_nonzero(~np.isfinite(image.values))):
+        wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
+        raise InputError(f"{source}: {wrong}")

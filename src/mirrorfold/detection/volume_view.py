@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
-from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, noise_limit
+from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, noise_limit
 from mirrorfold.detection.view import View, check_samples
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.range_profiles import angle_table, beams_of, spreading
+from mirrorfold.focusing.range_profiles import angle_table, beams_of, magnitudes, spreading
 
 HANN_CELL = 2.0
 """Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
@@ -98,19 +97,24 @@ class VolumeView(View):
         return np.minimum(level, 1.0).astype(np.float32)
 
     @cached_property
+    def axes(self) -> tuple[Array, ...]:
+        """Azimuth and elevation of the beams [rad]."""
+        return np.radians(self.azimuth), np.radians(self.elevation)
+
+    @cached_property
     def sight(self) -> Array:
-        """Directions of all beams, (azimuths * elevations, 3); the elevation varies fastest."""
+        """Directions of all beams, (azimuths * elevations, 3)."""
         return beam_direction(self.azimuth[:, None], self.elevation[None, :]).reshape(-1, 3)
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of azimuths and elevations."""
-        return self.azimuth.size, self.elevation.size
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., 3) [m], and their azimuth and elevation [rad], (..., 2)."""
+        offset = np.asarray(points, dtype=float) - self.radar
+        return np.linalg.norm(offset, axis=-1), np.radians(np.stack(beam_angles(offset), axis=-1))
 
     @property
     def beam_step(self) -> float:
         """Angle between neighbouring beams [rad]."""
-        return float(np.radians(0.5 * (np.diff(self.azimuth).mean() + np.diff(self.elevation).mean())))
+        return float(self.steps.mean())
 
     def width(self, range_: Array | float) -> Array:
         """Radius of the beam [m] at ranges [m]."""
@@ -131,77 +135,17 @@ class VolumeView(View):
         value = profile[beam, first] * (1.0 - share) + profile[beam, first + 1] * share
         return np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
 
-    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
-        """Range [m] and nearest beam of points (..., 3) [m], and whether they lie inside the scan."""
-        offset = np.asarray(points, dtype=float) - self.radar
-        range_ = np.linalg.norm(offset, axis=-1)
-        steps = [(angle - axis[0]) / np.diff(axis).mean()
-                 for angle, axis in zip(beam_angles(offset), (self.azimuth, self.elevation), strict=True)]  # fmt: skip
-        beam, inside = self._beam(*np.rint(steps).astype(np.intp))
-        return range_, np.where(inside, beam, 0), inside & (range_ >= self.range[0])
-
-    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """Every pair of a point (n, 3) and a beam in the square of half-width `aside` [rad] about it, each (pairs,)."""
-        _, direction, _ = self.locate(points)
-        reach = np.broadcast_to(np.asarray(np.asarray(aside) / self.beam_step, dtype=np.intp), direction.shape)
-        rows: list[Index] = [np.empty(0, dtype=np.intp)]
-        beams: list[Index] = [np.empty(0, dtype=np.intp)]
-        for steps in np.unique(reach):
-            which = np.flatnonzero(reach == steps)
-            square = np.mgrid[-steps : steps + 1, -steps : steps + 1].reshape(2, -1, 1)
-            beam, inside = self._moved(direction[which], *square)
-            rows.append(np.broadcast_to(which, beam.shape)[inside])
-            beams.append(beam[inside])
-        return np.concatenate(rows), np.concatenate(beams)
-
-    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
-        """Beams to the left, to the right, above and below, a beam's radius away; at the scan's end the beam itself."""
-        steps = self.beside_steps(range_)
-        moved = [self._moved(direction, i * steps, j * steps) for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1))]
-        return tuple(np.where(inside, beam, direction) for beam, inside in moved)
-
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""
         return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
-
-    def _moved(self, direction: Index, across: Index | int, up: Index | int) -> tuple[Index, Mask]:
-        """Beams so many azimuths and elevations away, and whether they belong to the scan."""
-        return self._beam(direction // self.shape[1] + across, direction % self.shape[1] + up)
-
-    def _beam(self, column: Index, row: Index) -> tuple[Index, Mask]:
-        """The beam of an azimuth and an elevation by their numbers, and whether it belongs to the scan."""
-        inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
-        return column * self.shape[1] + row, inside
-
-    def in_cells(self, points: Array) -> Array:
-        """Range, azimuth and elevation of points (n, 3) in units of the range cell and the beam's radius, (n, 3)."""
-        offset = points - self.radar
-        range_ = np.linalg.norm(offset, axis=-1)
-        angle = self.width(range_) / np.maximum(range_, self.dr)
-        azimuth, elevation = beam_angles(offset)
-        return np.stack([range_ / self.range_cell, np.radians(azimuth) / angle, np.radians(elevation) / angle], axis=-1)
 
     def cell(self, range_: Array | float) -> Array:
         """Diagonal of the resolution cell [m]: range cell and diameter of the beam."""
         return np.hypot(self.range_cell, 2.0 * self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
-        """How far [m] behind the first echo of an object others may be the object's own."""
+        """As deep as the beam is wide."""
         return OPAQUE_RADII * self.width(range_)
-
-    def looks_at(self, echoes: Echoes) -> Mask:
-        """All beams of the scan."""
-        return np.ones(len(self.sight), dtype=bool)
-
-    @property
-    def covered_angle(self) -> float:
-        """An object hides what is behind it in its own beam: each beam that meets it has an echo of its own."""
-        return 0.0
-
-    @property
-    def cross_angle(self) -> float:
-        """Angle between neighbouring beams [rad], which a scan sets to about what the beam resolves."""
-        return self.beam_step
 
 
 def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
@@ -219,7 +163,7 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     check_samples(volume, ("range", "azimuth", "elevation"))
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     angle_table(azimuth)
-    amplitude: NDArray[np.float32] = _magnitudes(beams_of(volume))
+    amplitude = magnitudes(beams_of(volume))
     if not amplitude.any():
         raise InputError("image: every pixel is zero; there is nothing to fold")
     attrs = volume.attrs
@@ -235,23 +179,9 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
         amplitude /= np.maximum(done, np.finfo(np.float32).tiny).astype(np.float32)
     # An odd stride visits all ranges and beams alike.
     sample = amplitude.ravel()[:: max(1, amplitude.size // NOISE_SAMPLES) | 1]
-    return VolumeView(
-        amplitude=amplitude,
-        range=range_,
-        azimuth=azimuth,
-        elevation=elevation,
-        gain=spreading(attrs, range_, frequency, chosen, "image"),
-        normalization=chosen,
-        noise=float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN,
-        radar=np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float),
-        range_cell=max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step),
-        beam=beam,
-        taper=str(attrs.get("taper", "hann")),
-    )
-
-
-def _magnitudes(values: NDArray[np.complex64]) -> NDArray[np.float32]:
-    """Absolute values, azimuth by azimuth on all threads."""
-    out = np.empty(values.shape, dtype=np.float32)
-    for_each(lambda i: np.abs(values[i], out=out[i], casting="same_kind"), range(len(values)))
-    return out
+    noise = float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN
+    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+    range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
+    gain = spreading(attrs, range_, frequency, chosen, "image")
+    taper = str(attrs.get("taper", "hann"))
+    return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, taper)

@@ -213,7 +213,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     (y, x) DataArray
         Amplitude, float32.
     """
-    amplitude = _amplitude(beams_of(volume))
+    amplitude = magnitudes(beams_of(volume))
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     step = float(range_[1] - range_[0])
     pixel = 2.0 * step if pixel is None else float(pixel)
@@ -272,7 +272,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
         if steps.size and np.ptp(steps) > 1e-3 * steps.mean():
             raise InputError(f"{name} must rise in equal steps; resample it")
         axes.append(axis - shift)
-    amplitude = _amplitude(beams)
+    amplitude = magnitudes(beams)
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     values = np.empty((axes[1].size, axes[0].size, axes[2].size), dtype=np.float32)
     grid = angle_table(azimuth), angle_table(elevation)
@@ -373,7 +373,7 @@ def magnitude(values, out):  # type: ignore[no-untyped-def]
         out[i] = np.sqrt(values[i].real * values[i].real + values[i].imag * values[i].imag)
 
 
-def _amplitude(values: NDArray[Any]) -> NDArray[np.float32]:
+def magnitudes(values: NDArray[Any]) -> NDArray[np.float32]:
     """Absolute values in single precision, (azimuth, elevation, range)."""
     if values.dtype != np.complex64:
         return np.abs(values).astype(np.float32)

@@ -9,27 +9,17 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold import __version__
-from mirrorfold.common.types import Array
-from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import example_mirror
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
 def collect(
-    image: xr.DataArray,
-    echoes: Echoes,
-    tree: MirrorTree,
-    sight: LinesOfSight,
-    points: Points,
-    settings: FoldSettings,
-    *,
-    mixed: Array | None = None,
-    grid: Grid | None = None,
+    image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, *, grid: Grid | None = None
 ) -> xr.DataTree:
     """The folded scene with its origins, as a Reconstruction.
 
@@ -37,12 +27,8 @@ def collect(
     ----------
     image : DataArray
         The unfolded image or volume.
-    echoes : Echoes
-        All of it; their threshold and reference are recorded.
-    tree, sight, points, settings
+    found, points, settings
         What the steps before returned, and what they were told.
-    mixed : (n, d) array [m], optional
-        Where echoes stood in the image that went out by one chain of mirrors and back by another, and were left out.
     grid : tuple of 1D arrays [m], optional
         Pixel coordinates (x, y) of the pictures, and of a volume z. By default that of the image, grown where something
         folds to outside of it, or one around all points of a volume.
@@ -52,38 +38,38 @@ def collect(
     xarray.DataTree
         ``/``: `intensity`; ``/initial``: `initial`; ``/objects`` and ``/mirrors``.
     """
-    axes = "xyz"[: sight.view.dimensions]
-    left_out = np.empty((0, len(axes))) if mixed is None else mixed
+    sight, tree, axes = found.sight, found.tree, "xyz"[: found.sight.view.dimensions]
     attrs: dict[str, Any] = {
         "mirrorfold_kind": "reconstruction",
         "mirrorfold_version": __version__,
         **{f"radar_{axis}": float(place) for axis, place in zip(axes, sight.view.radar, strict=True)},
         **{f"fold_{name}": value for name, value in asdict(settings).items()},
-        "threshold": echoes.threshold,
-        "reference": echoes.reference,
-        **{f"mixed_{axis}": left_out[:, i] for i, axis in enumerate(axes)},
+        "threshold": found.echoes.threshold,
+        "reference": found.echoes.reference,
+        **{f"mixed_{axis}": found.mixed[:, i] for i, axis in enumerate(axes)},
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
         "remark": "" if tree.mirrors else "no mirror was found; the scene is shown unfolded",
     }
-    attrs |= {name: image.attrs[name] for name in ("title",) if name in image.attrs}
+    if "title" in image.attrs:
+        attrs["title"] = image.attrs["title"]
     (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin or 0.0, grid)
-    coords = {name: (name, axis, {"units": "m", "long_name": text})
-              for name, axis, text in (("y", y, "range"), ("x", x, "cross-range"))}  # fmt: skip
-    drawn = {name: xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, coords=coords)
-             for name, picture in (("intensity", intensity), ("initial", initial))}  # fmt: skip
-    groups = {"/initial": drawn["initial"], "/objects": _objects(points), "/mirrors": _mirrors(tree)}
-    return xr.DataTree.from_dict({"/": drawn["intensity"].assign_attrs(attrs)} | groups)
+    axes_of = {"y": ("y", y, {"units": "m", "long_name": "range"}),
+               "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
+    drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
+                     for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
+    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree)}
+    return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
 def _objects(points: Points) -> xr.Dataset:
     """The points as a table."""
     axes = "xyz"[: points.position.shape[1]]
-    places = (("", points.position, "folded position"), ("_initial", points.initial, "position before folding"))
     data: dict[str, Any] = {
-        axis + suffix: ("point", place[:, i], {"units": "m", "long_name": text})
-        for suffix, place, text in places
-        for i, axis in enumerate(axes)
-    }
+        axis + suffix: ("point", place, {"units": "m", "long_name": text})
+        for suffix, places, text in (("", points.position, "folded position"),
+                                     ("_initial", points.initial, "position before folding"))
+        for axis, place in zip(axes, places.T, strict=True)
+    }  # fmt: skip
     confidence = "share of power above what had to be exceeded, times the filled share of each mirror on the way"
     data |= {
         "amplitude": ("point", points.amplitude.astype(np.float32)),
@@ -104,15 +90,11 @@ def _mirrors(tree: MirrorTree) -> xr.Dataset:
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
-        true = mirror.columns(folds[node.chain[:-1]])
-        return {
-            **mirror.columns(folds[()]),
-            **{f"folded_{name}": value for name, value in true.items()},
-            "parent": np.int32(index[node.chain[:-1]]),
-            "generation": np.int32(node.generation),
-            "chain": "/".join(map(str, node.chain)),
-            **{name: getattr(mirror, name) for name in units},
-        }
+        parent = node.chain[:-1]
+        true = {f"folded_{name}": value for name, value in mirror.columns(folds[parent]).items()}
+        place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
+        own = {"chain": "/".join(map(str, node.chain)), **{name: getattr(mirror, name) for name in units}}
+        return mirror.columns(folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]
     size = len(rows)

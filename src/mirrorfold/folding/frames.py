@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, MutableMapping, Sequence
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import xarray as xr
@@ -59,9 +59,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
         frame = 0
     if count is None or not isinstance(frame, int | np.integer) or not 0 <= frame < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
-        remedy = (
-            "leave --frame out" if count is None else "choose one with --frame N, in Python with mf.pick_frame(x, N)"
-        )
+        remedy = "choose one with --frame N, in Python with mf.pick_frame(x, N)" if count else "leave --frame out"
         asked = "a frame is needed" if frame is None else f"frame is {frame!r}"
         raise InputError(f"{asked}, but there are {found}; {remedy}")
     if not isinstance(obj, xr.DataTree):
@@ -76,21 +74,24 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     for group, dimension in TABLES:
         table = obj.children[group].to_dataset(inherit=False)
         chosen = np.flatnonzero(table["frame"].values == frame)
-        table = table.isel({dimension: chosen}).drop_vars("frame")
-        if "parent" in table and chosen.size:
-            parent = table["parent"]
-            table["parent"] = parent.copy(
-                data=np.where(parent < 0, parent, np.searchsorted(chosen, parent)).astype(parent.dtype)
-            )
-        nodes[f"/{group}"] = table
+        nodes[f"/{group}"] = _moved(table.isel({dimension: chosen}).drop_vars("frame"), -chosen.min(initial=0))
     return xr.DataTree.from_dict(nodes)
+
+
+def _moved(table: xr.Dataset, by: int) -> xr.Dataset:
+    """A table whose `parent`, the number of a row, if it has one, counts from another row on."""
+    if "parent" not in table:
+        return table
+    parent = table["parent"]
+    return table.assign(parent=parent.copy(data=np.where(parent < 0, parent, parent + by).astype(parent.dtype)))
 
 
 def each_frame(
     recording: xr.Dataset | xr.DataArray | xr.DataTree,
-    work: Callable[[int], xr.DataTree],
+    work: Callable[..., xr.DataTree],
     finished: MutableMapping[int, xr.DataTree] | None,
     progress: Progress | None,
+    **beside: Any,
 ) -> xr.DataTree:
     """The Reconstruction of a recording, frame by frame.
 
@@ -99,27 +100,25 @@ def each_frame(
     recording : xarray.Dataset, xarray.DataArray or xarray.DataTree
         A sweep, an image or a Reconstruction with frames. What it says of each frame, such as `time`, is kept.
     work : callable
-        Makes the Reconstruction of a frame, by number.
+        Makes the Reconstruction of a frame, and of the same frame of what stands `beside` it, by name.
     finished : mutable mapping of int to xarray.DataTree, optional
         Each frame is put into it as soon as it is done, and taken from it where it is there already.
     progress : callable (done, total), optional
     """
-    count = frame_count(recording)
-    assert count is not None  # whoever asks has a recording
+    count = frame_count(recording) or 0
     kept = {} if finished is None else finished
     for number in range(count):
         if number not in kept:
+            others = {name: None if held is None else pick_frame(held, number) for name, held in beside.items()}
             try:
-                kept[number] = work(number)
+                kept[number] = work(pick_frame(cast(Any, recording), number), **others)
             except InputError as error:
                 raise InputError(f"frame {number}: {error}") from None
         if progress is not None:
             progress(number + 1, count)
     held = recording.dataset if isinstance(recording, xr.DataTree) else recording
-    return join_frames(
-        [kept[number] for number in range(count)],
-        {str(name): value.variable for name, value in held.coords.items() if value.dims == ("frame",)},
-    )
+    coords = {str(name): value.variable for name, value in held.coords.items() if value.dims == ("frame",)}
+    return join_frames([kept[number] for number in range(count)], coords)
 
 
 def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) -> xr.DataTree:
@@ -148,10 +147,8 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
         for number, part in enumerate(parts):
             table = part.children[group].to_dataset(inherit=False)
             size = table.sizes.get(dimension, 0)
-            if "parent" in table:
-                parent = table["parent"]
-                table["parent"] = parent.copy(data=np.where(parent < 0, parent, parent + before).astype(parent.dtype))
-            tables.append(table.assign_coords(frame=(dimension, np.full(size, number, dtype=np.int32))))
+            frame = (dimension, np.full(size, number, dtype=np.int32))
+            tables.append(_moved(table, before).assign_coords(frame=frame))
             before += size
         nodes[f"/{group}"] = xr.concat(tables, dimension, combine_attrs="override")
     return xr.DataTree.from_dict(nodes)

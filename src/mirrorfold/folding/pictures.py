@@ -1,4 +1,4 @@
-"""The pictures of the folded and of the unfolded scene: which kernel draws what."""
+"""The pictures of the folded and of the unfolded scene, and the grid that they are drawn on."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.volume_view import VolumeView
-from mirrorfold.folding import image_picture, volume_picture
+from mirrorfold.folding.drawing import draw_row
 from mirrorfold.folding.points import Points, folded_blobs
-from mirrorfold.folding.volume_picture import voxel_axes
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -24,6 +23,17 @@ Grid = tuple[Array, ...]
 
 LARGEST_GROWTH = 2.0
 """The corrected grid grows to hold what folds to outside of the image, by at most this share of the image's size."""
+
+PIXEL_RADII, BORDER_RADII = 0.6, 9.0
+"""Pixels of a volume's plan view, whose vertical columns are sampled twice that, and the space around its points: in
+radii of the beam where it is narrowest."""
+
+LARGEST_GRID = 60_000_000
+"""Voxels that are looked at for the plan view; the pixels grow beyond it."""
+
+
+LARGEST_ANGLE = np.radians(89.999)
+"""From straight ahead: what a volume shows beside or behind the radar is not drawn."""
 
 
 def pictures(
@@ -34,7 +44,7 @@ def pictures(
     The grid is by default the image's own, grown as far as points fold to, or one about all points of a volume.
     """
     view, blobs = sight.view, folded_blobs(points, sight)
-    grid = grid or (voxel_axes(points, view) if isinstance(view, VolumeView) else _grown(image, points))
+    grid = grid or (_around(points, view) if isinstance(view, VolumeView) else _grown(image, points))
     both = sight, LinesOfSight.unfolded(view)
     folded, initial = (draw(one, tree.folds(), wall_margin, grid, blobs) for one in both)
     if view.dimensions == 2:
@@ -44,11 +54,7 @@ def pictures(
 
 
 def draw(
-    sight: LinesOfSight,
-    folds: dict[Chain, Isometry],
-    wall_margin: float,
-    grid: Grid,
-    blobs: NDArray[np.int16],
+    sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float, grid: Grid, blobs: NDArray[np.int16]
 ) -> NDArray[np.float32]:
     """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x).
 
@@ -59,20 +65,30 @@ def draw(
     """
     view = sight.view
     x, y, *z = grid
-    kernel, own = (
-        (volume_picture.draw_row, volume_picture.volume_tables(view, *z))
-        if isinstance(view, VolumeView)
-        else (image_picture.draw_row, image_picture.image_tables(cast(ImageView, view)))
-    )
+    axes, frame, shape = [*view.axes, view.range], np.eye(3), (*view.shape, 1)[:2]
+    if isinstance(view, VolumeView):
+        amplitude, gain = view.amplitude, view.gain.astype(np.float32)
+    else:  # a volume of one row of directions, twice, to interpolate between
+        view = cast(ImageView, view)
+        amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
+        axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
     mirrors = {ROOT: Isometry.identity(view.dimensions)}
     mirrors |= {index: folds[chain].inverse for index, chain in enumerate(sight.chain) if chain}
-    linear, shift = (np.array([getattr(back, name) for back in mirrors.values()]) for name in ("linear", "shift"))
+    maps = np.zeros((len(mirrors), 3, 4))
+    for into, back in zip(maps, mirrors.values(), strict=True):
+        into[: len(frame), : view.dimensions] = frame @ back.linear
+        into[: len(frame), 3] = frame @ (back.shift - view.radar)
     crossing, through = map(np.ascontiguousarray, sight.passages)
     empty = sight.open if sight.open.size else np.zeros(len(view.sight))
     seen = np.array(list(mirrors)), crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
-    out = np.zeros((y.size, x.size, *(axis.size for axis in z)), dtype=np.float32)
-    for_each(lambda i: kernel(x, float(y[i]), linear, shift, *seen, out[i], *own), range(y.size))
-    return np.moveaxis(out, -1, 0) if z else out
+    steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
+    if isinstance(view, VolumeView):
+        steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
+    table = amplitude, gain, view.beside_steps(view.range), shape, steps
+    height = z[0] if z else np.zeros(1)
+    out = np.zeros((y.size, x.size, height.size), dtype=np.float32)
+    for_each(lambda i: draw_row(x, float(y[i]), height, maps, *seen, *table, out[i]), range(y.size))
+    return np.moveaxis(out, -1, 0) if z else out[..., 0]
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:
@@ -86,3 +102,16 @@ def _grown(image: xr.DataArray, points: Points) -> Grid:
         before, after = axis[0] - step * np.arange(below, 0, -1), axis[-1] + step * np.arange(1, above + 1)
         axes.append(np.concatenate([before, axis, after]))
     return tuple(axes)
+
+
+def _around(points: Points, view: VolumeView) -> Grid:
+    """Pixels x, y and z [m] around all points, before and after folding; a few where there are none."""
+    radius = float(view.width(view.range[view.range > 0.0]).min()) if view.beam is None else view.beam[0]
+    places = np.concatenate([points.position, points.initial])
+    border = BORDER_RADII * radius
+    low, high = (places.min(0) - border, places.max(0) + border) if len(places) else (np.zeros(3), np.ones(3))
+    pixel = PIXEL_RADII * radius
+    pixel *= max(1.0, float(np.prod(high - low) / (2.0 * pixel**3) / LARGEST_GRID) ** (1.0 / 3.0))
+    steps = pixel * np.array([1.0, 1.0, 2.0])
+    ends = zip(steps, np.floor(low / steps), np.ceil(high / steps), strict=True)
+    return tuple(step * np.arange(first, last + 1) for step, first, last in ends)

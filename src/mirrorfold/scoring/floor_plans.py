@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 
 from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
@@ -31,11 +33,9 @@ TOUCHING = 1e-4
 
 def truth(scene: Scene, *, bounces: int = BOUNCES) -> Truth:
     """Samples of all surfaces, and which of them can be seen by way of at most so many mirrors."""
-    none = np.empty((0, 2))
-    samples = [surface.sample(TRUTH_SPACING) for surface in scene.surface]
-    owner = np.repeat(np.arange(len(samples)), [len(points) for points, _, _ in samples])
-    place = np.concatenate([none, *(points for points, _, _ in samples)])
-    normals = np.concatenate([none, *(normals for _, normals, _ in samples)])
+    samples = [(np.empty((0, 2)), np.empty((0, 2))), *(s.sample(TRUTH_SPACING)[:2] for s in scene.surface)]
+    owner = np.repeat(np.arange(-1, len(scene.surface)), [len(points) for points, _ in samples])
+    place, normals = map(np.concatenate, zip(*samples, strict=True))
     direct, reachable = visible_truth(scene, place, normals, bounces=bounces)
     names = {index: surface.name for index, surface in enumerate(scene.surface)}
     return Truth(names, place, normals, owner, direct, reachable, size=TRUTH_SPACING, reach=0.5 * TRUTH_SPACING)
@@ -47,7 +47,7 @@ def faces(scene: Scene) -> list[Face]:
         Face(surface.name, 0.5 * (start + end), segment_normal(start, end), 0.5 * (end - start)[None])
         for surface in scene.surface
         if surface.kind in STRAIGHT
-        for start, end in _facets(surface, CHORD)
+        for start, end in _facets(surface)
     ]
 
 
@@ -57,58 +57,52 @@ def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = 
     Lines of sight are those of geometrical optics: by the radar's images in chains of straight pieces, with every
     reflection on the piece itself and nothing in the way; no further than the ambiguous range.
     """
-    facets = [_facets(surface, CHORD) for surface in scene.surface]
-    blockers = np.concatenate(facets) if facets else np.empty((0, 2, 2))
-    straight = [f for surface, f in zip(scene.surface, facets, strict=True) if surface.kind in STRAIGHT]
-    mirrors = np.concatenate(straight) if straight else np.empty((0, 2, 2))
-    mirrors = mirrors[np.linalg.norm(mirrors[:, 1] - mirrors[:, 0], axis=1) >= SHORTEST_MIRROR]
+    blockers = np.concatenate([np.empty((0, 2, 2)), *(_facets(surface) for surface in scene.surface)])
+    straight = chain(*(_facets(surface) for surface in scene.surface if surface.kind in STRAIGHT))
+    mirrors = [mirror for mirror in straight if np.linalg.norm(mirror[1] - mirror[0]) >= SHORTEST_MIRROR]
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
     limit = farthest_range(scene.band)
     direct = _seen(radar, [], truth, normals, blockers, limit)
     reachable = direct.copy()
-    # Chains of mirrors, each with the radar's images so far: a chain grows only while its last mirror can be seen.
-    chains: list[tuple[list[int], list[Array]]] = [([], [radar])]
+    # Chains of mirrors, each with the image of the radar before it: they grow while their last mirror can be seen.
+    chains: list[tuple[list[tuple[Array, Array]], Array]] = [([], radar)]
     for _ in range(bounces):
         longer = []
-        for chain, images in chains:
-            for index, (start, end) in enumerate(mirrors):
-                if chain and chain[-1] == index:
+        for path, image in chains:
+            for mirror in mirrors:
+                if path and path[-1][1] is mirror:
                     continue
-                image = reflect(images[-1], start, segment_normal(start, end))
-                new = ([*chain, index], [*images, image])
-                path = [(images[i], mirrors[m]) for i, m in enumerate(chain)]
+                start, end = mirror
                 probe = start + PROBES[:, None] * (end - start)
-                normal = np.tile(segment_normal(start, end), (len(PROBES), 1))
-                if not _seen(images[-1], path, probe, normal, blockers, limit, grazing=True).any():
+                if not _seen(image, path, probe, None, blockers, limit).any():
                     continue
+                new = [*path, (image, mirror)], reflect(image, start, segment_normal(start, end))
                 longer.append(new)
                 open_ = ~reachable
-                path = [(images[i], mirrors[m]) for i, m in enumerate(new[0])]
-                reachable[open_] |= _seen(image, path, truth[open_], normals[open_], blockers, limit)
+                reachable[open_] |= _seen(new[1], new[0], truth[open_], normals[open_], blockers, limit)
         chains = longer
     return direct, reachable
 
 
-def _facets(surface: Surface, spacing: float) -> Array:
+def _facets(surface: Surface) -> Array:
     """Straight pieces of a surface, (n, 2, 2) [m]."""
-    return np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in surface.pieces(spacing)])
+    return np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in surface.pieces(CHORD)])
 
 
 def _seen(
-    image: Array, path: list[tuple[Array, Array]], points: Array, normals: Array, blockers: Array, limit: float,
-    grazing: bool = False,
-) -> Mask:  # fmt: skip
-    """Whether points are seen from the radar's `image` in a chain of mirrors.
+    image: Array, path: list[tuple[Array, Array]], points: Array, normals: Array | None, blockers: Array, limit: float
+) -> Mask:
+    """Whether points are seen from the radar's `image` in a chain of mirrors, with normals at no grazing angle.
 
     `path` lists, from the radar on, the image before each mirror and the mirror (2, 2). The way back is walked from
     the point: to its reflection in the last mirror, and so on to the radar.
     """
-    seen = np.linalg.norm(points - image, axis=1) <= limit
-    target = points
-    source = image
-    sight = (points - image) / np.maximum(np.linalg.norm(points - image, axis=1), 1e-9)[:, None]
-    if not grazing:
-        seen &= np.abs(np.sum(sight * normals, axis=1)) >= SMALLEST_COSINE
+    sight = points - image
+    distance = np.linalg.norm(sight, axis=1)
+    seen = distance <= limit
+    if normals is not None:
+        seen &= np.abs(np.sum(sight * normals, axis=1)) >= SMALLEST_COSINE * distance
+    target, source = points, image
     for before, (start, end) in reversed(path):
         along_ray, along_mirror = crossing(source, target, start, end)
         # The virtual radar stands behind its mirror, the target in front of it.

@@ -69,8 +69,8 @@ def mirror_errors(reconstruction: xr.DataTree, faces: list[Face]) -> list[Mirror
 def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:
     """Center [m], unit normal and length [m] of a mirror, folded."""
     if "folded_center_x" in mirror:
-        center, normal = (np.array([float(mirror[f"folded_{what}_{axis}"]) for axis in "xyz"])
-                          for what in ("center", "normal"))  # fmt: skip
+        center, normal = (np.array([float(mirror[f"folded_{what}_{axis}"]) for axis in "xyz"]) for what in
+                          ("center", "normal"))  # fmt: skip
         corners = np.stack([mirror[f"folded_corner_{axis}"].values for axis in "xyz"], axis=-1)
         return center, normal, float(np.linalg.norm(corners[1] - corners[0]))
     start, end = (np.array([float(mirror[f"folded_{axis}{which}"]) for axis in "xy"]) for which in (0, 1))

@@ -31,9 +31,8 @@ def truth(scene: Scene3D, *, bounces: int = BOUNCES) -> Truth:
     place, normals, owner = _samples(parts)
     direct, reachable = visible_truth(scene, parts, place, normals, bounces=bounces)
     names = {solid.surface: scene.surface[solid.surface].name for solid in parts}
-    size = TRUTH_SPACING**2
     # The samples lie at random: some have their neighbours at twice the mean distance.
-    return Truth(names, place, normals, owner, direct, reachable, size=size, reach=TRUTH_SPACING)
+    return Truth(names, place, normals, owner, direct, reachable, size=TRUTH_SPACING**2, reach=TRUTH_SPACING)
 
 
 def faces(scene: Scene3D) -> list[Face]:
@@ -52,7 +51,7 @@ def _samples(parts: list[Solid]) -> tuple[Array, Array, Index]:
         for side in solid.quads or (None,):
             place, normals, _ = sample(solid, side, TRUTH_SPACING, np.random.default_rng(0))
             found.append((place, normals, np.full(len(place), solid.surface)))
-    place, normals, owner = (np.concatenate(column) for column in zip(*found, strict=True))
+    place, normals, owner = map(np.concatenate, zip(*found, strict=True))
     return place, normals, owner
 
 
@@ -69,9 +68,8 @@ def visible_truth(
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     limit = farthest_range(scene.band)
     azimuth, elevation = scene.scanner.angles
-    fan = beam_direction(
-        np.linspace(azimuth[0], azimuth[-1], FAN)[:, None], np.linspace(elevation[0], elevation[-1], FAN)
-    )
+    sides = (np.linspace(axis[0], axis[-1], FAN) for axis in (azimuth, elevation))
+    fan = beam_direction(*np.meshgrid(*sides, indexing="ij"))
     for chain in find_chains(scene, traced, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
         to_image = image_frame(traced.quads, chain)
         sight = to_image.inverse(origin) - place
@@ -80,20 +78,16 @@ def visible_truth(
         inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
         facing = np.einsum("nd,nd->n", sight, normals) >= SMALLEST_COSINE * distance
         which = np.flatnonzero(inside & facing & (distance <= limit) & ~reachable)
-        seen, _ = walk_back(scene, traced, origin, chain, place[which], frequency=frequency)
-        reachable[which[seen]] = True
-        if not chain:
-            direct[which[seen]] = True
+        which = which[walk_back(scene, traced, origin, chain, place[which], frequency=frequency)[0]]
+        reachable[which] = True
+        direct[which] |= not chain
     return direct, reachable
 
 
 def patch_contrasts(scene: Scene3D, points: Array, amplitude: Array) -> dict[str, float | None]:
     """The contrast of every patch by its name, see `patch_contrast`."""
-    return {
-        surface.name: patch_contrast(scene, surface, points, amplitude)
-        for surface in scene.surface
-        if isinstance(surface, Patch)
-    }
+    patches = [surface for surface in scene.surface if isinstance(surface, Patch)]
+    return {patch.name: patch_contrast(scene, patch, points, amplitude) for patch in patches}
 
 
 def patch_contrast(scene: Scene3D, patch: Patch, points: Array, amplitude: Array) -> float | None:

@@ -3,15 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry
-from mirrorfold.common.types import Chain
+from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
+
+
+class Found(NamedTuple):
+    """What steps 2 to 4 find.
+
+    Attributes
+    ----------
+    echoes : Echoes
+        Without those of mixed paths.
+    tree : MirrorTree
+        Its root.
+    sight : LinesOfSight
+        With the chains of the mirrors.
+    mixed : (n, d) array [m]
+        Where echoes stood in the image that went out by one chain of mirrors and back by another, and were left out.
+    """
+
+    echoes: Echoes
+    tree: MirrorTree
+    sight: LinesOfSight
+    mixed: Array
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

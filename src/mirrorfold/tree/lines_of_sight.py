@@ -133,9 +133,7 @@ class LinesOfSight:
     def seen_through(self, range_: Array, direction: Index) -> Index:
         """The mirror through which points at that range [m] and direction are seen: its number, ROOT or NOBODY."""
         crossing, through = self.passages
-        passed = np.zeros(range_.shape, dtype=np.intp)
-        for ranges in crossing:
-            passed += ranges[direction] < range_
+        passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
         return np.asarray(through[passed, direction])
 
     def clear(self, echoes: Echoes) -> Mask:
@@ -164,7 +162,7 @@ class LinesOfSight:
         range_ = np.concatenate([direct.range, nearest[met]])
         empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)
         margin = OPEN_CELLS * self.view.cell(range_)
-        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.cross_angle))
+        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.steps.mean()))
         np.minimum.at(empty, direction, (range_ - margin)[row])
         return empty
 

@@ -66,14 +66,8 @@ class MirrorTree:
     def _plain(self) -> dict[str, object]:
         line = None
         if self.line is not None:
-            start, end = self.line.ends.tolist()
-            line = {
-                "start": start,
-                "end": end,
-                "strength": self.line.strength,
-                "angle_error_deg": self.line.angle_error,
-                "offset_error_m": self.line.offset_error,
-            }
+            line = dict(zip(("start", "end"), self.line.ends.tolist(), strict=True), strength=self.line.strength)
+            line |= {"angle_error_deg": self.line.angle_error, "offset_error_m": self.line.offset_error}
         return {
             "chain": list(self.chain),
             "line": line,

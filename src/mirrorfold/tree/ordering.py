@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces
 from mirrorfold.detection.view import View
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
 
 BEAM = 0.5
 """Directions are counted in beams of this many resolution cells where the brightest echo of each is looked for."""
@@ -56,15 +61,7 @@ class Order:
 
 
 def order_mirrors(
-    mirrors: Sequence[Mirror],
-    view: View,
-    echoes: Echoes,
-    *,
-    minimum_length: float,
-    wall_margin: float,
-    opaque: bool = True,
-    walls: Mask | None = None,
-    generations: int | None = None,
+    mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None = None
 ) -> Order:
     """Who is seen through whom.
 
@@ -73,44 +70,43 @@ def order_mirrors(
     mirrors : sequence of Mirror
     view : View
     echoes : Echoes
-    minimum_length, wall_margin, opaque, generations
-        See `FoldSettings`; `minimum_length` [m] is also that of the pieces that a mirror is cut into.
+    settings : FoldSettings
+        The minimum length is also that of the pieces that a mirror is cut into.
     walls : (n,) bool array, optional
         Where the mirrors are given by hand: the echoes of all walls that the image shows, used as mirrors or not. They
         are no objects. As a given mirror is in view whatever stands before it, objects then hide only what is seen
         behind the same mirrors, and all that is not folded stays.
     """
-    found = _ordered(mirrors, view, echoes, minimum_length, wall_margin, opaque, walls)
-    if generations is not None:
-        kept = [m for i, m in enumerate(found.mirrors) if not _deep(i, found.sight.parent, generations)]
-        if len(kept) < len(found.mirrors):
-            found = _ordered(kept, view, echoes, minimum_length, wall_margin, opaque, walls)
+    found = _ordered(mirrors, view, echoes, settings, walls)
+    if settings.generations is not None:
+        before = np.arange(len(found.mirrors))
+        for _ in range(settings.generations):
+            before = np.where(before >= 0, found.sight.parent[before], before)
+        if (before >= 0).any():
+            kept = [mirror for mirror, deeper in zip(found.mirrors, before, strict=True) if deeper < 0]
+            found = _ordered(kept, view, echoes, settings, walls)
     return found
 
 
 def _ordered(
-    mirrors: Sequence[Mirror],
-    view: View,
-    echoes: Echoes,
-    minimum_length: float,
-    wall_margin: float,
-    opaque: bool,
-    walls: Mask | None,
+    mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None
 ) -> Order:
     """Cut the mirrors, find what hides them, and the parent of each that is seen."""
     whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
     # A mirror may be hidden by a piece of one that is cut itself: the second pass knows the pieces of the first.
     for _ in range(2):
-        cut = [_pieces(mirror, pieces[:i] + pieces[i + 1 :], view, minimum_length) for i, mirror in enumerate(whole)]
-        pieces = [kept for kept, _ in cut]
-        remains = [small for _, rest in cut for small in rest]
-    mirrors = [piece for kept in pieces for piece in kept]
-    face = faces(mirrors, view, echoes, wall_margin, nobody=NOBODY, root=ROOT)
+        others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(whole))]
+        cut = [_pieces(mirror, rest, view, settings) for mirror, rest in zip(whole, others, strict=True)]
+        pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
+    mirrors = list(chain(*pieces))
     # A piece too small for a mirror is still the edge of a wall, and no object that hides anything.
-    face[(face == ROOT) & (faces(remains, view, echoes, wall_margin, nobody=NOBODY, root=ROOT) != ROOT)] = NOBODY
+    face, edge = (
+        faces(some, view, echoes, settings.wall_margin or 0.0, nobody=NOBODY, root=ROOT) for some in (mirrors, remains)
+    )
+    face[(face == ROOT) & (edge != ROOT)] = NOBODY
     crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
     cover = Cover.nothing(len(view.sight))
-    if opaque:
+    if settings.opaque:
         hides = echoes.visible & echoes.strong & (face == ROOT)
         nearest = crossing.min(axis=0, initial=np.inf)
         if walls is not None:
@@ -121,31 +117,29 @@ def _ordered(
     for row, mirror in zip(crossing, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
-    parent = np.array([_parent(index, crossing) for index in range(len(mirrors))], dtype=np.intp)
-    seen = np.flatnonzero(np.isfinite(crossing).any(axis=1))
+    # The mirror through which most of each is seen.
+    before = [_last_before(index, crossing)[1] - ROOT for index in range(len(mirrors))]
+    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
+    seen = np.flatnonzero([b.size for b in before])
     # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.
     number = np.full(len(mirrors) + 2, NOBODY, dtype=np.intp)
     number[seen], number[ROOT] = np.arange(seen.size), ROOT
-    on_hidden = (face >= 0) & (number[face] == NOBODY)
-    return Order(
-        [mirrors[index] for index in seen],
-        LinesOfSight(view, crossing[seen], number[parent[seen]], cover),
-        np.where(on_hidden, ROOT, number[face]),
-    )
+    own = np.where((face >= 0) & (number[face] == NOBODY), ROOT, number[face])
+    sight = LinesOfSight(view, crossing[seen], number[parent[seen]], cover)
+    return Order([mirrors[index] for index in seen], sight, own)
 
 
 def _pieces(
-    mirror: Mirror, others: list[list[Mirror]], view: View, minimum_length: float
+    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings
 ) -> tuple[list[Mirror], list[Mirror]]:
     """The pieces of a mirror that is seen by more than one way, and those too small to be one.
 
     The mirror image of a wall in another one at right angles to it continues the wall itself.
     """
-    crossing = np.stack([m.crossing(view) for m in (mirror, *(piece for kept in others for piece in kept))])
-    directions, before = _last_before(0, crossing)
+    directions, before = _last_before(0, np.stack([m.crossing(view) for m in (mirror, *others)]))
     if not directions.size or np.all(before == before[0]):
         return [mirror], []
-    return mirror.pieces(view, directions, before, minimum_length)
+    return mirror.pieces(view, directions, before, settings.minimum_length or 0.0)
 
 
 def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
@@ -153,18 +147,3 @@ def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
     directions = np.flatnonzero(np.isfinite(crossing[index]))
     ranges = np.where(crossing[:, directions] < crossing[index, directions], crossing[:, directions], -np.inf)
     return directions, np.where(np.isfinite(ranges).any(axis=0), np.argmax(ranges, axis=0), ROOT)
-
-
-def _parent(index: int, crossing: Array) -> int:
-    """The mirror through which most of a mirror is seen."""
-    _, before = _last_before(index, crossing)
-    return int(np.argmax(np.bincount(before - ROOT))) + ROOT if before.size else NOBODY
-
-
-def _deep(mirror: int, parent: Index, generations: int) -> bool:
-    """Whether a mirror is seen through as many others as `generations`, or more."""
-    for _ in range(generations):
-        if mirror < 0:
-            return False
-        mirror = int(parent[mirror])
-    return mirror >= 0

@@ -7,25 +7,21 @@ adds to the path, ``(x_i - x_k)^2 / 4 rho`` for anything at the distance rho, mu
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import xarray as xr
 
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.focusing.coherence import coherence, profiles, windows
 from mirrorfold.sweep.pairs import pairs_of
-from mirrorfold.tree.directions import Known, once_a_cell
 
 PAIRS = 1000
 """Pairs that are looked at, a random choice: what stands elsewhere at the same range is suppressed by this."""
 
-LARGEST_RATIO = 1.15
-"""Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
-from there fit several times better. Far away, where waves are flat either way, both fit alike."""
+IN_PHASE = 15.0
+"""Coherence, over that of random phases, from which on an echo can be told to come from farther away: the largest of
+some hundred random ones stays below."""
 
 DIRECTION_STEP = 0.5
 """From one direction to the next, in resolution cells of the array."""
@@ -35,7 +31,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     """How much better echoes at ranges [m] and u, (n,) each, fit to waves from one ambiguous range farther, (n,).
 
     The ratio of two coherences, see `mirrorfold.focusing.coherence`, each the largest over the directions into which an
-    echo spreads that is focused at the wrong distance, and over points and flat faces.
+    echo spreads that is focused at the wrong distance, and over points and flat faces. One where no waves fit.
 
     Parameters
     ----------
@@ -71,14 +67,8 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
                     *(around, step, 1.0, flat, pairs.tx, pairs.rx, tx_of, rx_of, centre, directions),
                     *(1.0 / distance, along, ahead, found),
                 )
-        ratio[n] = fits[1, 0] / max(fits[0, 0], np.finfo(float).tiny)
+        if fits[1, 0] > IN_PHASE / chosen.size:
+            ratio[n] = fits[1, 0] / max(fits[0, 0], np.finfo(float).tiny)
 
     for_each(look, range(range_.size))
     return ratio
-
-
-def of_wrapped_paths(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Mask:
-    """Which echoes of a view come from one ambiguous range farther away than they stand, (n,)."""
-    if sweep.sizes["frequency"] < 2:
-        return np.zeros(len(echoes), dtype=bool)
-    return once_a_cell(partial(wrapping_ratio, sweep, view), echoes, view, known) > LARGEST_RATIO

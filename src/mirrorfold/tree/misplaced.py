@@ -1,0 +1,54 @@
+"""Echoes that come from elsewhere than where they stand in the image, told by the sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.tree.directions import direction_ratio
+from mirrorfold.tree.wrapped import wrapping_ratio
+
+SMALLEST_DIRECTION_RATIO = 0.5
+"""True echoes have ratios near one, mixed ones far below a half."""
+
+LARGEST_WRAPPING_RATIO = 1.15
+"""Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
+from there fit several times better. Far away, where waves are flat either way, both fit alike."""
+
+Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
+Known = dict[tuple[Measure, float, float], float]
+
+
+def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Mask:
+    """Which echoes of a view come from beyond the ambiguous range, or arrive from another direction than they left in.
+
+    `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
+    """
+    known = {} if known is None else known
+    found = _once_a_cell(wrapping_ratio, echoes, sweep, view, known) > LARGEST_WRAPPING_RATIO
+    rest = echoes.take(~found)
+    found[~found] = _once_a_cell(direction_ratio, rest, sweep, view, known) < SMALLEST_DIRECTION_RATIO
+    return found
+
+
+def _once_a_cell(measure: Measure, echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
+    """What `measure` says of each echo, (n,): measured once in each resolution cell, at its brightest echo."""
+    if not len(echoes):
+        return np.zeros(0)
+    _, u = view.to_polar(echoes.position)
+    cells = view.in_cells(echoes.position).T.astype(np.intp)
+    cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
+    order = np.lexsort([-echoes.amplitude, cell])
+    brightest = order[np.unique(cell[order], return_index=True)[1]]
+    where = [
+        (measure, r, sine) for r, sine in zip(echoes.range[brightest].tolist(), u[brightest].tolist(), strict=True)
+    ]
+    if new := [place for place in where if place not in known]:
+        range_, sine = np.array([place[1:] for place in new]).T
+        known |= dict(zip(new, measure(sweep, view, range_, sine).tolist(), strict=True))
+    return np.array([known[place] for place in where])[cell]
