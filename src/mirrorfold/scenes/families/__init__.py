@@ -1,0 +1,1 @@
+"""Families of random scenes, on which methods are judged."""
