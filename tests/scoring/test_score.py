@@ -13,9 +13,9 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.scenes.visibility import visible_truth
 from mirrorfold.scoring.figures import CELL, Figures, thin
 from mirrorfold.scoring.floor_plans import truth as plan_truth
-from mirrorfold.scoring.floor_plans import visible_truth
 
 ARRAY = {"elements": 3, "pitch": 0.5e-3}
 BAND = {"start": 290e9, "stop": 300e9, "points": 401}

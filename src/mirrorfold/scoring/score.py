@@ -18,10 +18,11 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, as_scene
+from mirrorfold.scenes.visibility import BOUNCES
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.figures import Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
-from mirrorfold.scoring.truth import BOUNCES, Array, Mask, Truth
+from mirrorfold.scoring.truth import Array, Mask, Truth
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
