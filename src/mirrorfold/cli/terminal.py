@@ -17,6 +17,9 @@ from rich.table import Table
 from mirrorfold.cli import note
 
 if TYPE_CHECKING:
+    from mirrorfold.benchmarking.comparing import BenchmarkComparison
+    from mirrorfold.benchmarking.summaries import Benchmark
+    from mirrorfold.cli.benchmarking import Catalogue
     from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
     from mirrorfold.describing.comparison import Comparison
@@ -164,6 +167,59 @@ def show_comparison(found: Comparison) -> None:
         numbers = ("-" if number is None else str(number) for number in (pair.first, pair.second))
         table.add_row(*numbers, _number(pair.angle_deg, ".3f"), _number(pair.offset_m, ".2f", 1e3))
     _console().print(table)
+
+
+def show_benchmark(found: Benchmark) -> None:
+    """Print means of the figures in a line for each family, radar and method, and the worst of the hidden F-score."""
+    from mirrorfold.benchmarking.figures import FIGURES
+
+    shown = ("f_all", "f_hidden", "precision_hidden", "f_hidden_cells", "invented_cells", "angle_deg", "offset_mm")
+    for radar in dict.fromkeys(result.radar for result in found.results):
+        table = _table(f"radar {radar}: means over the scenes")
+        for heading in ("family", "method"):
+            table.add_column(heading, overflow="fold", min_width=max(len(one[heading]) for one in found.results))
+        for heading in ("done", *(FIGURES[name].label for name in shown), "F, hidden, worst", "time"):
+            table.add_column(heading, justify="right")
+        for result in found.results:
+            if result.radar == radar:
+                means = (_number(result.figures[name].mean, f".{FIGURES[name].digits}f") for name in shown)
+                worst = _number(result.figures["f_hidden"].worst, ".3f")
+                counts = f"{result.scenes - result.failures}/{result.scenes}"
+                taken = duration(sum(result.seconds.values()))
+                table.add_row(result.family, result.method, counts, *means, worst, taken)
+        _console().print(table)
+
+
+def show_benchmark_comparison(found: BenchmarkComparison) -> None:
+    """Print each figure that differs between two benchmarks, and how many do not."""
+    from mirrorfold.benchmarking.figures import FIGURES
+
+    table = _table(f"{found.second} less {found.first}: mean difference of the scenes that both have")
+    for heading in ("family, radar, method", "scenes", "figure", "first", "second", "difference", "95 %", "verdict"):
+        table.add_column(heading, justify="left" if heading[0] in "fv" and heading != "first" else "right")
+    for result in found.results:
+        methods = " to ".join(dict.fromkeys((result.first_method, result.second_method)))
+        name = f"{result.family}, {result.radar}, {methods}"
+        for one in result.differences:
+            if one.difference is None:
+                continue
+            form = f".{FIGURES[one.figure].digits}f"
+            between = "-" if one.low is None else f"{_number(one.low, '+' + form)} {_number(one.high, '+' + form)}"
+            numbers = (_number(one.first, form), _number(one.second, form), _number(one.difference, "+" + form))
+            table.add_row(name, str(one.scenes), FIGURES[one.figure].label, *numbers, between, one.verdict)
+            name = ""
+    _console().print(table)
+
+
+def show_catalogue(found: Catalogue) -> None:
+    """Print families and radars, each with what it is."""
+    for title, entries in (("families", found.families), ("radars", found.radars)):
+        table = _table(title)
+        table.add_column("name", no_wrap=True)
+        table.add_column("what")
+        for entry in entries:
+            table.add_row(entry.name, entry.what)
+        _console().print(table)
 
 
 def show_plan(found: Plan) -> None:
