@@ -12,6 +12,8 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mirrorfold.benchmarking.methods import load_method
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge
@@ -132,7 +134,9 @@ def _tasks(
         if not isinstance(name, str):
             raise wrong_kind("methods", name, "ours, published or MODULE:FUNCTION")
         load_method(name)
-    numbers = list(dict.fromkeys(seeds))
+    if not isinstance(seeds, Iterable):
+        raise wrong_kind("seeds", seeds, "whole numbers, such as range(10)")
+    numbers = list(dict.fromkeys(int(seed) if isinstance(seed, np.integer) else seed for seed in seeds))
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int) or number < 0:
             raise InputError(f"seeds holds {number!r}, expected whole numbers of at least 0, such as range(10)")

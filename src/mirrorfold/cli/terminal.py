@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
 
+WIDE = 140
+"""Of one with more columns than fit."""
+
 UNLISTED = ("remarks", "mirrors", "surfaces", "findings", "judged", "valid", "points_by_frame")
 """Facts that have tables or lines of their own."""
 
@@ -187,7 +190,7 @@ def show_benchmark(found: Benchmark) -> None:
                 counts = f"{result.scenes - result.failures}/{result.scenes}"
                 taken = duration(sum(result.seconds.values()))
                 table.add_row(result.family, result.method, counts, *means, worst, taken)
-        _console().print(table)
+        _console(WIDE).print(table)
 
 
 def show_benchmark_comparison(found: BenchmarkComparison) -> None:
@@ -362,5 +365,5 @@ def _table(title: str) -> Table:
     return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
-def _console() -> Console:
-    return Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False, markup=False)
+def _console(plain_width: int = PLAIN_WIDTH) -> Console:
+    return Console(width=None if sys.stdout.isatty() else plain_width, highlight=False, markup=False)

@@ -147,8 +147,9 @@ def _finish(ax: Axes, name: str, labels: list[str], *, bounded: bool = True) -> 
     ax.set_title(f"{figure.label} ({'more' if figure.high else 'less'} is better)", fontsize=9)
     ax.margins(x=0.08)
     if bounded:  # with a little room, so that marks on the border are seen whole
-        largest = 1.0 if figure.share else max(ax.dataLim.xmax, 1e-6)
+        largest = 1.0 if figure.share else ax.get_xlim()[1]
         ax.set_xlim(-0.03 * largest, 1.03 * largest)
+    ax.locator_params(axis="x", nbins=5)
     ax.tick_params(labelsize=8)
     ax.grid(axis="x", alpha=0.3)
 
