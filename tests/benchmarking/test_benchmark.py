@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import small_benchmark
 import xarray as xr
+from scans import ball, content, panel
 from small_benchmark import IMPOSSIBLE, RADAR, WALL
 
 import mirrorfold as mf
@@ -16,7 +17,8 @@ from mirrorfold import benchmarking
 from mirrorfold.benchmarking import scenes
 from mirrorfold.benchmarking.methods import as_reconstruction, load_method
 from mirrorfold.benchmarking.results import read_lines
-from mirrorfold.scenes.families import draw, drawing
+from mirrorfold.scenes.families import Family, Radar, draw, drawing
+from mirrorfold.scenes.families.parts import wall
 
 
 def run(*methods, seeds=range(2), families=WALL, **more):
@@ -209,6 +211,47 @@ def test_points_in_a_dict_are_scored_like_a_reconstruction():
     # Seen over a longer way, the cell is larger: as in a reconstruction, it follows from where the points stood.
     longer = as_reconstruction({"points": points, "initial": 3.0 * points}, image)
     assert mf.score(longer, scene).cell_m > 1.5 * found.cell_m
+
+
+def strip(random, radar):
+    return [wall("strip", (0.0, 0.1), 0.0, 0.04)]
+
+
+@pytest.mark.slow
+def test_a_family_of_full_waves_is_solved_and_judged():
+    radar = replace(RADAR, band={"start": 90e9, "stop": 100e9, "points": 21},
+                    array={"elements": 9, "pitch": 1.5e-3})  # fmt: skip
+    family = Family(name="strip", what="a strip", engine="fullwave", make=strip, options={"tolerance": 1e-2})
+    found = mf.benchmark(family, radars=radar, methods="small_benchmark:strongest", seeds=[0]).results[0]
+    assert found.errors == []
+    assert found.figures["f_all_cells"].mean > 0.5  # a strip of a few cells, and one point on it
+
+
+def panel_and_ball(random, radar):
+    return [panel(width=0.8, height=0.8), ball()]
+
+
+def strongest_voxel(volume, sweep):
+    """The strongest voxel of a scan, which comes without its sweep."""
+    assert sweep is None
+    at = dict(zip(volume.dims, np.unravel_index(np.abs(volume.values).argmax(), volume.shape), strict=True))
+    range_, azimuth, elevation = (float(volume[name][at[name]]) for name in ("range", "azimuth", "elevation"))
+    az, el = np.radians([azimuth, elevation])
+    sight = np.array([np.sin(az) * np.cos(el), np.cos(az) * np.cos(el), np.sin(el)])
+    return {"points": [range_ * sight]}
+
+
+@pytest.mark.slow
+def test_a_family_in_space_is_scanned_and_judged(monkeypatch):
+    monkeypatch.setattr(small_benchmark, "strongest", strongest_voxel)
+    held = content(half=4.0, beams=15, points=801)
+    radar = Radar(name="small scan", what="", band=held["band"], scanner=held["scanner"])
+    family = Family(name="panel", what="", engine="raster", make=panel_and_ball, options={"force": True})
+    found = mf.benchmark(family, radars=radar, methods="small_benchmark:strongest", seeds=[0]).results[0]
+    assert found.errors == []
+    # The wall's strongest echo lies on it, or within its depth of 15 mm.
+    assert (found.figures["invented_cells"].mean, found.figures["f_all"].mean) == (0.0, pytest.approx(0.0, abs=0.05))
+    assert found.figures["f_all"].mean > 0.0
 
 
 def test_a_reconstruction_that_is_not_finite_is_no_result(reconstruction, image):

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import product
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -111,7 +111,7 @@ def _tasks(
     families: str | Family | Sequence[str | Family] | None,
     radars: str | Radar | Sequence[str | Radar] | None,
     methods: str | Sequence[str],
-    seeds: Iterable[int],
+    seeds: Iterable[Any],
 ) -> list[Task]:
     """All scenes, each with all methods, in the order of the families.
 
