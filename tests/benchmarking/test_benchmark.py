@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -267,6 +269,15 @@ def test_methods_of_the_working_directory_are_found(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", [path for path in __import__("sys").path if path])
     assert load_method("method_of_mine:fold")(None, None) == {"points": []}
+
+
+def test_the_method_of_the_documentation_works(tmp_path, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs/benchmarks.md").read_text(encoding="utf-8")
+    (tmp_path / "my_method.py").write_text(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = mf.benchmark(WALL, radars=RADAR, methods="my_method:strongest", seeds=[0]).results[0]
+    assert found.errors == []
+    assert found.figures["f_all"].mean > 0.1
 
 
 def test_the_public_face():
