@@ -92,7 +92,7 @@ def test_only_scenes_of_both_are_compared(line, tmp_path):
     assert (found.results[0].scenes, found.results[0].failures) == (2, [0, 1])
     f = found.results[0].differences[0]
     assert (f.scenes, f.difference, f.low, f.verdict) == (1, pytest.approx(0.2), None, "no difference")
-    assert found.remarks == [f"1 scenes are in {first} only, and left out."]
+    assert found.remarks == [f"1 scene is in {first} only, and left out."]
 
 
 def test_methods_of_a_folder_are_named_or_matched(line, tmp_path):

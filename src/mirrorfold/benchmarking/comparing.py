@@ -89,7 +89,7 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
              for a, b in ((one, other), (other, one))]  # fmt: skip
     for name, count in zip((first, second), alone, strict=True):
         if count:
-            remarks.append(f"{count} scenes are in {name} only, and left out.")
+            remarks.append(f"{count} {'scene is' if count == 1 else 'scenes are'} in {name} only, and left out.")
     return BenchmarkComparison(
         kind="benchmark comparison", first=str(first), second=str(second), results=results, remarks=remarks
     )

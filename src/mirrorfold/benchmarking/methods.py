@@ -91,9 +91,11 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
         If the result is neither, or has other shapes, or numbers that are not finite.
     """
     if isinstance(result, xr.DataTree):
-        for group, first in (("objects", "xyz"), ("mirrors", "f")):
+        for group, places in (("objects", ("x", "y", "z")), ("mirrors", ("folded_",))):
             held = result.children[group].dataset.variables if group in result.children else {}
-            numbers = [values for name, values in held.items() if str(name)[0] in first and values.dtype.kind == "f"]
+            numbers = [
+                values for name, values in held.items() if str(name).startswith(places) and values.dtype.kind == "f"
+            ]
             if not all(np.isfinite(values.values).all() for values in numbers):
                 raise InputError(f"the method returned a reconstruction with {group} that are not finite")
         return result

@@ -271,6 +271,7 @@ def show_score(score: PlanScore | VolumeScore) -> None:
         ("completeness at 2 cm", "completeness_2cm", 1.0),
         ("F-score at 2 cm", "f_score_2cm", 1.0),
         ("F-score at 5 cm", "f_score_5cm", 1.0),
+        ("F-score at 1.5 cells", "f_score_cells", 1.0),
         ("invented share", "invented_fraction", 1.0),
     ):
         values = (score[name], score.hidden[name])
