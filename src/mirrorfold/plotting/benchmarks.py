@@ -144,6 +144,8 @@ def _finish(ax: Axes, name: str, labels: list[str], *, bounded: bool = True) -> 
     figure = FIGURES[name]
     ax.set_yticks(range(len(labels)), labels)
     ax.set_ylim(len(labels) - 0.5, -0.5)
+    for between in range(1, len(labels)):
+        ax.axhline(between - 0.5, color="0.85", linewidth=0.8, zorder=0)
     ax.set_title(f"{figure.label} ({'more' if figure.high else 'less'} is better)", fontsize=9)
     ax.margins(x=0.08)
     if bounded:  # with a little room, so that marks on the border are seen whole
