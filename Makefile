@@ -18,7 +18,7 @@ JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
 QUICK := focus cost_model fullwave raster looking touchstone
-LONG := families calibration synthetic_aperture diagnosis fuzz_readers sensitivity
+LONG := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
 .PHONY: help demo test test-quick test-timing test-nightly test-nojit lint bench bench-long docs clean
 .DEFAULT_GOAL := help
@@ -55,6 +55,7 @@ bench: $(READY) ## time, memory and error of everything that should be fast
 
 bench-long: $(READY) ## full-wave growth, and accuracy on families of random scenes; an hour or two
 	$(PYTHON) benchmarks/fullwave.py --long
+	$(PYTHON) -m mirrorfold benchmark --seeds 0:10 --method ours --method published -o build/benchmark
 	@set -e; for name in $(LONG); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
 
 docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery

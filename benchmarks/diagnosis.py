@@ -2,7 +2,7 @@
 
     python benchmarks/diagnosis.py [--scenes 30] [--first 0] [--fullwave FILE] [--scans 4] [--json FILE]
 
-Scenes are drawn from the families of `families.py`, seen by arrays and in bands of random size and by transmitters and
+Scenes are drawn from `mirrorfold.scenes.families`, seen by arrays and in bands of random size and by transmitters and
 receivers that coincide or are displaced. `--fullwave` adds parts of a measured or full-wave sweep of pairs, `--scans`
 raster scans. One row of the table is a mistake that was made, one column what was named.
 """
@@ -16,7 +16,6 @@ import time
 from collections import Counter, defaultdict
 from pathlib import Path
 
-import families
 import numpy as np
 import raster
 import xarray as xr
@@ -25,6 +24,7 @@ from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.diagnosis import diagnose
+from mirrorfold.scenes import families
 from mirrorfold.scenes.floor_plan import parse_scene
 
 FAMILIES = ("one wall", "two walls", "corridor", "three bounces", "drywall", "discs")

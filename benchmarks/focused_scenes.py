@@ -9,15 +9,17 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import families
 import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.scenes.families import FAMILIES, draw
 from mirrorfold.scenes.floor_plan import load_scene, parse_scene
 
 FULLWAVE = Path(__file__).resolve().parents[1] / "../shared/data/two_walls_fullwave.nc"
+
+RAY_FAMILIES = [family.name for family in FAMILIES.values() if family.engine == "rays"]
 
 SWEEP_FAMILIES = ("two walls", "corridor")
 """The first scene of each is folded with its sweep, too."""
@@ -75,8 +77,8 @@ def ray_cases(names: Iterable[str], seeds: range) -> Iterator[Case]:
     """Scenes of the families."""
     for name in names:
         for seed in seeds:
-            scene = families.draw(name, seed)
-            sweep = mf.simulate(scene, solver="rays", seed=seed, snr_db=families.FAMILIES[name][1])
+            scene = draw(name, seed)
+            sweep = mf.simulate(scene, solver="rays", seed=seed, snr_db=FAMILIES[name].snr_db)
             keep = seed == seeds[0] and name in SWEEP_FAMILIES
             yield Case("rays", scene.name, scene, mf.focus(sweep, tolerance=1e-3), sweep if keep else None)
 

@@ -5,10 +5,10 @@
 
 Every number that a module of steps 2 to 6 sets is made 1.5 times smaller and 1.5 times larger: decibels by their
 number, integers by at least 1, all numbers of a tuple at once, shares to 0.99 at most. Scenes are those of
-`families.py` with seeds of their own (the seeds of its table stay unseen), the full-wave sweep of two walls where there
-is one, and with `--volumes` raster scenes of `raster.py`. Constants of the test for mixed paths are judged on the first
-scenes of two families and on the full-wave sweep, with the sweep; `GHOST_CELLS` on reconstructions that are folded
-again.
+`mirrorfold.scenes.families` with seeds of their own (the seeds of its table stay unseen), the full-wave sweep of two
+walls where there is one, and with `--volumes` raster scenes of `raster.py`. Constants of the test for mixed paths are
+judged on the first scenes of two families and on the full-wave sweep, with the sweep; `GHOST_CELLS` on reconstructions
+that are folded again.
 
 How to read the table: the rows at the top are F-scores at 2 cm as the program stands, mean and worst over the scenes,
 of all points and of those seen by way of mirrors. The others are differences from them, the largest first; for each
@@ -37,9 +37,8 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-import families
 import numpy as np
-from focused_scenes import Case, fullwave_cases, ray_cases, volume_cases
+from focused_scenes import RAY_FAMILIES, Case, fullwave_cases, ray_cases, volume_cases
 from rich.console import Console
 from rich.table import Table
 from tuned_constants import Constant, Sources, Value
@@ -309,7 +308,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3, help="scenes of each family")
     parser.add_argument("--first", type=int, default=500, help="first seed")
-    parser.add_argument("--family", action="append", choices=families.FAMILIES)
+    parser.add_argument("--family", action="append", choices=RAY_FAMILIES)
     parser.add_argument("--constant", action="append", help="such as lines.GAP_CELLS; all by default")
     parser.add_argument("--volumes", action="store_true", help="raster scenes, too")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
@@ -322,7 +321,7 @@ def main() -> None:
     found: list[Result] = []
     console = Console(width=200)
     try:
-        makers = [ray_cases(options.family or families.FAMILIES, seeds), fullwave_cases()]
+        makers = [ray_cases(options.family or RAY_FAMILIES, seeds), fullwave_cases()]
         for maker in makers + ([volume_cases(seeds)] if options.volumes else []):
             for case in maker:
                 cases.append(case)

@@ -22,7 +22,7 @@ GROUPS = {
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
         "focus", "FocusPlan", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame", "score",
-        "compare",
+        "benchmark", "compare",
     ),
     "Pages": ("report", "view"),
     "Errors": ("InputError",),
@@ -33,7 +33,18 @@ GROUPS = {
 SITE = ("index", "quickstart", "performance", "glossary")
 """Pages beside those of the topics."""
 
-ORDER = ("focusing", "folding", "raster", "fullwave", "plan", "import", "diagnose", "calibrate", "looking")
+ORDER = (
+    "focusing",
+    "folding",
+    "benchmarks",
+    "raster",
+    "fullwave",
+    "plan",
+    "import",
+    "diagnose",
+    "calibrate",
+    "looking",
+)
 """Topics in the order of reading; others follow by name."""
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
     from mirrorfold import plotting as plot
+    from mirrorfold.benchmarking import benchmark
     from mirrorfold.describing.comparison import compare
     from mirrorfold.describing.info import info
     from mirrorfold.describing.planning import plan
@@ -47,6 +48,7 @@ _HOME = {
     "Scene": "scenes.floor_plan",
     "Scene3D": "scenes.solids",
     "add_noise": "sweep",
+    "benchmark": "benchmarking",
     "check_sweep": "sweep",
     "compare": "describing.comparison",
     "export": "io",
@@ -108,6 +110,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "reconstruct",
     "pick_frame",
     "score",
+    "benchmark",
     "compare",
     "export",
     "report",

@@ -8,6 +8,7 @@ import os
 import pty
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pydantic
@@ -18,6 +19,7 @@ from scipy.constants import speed_of_light
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, main
 from mirrorfold.cli.schema import OUTPUTS, check, describe_fields, json_schema, models, outputs
+from mirrorfold.scenes.families import FAMILIES, RADARS
 
 PLAN = ["--band", "270e9:300e9", "--points", "101", "--aperture", "0.02", "--pitch", "0.5e-3", "--range", "1"]
 
@@ -200,6 +202,35 @@ def test_a_view_says_where_it_is(folder):
                 break
         process.terminate()
     assert check("view", "".join(lines)).address.startswith("http://127.0.0.1:")
+
+
+def test_a_benchmark(folder, capsys, monkeypatch):
+    monkeypatch.syspath_prepend(str(folder))
+    (folder / "two_methods.py").write_text(
+        "def nothing(image, sweep): return {'points': []}\n"
+        "def point(image, sweep): return {'points': [[0.0, 1.0]]}\n"
+        "def wrong(image, sweep): return 'wrong'\n"
+    )
+    found = checked(capsys, "benchmark", "--list")
+    assert {"two walls", "corridor"} <= {family.name for family in found.families}
+    assert found.radars[0].cell_m == pytest.approx(0.015, rel=1e-3)
+    radar, family = RADARS["300 GHz"], FAMILIES["empty"]
+    small = {"array": {**radar.array, "elements": 21}, "band": {**radar.band, "points": 41}}
+    monkeypatch.setitem(RADARS, "small", replace(radar, name="small", **small))
+    monkeypatch.setitem(FAMILIES, "small", replace(family, name="small"))
+    methods = [f"two_methods:{name}" for name in ("nothing", "point", "wrong")]
+    chosen = ["--family", "small", "--radar", "small", "--method", *methods, "--seeds", "3:5"]
+    found = checked(capsys, "benchmark", *chosen, "-o", "out")
+    assert found.seeds == [3, 4]
+    assert [(one.scenes, one.failures) for one in found.results] == [(2, 0), (2, 0), (2, 2)]
+    assert [one.figures["invented_cells"].mean for one in found.results] == [0.0, 1.0, None]
+    assert found.files == [f"out/{name}" for name in ("scenes.jsonl", "table.csv", "table.json", "table.md",
+                                                      "figures.png")]  # fmt: skip
+    pair = [f"out:{method}" for method in methods[:2]]
+    compared = checked(capsys, "benchmark", "compare", *pair, "-o", "d.png")
+    assert compared.files == ["d.png"]
+    by_name = {one.figure: one for one in compared.results[0].differences}
+    assert (by_name["invented_cells"].difference, by_name["invented_cells"].verdict) == (1.0, "worse")
 
 
 def test_a_figure(folder, capsys):

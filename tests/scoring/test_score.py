@@ -13,9 +13,9 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.scenes.visibility import visible_truth
 from mirrorfold.scoring.figures import CELL, Figures, thin
 from mirrorfold.scoring.floor_plans import truth as plan_truth
-from mirrorfold.scoring.floor_plans import visible_truth
 
 ARRAY = {"elements": 3, "pitch": 0.5e-3}
 BAND = {"start": 290e9, "stop": 300e9, "points": 401}
@@ -359,3 +359,53 @@ def test_each_leg_of_a_polyline_can_be_a_mirror_and_an_arc_cannot():
     assert [m["surface"] for m in result["mirrors"]] == ["surface 0", "surface 0", None]
     assert_allclose([m["offset_error_mm"] for m in result["mirrors"][:2]], [1.0, 2.0])
     assert [m["generation"] for m in result["hidden"]["mirrors"]] == [2]
+
+
+MEASURED = {
+    "image_range_resolution": 0.015,
+    "image_frequency_start": 290e9,
+    "image_frequency_stop": 300e9,
+    "image_tx_aperture": 0.08,
+    "image_rx_aperture": 0.08,
+}
+CELL_AT_3_M = np.hypot(0.015, 3.0 * speed_of_light / 295e9 / 0.08)
+"""Range resolution and wavelength over aperture, 3 m along the way."""
+
+
+def measured(points, initial, **attrs):
+    """A Reconstruction that says how it was measured, and where its points stood in the image."""
+    tree = rebuilt(points)
+    held = tree["objects"].to_dataset(inherit=False)
+    tree["objects"] = xr.DataTree(
+        held.assign({f"{a}_initial": ("point", np.asarray(initial, dtype=float)[:, i]) for i, a in enumerate("xy")})
+    )
+    tree.attrs.update(attrs)
+    return tree
+
+
+@pytest.mark.parametrize(("aside", "precision"), [(1.45, 1.0), (1.55, 0.0)])
+def test_a_point_is_good_within_one_and_a_half_cells_of_its_own_way(aside, precision):
+    """Its place is a metre away, but it was seen by way of mirrors 3 m long."""
+    points = ON_WALL + np.array([0.0, aside * CELL_AT_3_M])
+    found = mf.score(measured(points, np.full_like(points, 3.0) * [0.0, 1.0], **MEASURED), make_scene(WALL))
+    assert found.cell_m == pytest.approx(CELL_AT_3_M, rel=1e-6)
+    assert found.precision_cells == precision
+    assert found.completeness_cells == precision
+    assert found.f_score_cells == precision
+
+
+def test_cells_are_unknown_where_nothing_tells_them():
+    without = {name: value for name, value in MEASURED.items() if "aperture" not in name}
+    for attrs in ({}, without):
+        found = mf.score(measured(ON_WALL, ON_WALL, **attrs), make_scene(WALL))
+        assert (found.precision_cells, found.f_score_cells, found.cell_m) == (None, None, None)
+
+
+def test_no_points_score_nothing_in_cells_either():
+    found = mf.score(measured(np.empty((0, 2)), np.empty((0, 2)), **MEASURED), make_scene(WALL))
+    assert (found.precision_cells, found.completeness_cells, found.f_score_cells, found.cell_m) == (
+        None,
+        0.0,
+        0.0,
+        None,
+    )

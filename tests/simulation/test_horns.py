@@ -1,9 +1,12 @@
-"""Horns: a beam of the right width, the same whichever way the wave takes, and point sources where there is no horn."""
+"""Antennas of an array: horns with a beam of the right width, the same both ways, and antennas that are missing."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
@@ -94,3 +97,29 @@ def test_the_sweep_knows_the_antennas_and_not_the_sources():
     disc = {"name": "disc", "kind": "circle", "center": [0.0, 1.0], "radius": 0.05, "roughness": rough}
     stated = scene(1.5e-3, surface=[disc])
     np.testing.assert_allclose(mf.simulate(stated)["tx_position"], stated.array.tx_position)
+
+
+WALL = [{"name": "wall", "kind": "segment", "start": [-0.1, 0.5], "end": [0.2, 0.6]}]
+
+
+@pytest.mark.parametrize("horn", [None, 2e-3])
+def test_a_missing_antenna_takes_nothing_from_the_others(horn):
+    whole = scene(horn, surface=WALL)
+    thinned = replace(whole, array=replace(whole.array, missing=(1, 3)))
+    there = [0, 2, 4]
+    assert np.array_equal(thinned.array.tx_position, whole.array.tx_position[there])
+    every, some = (mf.simulate(one)["s"].values for one in (whole, thinned))
+    assert_allclose(some, every[:, there][:, :, there], rtol=0, atol=1e-5 * np.abs(every).max())
+
+
+@pytest.mark.parametrize(
+    ("missing", "expected"),
+    [([5], "missing names antenna 5, but they count from 0 to 4"), ([0, 1, 2, 3, 4], "leave one at least"),
+     ([-1], "array.missing[0] is -1")],
+)  # fmt: skip
+def test_antennas_that_cannot_be_missing_are_refused(missing, expected):
+    array = {"elements": 5, "pitch": 0.5e-3, "missing": missing}
+    band = {"start": 290e9, "stop": 300e9, "points": 2}
+    with pytest.raises(mf.InputError) as caught:
+        parse_scene({"name": "thinned", "array": array, "band": band})
+    assert expected in str(caught.value)

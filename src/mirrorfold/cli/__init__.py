@@ -71,6 +71,10 @@ VERBS = {
         "Measure how far a reconstruction is from the truth.",
         "mirrorfold score out/reconstruction.nc scene.toml --json",
     ),
+    "benchmark": Verb(
+        "Judge methods on families of random scenes: ours, the published one, your own.",
+        "mirrorfold benchmark --family corridor --method ours published --seeds 0:10 -o out",
+    ),
     "report": Verb(
         "Write a page that shows a reconstruction and answers questions about it, offline.",
         "mirrorfold report out/reconstruction.nc -o report.html --scene scene.toml",

@@ -7,10 +7,11 @@ import sys
 from collections.abc import Sequence
 from inspect import signature
 
-from cyclopts import CycloptsError
+from cyclopts import App, CycloptsError
 
 from mirrorfold.cli import (
     VERBS,
+    benchmarking,
     calibration,
     comparing,
     importing,
@@ -45,6 +46,24 @@ for function in FUNCTIONS:
         help_epilogue=f"Example: {VERBS[name].example}\n",
         version_flags=[],
     )
+
+benchmark = App(
+    name="benchmark",
+    help=VERBS["benchmark"].purpose,
+    help_epilogue=f"Example: {VERBS['benchmark'].example}\n",
+    version_flags=[],
+)
+"""The one verb that has another below it, `benchmark compare`."""
+
+benchmark.default(with_no_clobber(completed(benchmarking.benchmark)))
+benchmark.command(
+    with_no_clobber(completed(benchmarking.compare_benchmarks)),
+    name="compare",
+    help="Compare two benchmarks, scene by scene.",
+    help_epilogue="Example: mirrorfold benchmark compare before after -o difference.png\n",
+    version_flags=[],
+)
+app.command(benchmark)
 
 
 def run(arguments: Sequence[str]) -> None:

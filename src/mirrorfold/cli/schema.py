@@ -8,6 +8,9 @@ from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
+from mirrorfold.benchmarking.comparing import BenchmarkComparison
+from mirrorfold.benchmarking.summaries import Benchmark
+from mirrorfold.cli.benchmarking import Catalogue
 from mirrorfold.cli.calibration import Calibration
 from mirrorfold.cli.importing import Exported, MappingProposal, TouchstoneScan
 from mirrorfold.cli.looking import Figure, Report, View
@@ -38,6 +41,7 @@ OUTPUTS: dict[str, Any] = {
     "reconstruct": ReconstructionFacts | Summary | Choice,
     "compare": Comparison,
     "score": PlanScore | VolumeScore,
+    "benchmark": Benchmark | BenchmarkComparison | Catalogue,
     "report": Report,
     "view": View,
     "show": Figure,

@@ -17,6 +17,9 @@ from rich.table import Table
 from mirrorfold.cli import note
 
 if TYPE_CHECKING:
+    from mirrorfold.benchmarking.comparing import BenchmarkComparison
+    from mirrorfold.benchmarking.summaries import Benchmark
+    from mirrorfold.cli.benchmarking import Catalogue
     from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
     from mirrorfold.describing.comparison import Comparison
@@ -27,6 +30,9 @@ if TYPE_CHECKING:
 
 PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
+
+WIDE = 140
+"""Of one with more columns than fit."""
 
 UNLISTED = ("remarks", "mirrors", "surfaces", "findings", "judged", "valid", "points_by_frame")
 """Facts that have tables or lines of their own."""
@@ -166,6 +172,59 @@ def show_comparison(found: Comparison) -> None:
     _console().print(table)
 
 
+def show_benchmark(found: Benchmark) -> None:
+    """Print means of the figures in a line for each family, radar and method, and the worst of the hidden F-score."""
+    from mirrorfold.benchmarking.figures import FIGURES
+
+    shown = ("f_all", "f_hidden", "precision_hidden", "f_hidden_cells", "invented_cells", "angle_deg", "offset_mm")
+    for radar in dict.fromkeys(result.radar for result in found.results):
+        table = _table(f"radar {radar}: means over the scenes")
+        for heading in ("family", "method"):
+            table.add_column(heading, overflow="fold", min_width=max(len(one[heading]) for one in found.results))
+        for heading in ("done", *(FIGURES[name].label for name in shown), "F, hidden, worst", "time"):
+            table.add_column(heading, justify="right")
+        for result in found.results:
+            if result.radar == radar:
+                means = (_number(result.figures[name].mean, f".{FIGURES[name].digits}f") for name in shown)
+                worst = _number(result.figures["f_hidden"].worst, ".3f")
+                counts = f"{result.scenes - result.failures}/{result.scenes}"
+                taken = duration(sum(result.seconds.values()))
+                table.add_row(result.family, result.method, counts, *means, worst, taken)
+        _console(WIDE).print(table)
+
+
+def show_benchmark_comparison(found: BenchmarkComparison) -> None:
+    """Print each figure that differs between two benchmarks, and how many do not."""
+    from mirrorfold.benchmarking.figures import FIGURES
+
+    table = _table(f"{found.second} less {found.first}: mean difference of the scenes that both have")
+    for heading in ("family, radar, method", "scenes", "figure", "first", "second", "difference", "95 %", "verdict"):
+        table.add_column(heading, justify="left" if heading[0] in "fv" and heading != "first" else "right")
+    for result in found.results:
+        methods = " to ".join(dict.fromkeys((result.first_method, result.second_method)))
+        name = f"{result.family}, {result.radar}, {methods}"
+        for one in result.differences:
+            if one.difference is None:
+                continue
+            form = f".{FIGURES[one.figure].digits}f"
+            between = "-" if one.low is None else f"{_number(one.low, '+' + form)} {_number(one.high, '+' + form)}"
+            numbers = (_number(one.first, form), _number(one.second, form), _number(one.difference, "+" + form))
+            table.add_row(name, str(one.scenes), FIGURES[one.figure].label, *numbers, between, one.verdict)
+            name = ""
+    _console().print(table)
+
+
+def show_catalogue(found: Catalogue) -> None:
+    """Print families and radars, each with what it is."""
+    for title, entries in (("families", found.families), ("radars", found.radars)):
+        table = _table(title)
+        table.add_column("name", no_wrap=True)
+        table.add_column("what")
+        for entry in entries:
+            table.add_row(entry.name, entry.what)
+        _console().print(table)
+
+
 def show_plan(found: Plan) -> None:
     """Print how walls mirror and scatter, and the signal over noise that is left after each bounce."""
     for name, wall in found.walls.items():
@@ -212,6 +271,7 @@ def show_score(score: PlanScore | VolumeScore) -> None:
         ("completeness at 2 cm", "completeness_2cm", 1.0),
         ("F-score at 2 cm", "f_score_2cm", 1.0),
         ("F-score at 5 cm", "f_score_5cm", 1.0),
+        ("F-score at 1.5 cells", "f_score_cells", 1.0),
         ("invented share", "invented_fraction", 1.0),
     ):
         values = (score[name], score.hidden[name])
@@ -306,5 +366,5 @@ def _table(title: str) -> Table:
     return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
-def _console() -> Console:
-    return Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False, markup=False)
+def _console(plain_width: int = PLAIN_WIDTH) -> Console:
+    return Console(width=None if sys.stdout.isatty() else plain_width, highlight=False, markup=False)

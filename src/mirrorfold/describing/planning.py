@@ -51,7 +51,7 @@ MOST_REMARKED = 3
 """Bounces whose wrapping around is worth a remark: as many as `mirrorfold.simulate` follows by default."""
 
 FOLDING_PIXELS_PER_SECOND = 1e6
-"""Speed of steps 2 to 6 on two cores, from `benchmarks/families.py`: two to three seconds for three million pixels."""
+"""Speed of steps 2 to 6 on two cores, from `mirrorfold benchmark`: two to three seconds for three million pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)

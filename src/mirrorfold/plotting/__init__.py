@@ -1,5 +1,6 @@
 """Pictures of sweeps, images, reconstructions, scenes, scores and plans; ``mf.plot`` is this package."""
 
+from mirrorfold.plotting.benchmarks import benchmark, benchmark_comparison
 from mirrorfold.plotting.comparison import before_after, content_extent
 from mirrorfold.plotting.differences import compare
 from mirrorfold.plotting.figures import corrected, image, mirrors, plan, scene, shadows
@@ -8,6 +9,8 @@ from mirrorfold.plotting.recordings import frames
 
 __all__ = [
     "before_after",
+    "benchmark",
+    "benchmark_comparison",
     "channel_map",
     "compare",
     "content_extent",

@@ -219,6 +219,7 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
             ("completeness at 2 cm", "completeness_2cm", ".3f", 1.0),
             ("F-score at 2 cm", "f_score_2cm", ".3f", 1.0),
             ("F-score at 5 cm", "f_score_5cm", ".3f", 1.0),
+            ("F-score at 1.5 cells", "f_score_cells", ".3f", 1.0),
             ("invented share", "invented_fraction", ".3f", 1.0),
         )
     ]

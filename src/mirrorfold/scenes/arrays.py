@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
@@ -42,12 +43,14 @@ class LinearArray:
     pitch : float [m]
         Distance between neighbours; at most half a wavelength at the top frequency avoids grating lobes.
     center : (2,) or (3,) [m], default the origin
-        Mean position of the antennas.
+        The middle between the first antenna and the last.
     direction : (2,) or (3,), default along +x
         From the first antenna to the last; need not have length one.
     horn : float [m], optional
         Width of the antennas' apertures along the array; a point source by default. The field in the aperture is that
         of a horn's H-plane, a cosine: between half powers the beam is about ``1.19 lambda / horn`` wide.
+    missing : tuple of int, default ()
+        Which of them are not there, counted from 0: broken ones, or those that a thinned array does without.
     rx : LinearArray, optional
         The receiving array, where it differs from the transmitting one.
     """
@@ -58,22 +61,32 @@ class LinearArray:
     center: Point = (0.0, 0.0)
     direction: tuple[Finite, Finite] | tuple[Finite, Finite, Finite] = (1.0, 0.0)
     horn: PositiveLength | None = None
+    missing: tuple[Annotated[int, Field(ge=0)], ...] = ()
     rx: LinearArray | None = None
 
     def __post_init__(self) -> None:
         if not np.linalg.norm(point3(self.direction)) > 0:
             raise ValueError("direction must have a length above zero, for example [1, 0]")
+        if any(index >= self.elements for index in self.missing):
+            raise ValueError(f"missing names antenna {max(self.missing)}, but they count from 0 to {self.elements - 1}")
+        if not self.present.size:
+            raise ValueError("missing names every antenna; leave one at least")
+
+    @property
+    def present(self) -> NDArray[np.int64]:
+        """Indices of the antennas that are there, shape (n,)."""
+        return np.setdiff1d(np.arange(self.elements), self.missing)
 
     @property
     def tx_position(self) -> Array:
-        """Positions of the transmitters, shape (elements, 3) [m]."""
-        along = (np.arange(self.elements) - (self.elements - 1) / 2) * self.pitch
+        """Positions of the transmitters, shape (n, 3) [m]."""
+        along = (self.present - (self.elements - 1) / 2) * self.pitch
         direction = point3(self.direction)
         return point3(self.center) + along[:, None] * (direction / np.linalg.norm(direction))
 
     @property
     def rx_position(self) -> Array:
-        """Positions of the receivers, shape (elements, 3) [m]."""
+        """Positions of the receivers, shape (n, 3) [m]."""
         return self.tx_position if self.rx is None else self.rx.tx_position
 
 

@@ -23,6 +23,9 @@ NEAR, COVERED, WIDE, INVENTED, FALSE = 0.02, 0.03, 0.05, 0.10, 0.15
 """Distances [m]: a good point, a covered piece of truth, a fair point, and those beyond which a point is invented, or
 false. Chosen, not derived: a few resolution cells of a band of 10 to 30 GHz (5 to 15 mm each), up to tens of them."""
 
+WITHIN_CELLS = 1.5
+"""A good point in resolution cells, of which a point in the middle of its own is at most half a diagonal away."""
+
 
 class Figures(Record):
     """Points against the truth."""
@@ -37,6 +40,12 @@ class Figures(Record):
     completeness_5cm: Number
     f_score_5cm: Number
     completeness_3cm: Number
+    precision_cells: Number = fact(
+        "share of the points within 1.5 resolution cells of the truth, where their size is known"
+    )
+    completeness_cells: Number
+    f_score_cells: Number
+    cell_m: Number = fact("diagonal of the resolution cell, the median over the points")
     chamfer_m: Number = fact("mean of both mean distances")
     invented_fraction: Number = fact("share of the points far from every surface")
     false_fraction: Number
@@ -58,14 +67,22 @@ def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]
     return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1), counts
 
 
-def figures(points: Array, count: NDArray[np.int64], distance: Array, reachable: Array) -> Figures:
+def figures(
+    points: Array, count: NDArray[np.int64], distance: Array, reachable: Array, cell: Array | None = None
+) -> Figures:
     """All the figures; None where they are undefined.
 
     Thinned points (n, d), each of which stands for `count` (n,) points, have a `distance` (n,) from the nearest
-    surface; `reachable` (m, d) is the truth that could be seen, all [m].
+    surface, and where it is known a resolution `cell` (n,); `reachable` (m, d) is the truth that could be seen, all
+    [m]. A piece of truth is covered in cells where the point nearest to it is within that point's cells.
     """
-    to_points = cKDTree(points).query(reachable)[0] if len(points) else np.full(len(reachable), np.inf)
+    nothing = np.full(len(reachable), np.inf), np.zeros(len(reachable), dtype=np.int64)
+    to_points, nearest = cKDTree(points).query(reachable) if len(points) else nothing
     one_way, other_way = _mean(distance), _mean(to_points)
+    in_cells: tuple[float | None, float | None] = None, None
+    if cell is not None:
+        covered = to_points / cell[nearest] if len(points) else to_points
+        in_cells = _share(distance / cell, WITHIN_CELLS), _share(covered, WITHIN_CELLS)
     near = {limit: (_share(distance, limit), _share(to_points, limit)) for limit in (NEAR, COVERED, WIDE)}
     return Figures(
         points=int(count.sum()),
@@ -78,6 +95,10 @@ def figures(points: Array, count: NDArray[np.int64], distance: Array, reachable:
         completeness_5cm=near[WIDE][1],
         f_score_5cm=_harmonic_mean(*near[WIDE]),
         completeness_3cm=near[COVERED][1],
+        precision_cells=in_cells[0],
+        completeness_cells=in_cells[1],
+        f_score_cells=_harmonic_mean(*in_cells),
+        cell_m=float(np.median(cell)) if cell is not None and len(cell) else None,
         chamfer_m=None if one_way is None or other_way is None else 0.5 * (one_way + other_way),
         invented_fraction=1.0 - (_share(distance, INVENTED) or 0.0) if len(distance) else 0.0,
         false_fraction=1.0 - (_share(distance, FALSE) or 0.0) if len(distance) else 0.0,

@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING, TypeVar, overload
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, as_scene
+from mirrorfold.scenes.visibility import BOUNCES
 from mirrorfold.scoring import floor_plans
+from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
-from mirrorfold.scoring.truth import BOUNCES, Array, Mask, Truth
+from mirrorfold.scoring.truth import Array, Mask, Truth
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
@@ -131,10 +134,11 @@ def score(
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
     by_mirror = objects["bounces"].values > 0
+    cells = point_cells(reconstruction)
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
         every, hidden, each = _judge(
-            points, by_mirror, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
+            points, by_mirror, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each)
@@ -142,7 +146,7 @@ def score(
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene))
     whole, unseen, parts = _judge(
-        points, by_mirror, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2"
+        points, by_mirror, cells, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2"
     )
     contrasts = volumes.patch_contrasts(scene, points[by_mirror], objects["amplitude"].values[by_mirror])
     return VolumeScore(
@@ -158,16 +162,19 @@ SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
 
 
 def _judge(
-    points: Array, by_mirror: Mask, truth: Truth, kind: type[SomeFigures], size: str
+    points: Array, by_mirror: Mask, cells: Array | None, truth: Truth, kind: type[SomeFigures], size: str
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
     """The figures of all points (n, d); of those seen by way of mirrors; and of these by the hidden surface at them.
 
-    `size` is what `kind` calls the length or area of the reachable truth.
+    `cells` (n,) [m] are those of resolution, where they are known. `size` is what `kind` calls the length or area of
+    the reachable truth.
     """
+    original = cKDTree(points)
 
     def compared(points: Array, count: NDArray[np.int64], distance: Array, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
-        return kind(**{**figures(points, count, distance, reachable), size: len(reachable) * truth.size})
+        cell = None if cells is None else cells[original.query(points)[1]] if len(points) else np.zeros(0)
+        return kind(**{**figures(points, count, distance, reachable, cell), size: len(reachable) * truth.size})
 
     every, each = counted(points)
     mirrored, stands_for = counted(points[by_mirror])

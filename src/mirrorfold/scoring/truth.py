@@ -6,21 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
-
-from mirrorfold.scenes.arrays import Band
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int64]
-
-BOUNCES = 3
-"""Reflections that a line of sight may take to a piece of truth that counts as reachable."""
-
-SMALLEST_COSINE = 0.17
-"""Surfaces are taken to be visible up to 80 degrees from their normal: at more, less than a sixth of
-their area is turned towards the radar."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +59,3 @@ class Truth:
         across = np.abs(np.einsum("nd,nd->n", points - self.place[nearest], self.normals[nearest]))
         aside = np.sqrt(np.maximum(distance**2 - across**2, 0.0))
         return np.hypot(across, np.maximum(aside - self.reach, 0.0)), nearest
-
-
-def farthest_range(band: Band) -> float:
-    """The ambiguous range [m], beyond which nothing counts as visible."""
-    return speed_of_light * (band.points - 1) / (2.0 * (band.stop - band.start))

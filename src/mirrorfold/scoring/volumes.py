@@ -8,9 +8,10 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
+from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, farthest_range
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
-from mirrorfold.scoring.truth import BOUNCES, SMALLEST_COSINE, Truth, farthest_range
+from mirrorfold.scoring.truth import Truth
 from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.speckle import image_frame, sample

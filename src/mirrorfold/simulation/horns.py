@@ -52,9 +52,9 @@ def point_sources(scene: Scene) -> tuple[Scene, Callable[[Complex64], Complex64]
 
 
 def _lattice(array: LinearArray, wavelength: float) -> tuple[LinearArray, NDArray[np.float32]]:
-    """Point sources for all horns of an array, and each horn's weights of them, (elements, sources), of sum one."""
+    """Point sources for all horns of an array, and each horn's weights of them, (antennas, sources), of sum one."""
     if array.horn is None:
-        return replace(array, rx=None), np.eye(array.elements, dtype=np.float32)
+        return replace(array, rx=None), np.eye(len(array.present), dtype=np.float32)
     finer = int(np.ceil(array.pitch / (0.5 * wavelength) - HALF_WAVE_TOLERANCE))
     spacing = array.pitch / finer
     aside = int(np.ceil(0.5 * array.horn / spacing)) - 1
@@ -63,4 +63,5 @@ def _lattice(array: LinearArray, wavelength: float) -> tuple[LinearArray, NDArra
     weight = np.zeros((array.elements, sources), dtype=np.float32)
     for element in range(array.elements):
         weight[element, element * finer : element * finer + taper.size] = taper / taper.sum()
-    return LinearArray(elements=sources, pitch=spacing, center=array.center, direction=array.direction), weight
+    lattice = LinearArray(elements=sources, pitch=spacing, center=array.center, direction=array.direction)
+    return lattice, weight[array.present]

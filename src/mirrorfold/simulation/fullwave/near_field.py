@@ -82,7 +82,7 @@ def near_field(
     if not 0.0 < frequency < math.inf:
         raise InputError(f"frequency is {frequency!r}, expected one positive number of hertz")
     x, y = (_coordinates(axis, name) for axis, name in zip(grid, "xy", strict=True))
-    count = truth.array.elements
+    count = len(truth.array.tx_position)
     source = count // 2 if source is None else source
     if not 0 <= source < count:
         raise InputError(f"source is {source!r}, expected the number of a transmitter, from 0 to {count - 1}")

@@ -204,7 +204,7 @@ def longest_strong_echo(scene: Scene) -> float:
         return 0.0
     array = scene.array
     if array.elements > 2:
-        array = replace(array, elements=2, pitch=array.pitch * (array.elements - 1))
+        array = replace(array, elements=2, pitch=array.pitch * (array.elements - 1), missing=())
     step = (scene.band.stop - scene.band.start) / (scene.band.points - 1) / LONGER
     steps = min(LONGER * (scene.band.points - 1), SEARCH_STEPS)
     middle = 0.5 * (scene.band.start + scene.band.stop)

@@ -1,0 +1,166 @@
+"""Two benchmarks side by side, scene by scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mirrorfold.benchmarking.figures import FIGURES, Figure
+from mirrorfold.benchmarking.results import FILE, read_lines
+from mirrorfold.benchmarking.scenes import Line
+from mirrorfold.benchmarking.summaries import interval, values
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.errors import InputError
+
+Verdict = Literal["better", "worse", "no difference"]
+Scene = tuple[str, str, int]
+
+
+class Difference(Record):
+    """A figure of the second benchmark less that of the first, over the scenes that both have."""
+
+    figure: str
+    scenes: int
+    first: Number = fact("mean over these scenes")
+    second: Number
+    difference: Number = fact("mean, second less first")
+    low: Number = fact("lower end of its 95 % interval; null for a single scene")
+    high: Number = fact("upper end")
+    verdict: Verdict = fact("on the second; no difference where the interval holds zero")
+
+
+class FamilyDifference(Record):
+    """What differs in a family, seen by a radar."""
+
+    family: str
+    radar: str
+    first_method: str
+    second_method: str
+    scenes: int = fact("that both have tried")
+    failures: list[int] = fact("of the first and of the second among them")
+    differences: list[Difference]
+
+
+class BenchmarkComparison(Record):
+    """Two benchmarks side by side."""
+
+    kind: Literal["benchmark comparison"]
+    first: str
+    second: str
+    results: list[FamilyDifference]
+    remarks: list[str] = fact("sentences on what deserves attention")
+    files: list[str] = fact("what was written", default=LEFT_OUT)
+
+
+def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkComparison:
+    """Compare two benchmarks on the scenes that both have.
+
+    Differences are taken scene by scene, so that how hard a scene is drops out; their mean has an interval by the
+    bootstrap. A figure is better or worse where that interval leaves out zero.
+
+    Parameters
+    ----------
+    first, second : path
+        Folders of benchmarks. With ``FOLDER:METHOD`` one method of it; else the methods that both have, or the only
+        one of each.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no benchmark, a method is not in it, or they have no scene in common.
+    """
+    one, other = (_by_method(str(name)) for name in (first, second))
+    shared = [method for method in one if method in other]
+    pairs = [(method, method) for method in shared]
+    if len(one) == len(other) == 1:
+        pairs = [(next(iter(one)), next(iter(other)))]
+    if not pairs:
+        raise InputError(
+            f"{first} has {', '.join(one)} and {second} has {', '.join(other)}; name the methods as FOLDER:METHOD"
+        )
+    results = [found for pair in pairs for found in _differences(one[pair[0]], other[pair[1]], pair)]
+    if not results:
+        raise InputError(f"{first} and {second} have no scene in common; run both on the same families and seeds")
+    remarks = []
+    alone = [sum(len(set(a[m]) - set(b[n])) for m, n in ((p if a is one else p[::-1]) for p in pairs))
+             for a, b in ((one, other), (other, one))]  # fmt: skip
+    for name, count in zip((first, second), alone, strict=True):
+        if count:
+            remarks.append(f"{count} {'scene is' if count == 1 else 'scenes are'} in {name} only, and left out.")
+    return BenchmarkComparison(
+        kind="benchmark comparison", first=str(first), second=str(second), results=results, remarks=remarks
+    )
+
+
+def _by_method(name: str) -> dict[str, dict[Scene, Line]]:
+    """The lines of a folder by method and scene; those of one method where it is named.
+
+    Raises
+    ------
+    InputError
+        If the folder holds none of it.
+    """
+    folder, _, method = (name, "", "") if Path(name).is_dir() else name.partition(":")
+    lines = read_lines(Path(folder) / FILE)
+    if not lines:
+        raise InputError(f"{folder}: holds no benchmark ({FILE}); give the folder that `mirrorfold benchmark` wrote")
+    found: dict[str, dict[Scene, Line]] = {}
+    for line in lines.values():
+        found.setdefault(line.method, {})[line.family, line.radar, line.seed] = line
+    if not method:
+        return found
+    if method not in found:
+        raise InputError(f"{folder}: has no method {method!r}, expected one of: {', '.join(found)}")
+    return {method: found[method]}
+
+
+def _differences(
+    first: Mapping[Scene, Line], second: Mapping[Scene, Line], methods: tuple[str, str]
+) -> list[FamilyDifference]:
+    """One for each family and radar that both have, in the order of the first."""
+    groups: dict[tuple[str, str], list[Scene]] = {}
+    for scene in first:
+        if scene in second:
+            groups.setdefault(scene[:2], []).append(scene)
+    results = []
+    for (family, radar), scenes in groups.items():
+        sides = [first[scene] for scene in scenes], [second[scene] for scene in scenes]
+        results.append(
+            FamilyDifference(
+                family=family,
+                radar=radar,
+                first_method=methods[0],
+                second_method=methods[1],
+                scenes=len(scenes),
+                failures=[sum(line.error is not None for line in lines) for lines in sides],
+                differences=[_difference(sides, figure) for figure in FIGURES.values()],
+            )
+        )
+    return results
+
+
+def _difference(sides: tuple[list[Line], list[Line]], figure: Figure) -> Difference:
+    """The paired difference of a figure where it is defined on both sides."""
+    first, second = (values(lines, figure) for lines in sides)
+    known = np.isfinite(first) & np.isfinite(second)
+    paired = (second - first)[known]
+    if not paired.size:
+        return Difference(figure=figure.name, scenes=0, first=None, second=None, difference=None, low=None, high=None,
+                          verdict="no difference")  # fmt: skip
+    low, high = interval(paired)
+    verdict: Verdict = "no difference"
+    if low is not None and high is not None and (low > 0.0 or high < 0.0):
+        verdict = "better" if (low > 0.0) == figure.high else "worse"
+    return Difference(
+        figure=figure.name,
+        scenes=int(paired.size),
+        first=float(first[known].mean()),
+        second=float(second[known].mean()),
+        difference=float(paired.mean()),
+        low=low,
+        high=high,
+        verdict=verdict,
+    )

@@ -1,0 +1,73 @@
+"""What a benchmark reports of each score: the figures, their names and which end of them is the better one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mirrorfold.common.records import Number
+
+Score = Any
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a score.
+
+    Attributes
+    ----------
+    name : str
+        In files.
+    label : str
+        In tables and pictures, with its unit.
+    read : callable
+        The figure of a score; None where it is undefined.
+    high : bool
+        Whether more is better.
+    digits : int
+        Behind the point, in tables.
+    share : bool
+        Whether it lies between 0 and 1.
+    """
+
+    name: str
+    label: str
+    read: Callable[[Score], Number]
+    high: bool = True
+    digits: int = 3
+    share: bool = True
+
+
+def _mirrors(score: Score, name: str) -> Number:
+    """The mean error of the mirrors in line of sight that exist in truth."""
+    errors = [mirror[name] for mirror in score.mirrors if mirror.generation == 1 and mirror.surface is not None]
+    return float(np.mean(errors)) if errors else None
+
+
+def _invented(figures: Any) -> float:
+    """How many cells of a centimetre hold points far from every surface."""
+    return float(round(figures.invented_fraction * figures.cells))
+
+
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("f_all", "F, all", lambda s: s.f_score_2cm),
+        Figure("f_hidden", "F, hidden", lambda s: s.hidden.f_score_2cm),
+        Figure("precision_hidden", "precision, hidden", lambda s: s.hidden.precision_2cm),
+        Figure("completeness_hidden", "completeness, hidden", lambda s: s.hidden.completeness_2cm),
+        Figure("f_all_cells", "F, all, in cells", lambda s: s.f_score_cells),
+        Figure("f_hidden_cells", "F, hidden, in cells", lambda s: s.hidden.f_score_cells),
+        Figure("precision_hidden_cells", "precision, hidden, in cells", lambda s: s.hidden.precision_cells),
+        Figure("completeness_hidden_cells", "completeness, hidden, in cells", lambda s: s.hidden.completeness_cells),
+        Figure("invented_cells", "invented cells", _invented, high=False, digits=1, share=False),
+        Figure("angle_deg", "angle [deg]", lambda s: _mirrors(s, "angle_error_deg"), high=False, share=False),
+        Figure("offset_mm", "offset [mm]", lambda s: _mirrors(s, "offset_error_mm"), high=False, digits=2, share=False),
+    )
+}
+"""F, precision and completeness are at 2 cm, in cells at 1.5 resolution cells. Angle and offset are the mean errors of
+the mirrors in line of sight. Invented cells are cells of a centimetre with points further than 10 cm from any surface.
+"""

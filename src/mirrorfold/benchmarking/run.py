@@ -1,0 +1,201 @@
+"""A benchmark: random scenes of families, seen by radars, reconstructed by methods, and judged."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from itertools import product
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mirrorfold.benchmarking.methods import load_method
+from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
+from mirrorfold.benchmarking.scenes import Line, Task, judge
+from mirrorfold.benchmarking.summaries import Benchmark, summarise
+from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.threads import cpu_count
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.families import FAMILIES, Family, Radar, family_named, radar_named, radars_of
+
+if TYPE_CHECKING:
+    from mirrorfold.common.types import Progress
+
+
+def benchmark(
+    families: str | Family | Sequence[str | Family] | None = None,
+    *,
+    radars: str | Radar | Sequence[str | Radar] | None = None,
+    methods: str | Sequence[str] = "ours",
+    seeds: Iterable[int] = range(10),
+    output: str | Path | None = None,
+    sweeps: str | Path | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Benchmark:
+    """Judge methods on random scenes whose truth is known.
+
+    Each scene is simulated and focused once; every method gets the same image and sweep. A method that fails on a
+    scene, or returns what cannot be scored, has failed there: the failures are counted, and the benchmark goes on.
+
+    Parameters
+    ----------
+    families : str, Family or several, optional
+        Families of `mirrorfold.scenes.families`, or one's own; by default all that are simulated by rays, which take
+        some seconds a scene.
+    radars : str, Radar or several, optional
+        Of the same module; by default the usual one of each family. A family with a radar of its own is seen by that.
+    methods : str or several
+        "ours", "published" or "MODULE:FUNCTION", a function that is called with the image and the sweep (None for
+        raster scans) and returns a Reconstruction, or a dict with `points` (n, d) [m] and, if it knows them, `bounces`
+        (n,), `initial` (n, d) [m] and `mirrors` (m, 2, 2) [m].
+    seeds : iterable of int
+        One scene each.
+    output : path, optional
+        Folder for the results, one line in `scenes.jsonl` as each is done. Those that are in it already are not made
+        again, but for failures. By default nothing is written.
+    sweeps : path, optional
+        Folder that keeps the simulated sweeps, for another run on the same scenes.
+    jobs : int
+        Scenes at a time, each in a process of its own. With more than one, a script needs
+        ``if __name__ == "__main__":``.
+    progress : callable (done, total), optional
+        Called as scenes are done.
+
+    Returns
+    -------
+    Benchmark
+        For each family, radar and method: mean with its 95 % interval, median and worst of every figure; failures;
+        time by step.
+
+    Raises
+    ------
+    InputError
+        If a name is not known, a method cannot be imported, or there is nothing to do.
+    """
+    tasks = _tasks(families, radars, methods, seeds)
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+        raise InputError(f"jobs is {jobs!r}, expected a whole number of at least 1")
+    for folder in (output, sweeps):
+        if folder is not None:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+    file = None if output is None else Path(output) / FILE
+    done: dict[Key, Line] = {} if file is None else open_results(file)
+    succeeded = {name for name, line in done.items() if line.error is None}
+    wanted = [(task, method) for task in tasks for method in task.methods]
+    kept = Path(sweeps) if sweeps is not None else None
+    todo = []
+    for task in tasks:
+        missing = tuple(method for method in task.methods if _key(task, method) not in succeeded)
+        if missing:
+            todo.append(replace(task, methods=missing, sweeps=kept))
+    finished = len(tasks) - len(todo)
+    if progress is not None:
+        progress(finished, len(tasks))
+    for lines in _judged(todo, jobs):
+        if file is not None:
+            append(file, lines)
+        done |= {key(line): line for line in lines}
+        finished += 1
+        if progress is not None:
+            progress(finished, len(tasks))
+    return summarise([done[_key(task, method)] for task, method in wanted])
+
+
+def _tasks(
+    families: str | Family | Sequence[str | Family] | None,
+    radars: str | Radar | Sequence[str | Radar] | None,
+    methods: str | Sequence[str],
+    seeds: Iterable[Any],
+) -> list[Task]:
+    """All scenes, each with all methods, in the order of the families.
+
+    Raises
+    ------
+    InputError
+        As `benchmark`.
+    """
+    usual = [family for family in FAMILIES.values() if family.engine == "rays"]
+    chosen = usual if families is None else [
+        family if isinstance(family, Family) else family_named(family)
+        for family in ([families] if isinstance(families, str | Family) else families)
+    ]  # fmt: skip
+    seen_by = None if radars is None else [
+        radar if isinstance(radar, Radar) else radar_named(radar)
+        for radar in ([radars] if isinstance(radars, str | Radar) else radars)
+    ]  # fmt: skip
+    names = tuple(dict.fromkeys([methods] if isinstance(methods, str) else methods))
+    for name in names:
+        if not isinstance(name, str):
+            raise wrong_kind("methods", name, "ours, published or MODULE:FUNCTION")
+        load_method(name)
+    if not isinstance(seeds, Iterable):
+        raise wrong_kind("seeds", seeds, "whole numbers, such as range(10)")
+    numbers = list(dict.fromkeys(int(seed) if isinstance(seed, np.integer) else seed for seed in seeds))
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+            raise InputError(f"seeds holds {number!r}, expected whole numbers of at least 0, such as range(10)")
+    tasks = [
+        Task(family, radar, seed, names)
+        for family in dict.fromkeys(family.name for family in chosen)
+        for family in [next(one for one in chosen if one.name == family)]
+        for radar, seed in product(_radars(family, seen_by), numbers)
+    ]
+    if not tasks or not names:
+        raise InputError("benchmark: has no family, radar, method or seed; give at least one of each")
+    return tasks
+
+
+def _radars(family: Family, chosen: list[Radar] | None) -> list[Radar]:
+    """The radars that see a family, of those chosen."""
+    if chosen is None or family.radar is not None:
+        return radars_of(family)[:1]
+    able = [radar for radar in chosen if bool(radar.scanner) == (family.engine == "raster")]
+    if not able:
+        raise InputError(
+            f"radar {chosen[0].name!r} cannot see family {family.name!r}, expected one of: "
+            f"{', '.join(radar.name for radar in radars_of(family))}"
+        )
+    return able
+
+
+def _key(task: Task, method: str) -> Key:
+    return task.family.name, task.radar.name, task.seed, method
+
+
+def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
+    """The lines of each scene as they come, from so many processes."""
+    if jobs == 1 or len(tasks) < 2:
+        yield from map(judge, tasks)
+        return
+    # Started anew, not forked: the threads of Numba do not survive a fork.
+    threads = max(1, cpu_count() // jobs)
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(threads,))
+    try:
+        for future in as_completed([pool.submit(judge, task) for task in tasks]):
+            yield future.result()
+    except BrokenProcessPool:
+        raise InputError(
+            "benchmark: a process was ended from outside, perhaps for want of memory; use fewer jobs"
+        ) from None
+    except BaseException:  # an interruption need not wait for scenes that take minutes
+        for child in active_children():
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _start(threads: int) -> None:
+    """Make a process ready: it takes its share of the cores, and leaves interruptions to the one that started it."""
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numba.set_num_threads(min(threads, numba.get_num_threads()))
+    threadpool_limits(threads)

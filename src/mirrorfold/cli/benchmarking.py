@@ -1,0 +1,192 @@
+"""The verb that judges methods on random scenes, and lays two such judgements side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+import mirrorfold as mf
+from mirrorfold.cli.options import OptionalOutput
+from mirrorfold.cli.terminal import (
+    progress,
+    remark,
+    show_benchmark,
+    show_benchmark_comparison,
+    show_catalogue,
+    show_files,
+    show_json,
+)
+from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.errors import InputError
+
+PICTURE = "figures.png"
+PICTURES = (".png", ".pdf", ".svg")
+
+Names = Annotated[list[str] | None, Parameter(consume_multiple=True)]
+
+
+class FamilyFacts(Record):
+    """A family of random scenes."""
+
+    name: str
+    what: str
+    engine: str = fact("what simulates it: rays, fullwave or raster")
+    bounces: int = fact("by how many mirrors hidden surfaces can be reached")
+    snr_db: Number = fact("signal over noise per sample; null without noise [dB]")
+    radars: list[str] = fact("those that can see it, the usual one first")
+
+
+class RadarFacts(Record):
+    """A radar that sees the families."""
+
+    name: str
+    what: str
+    cell_m: float = fact("range resolution")
+
+
+class Catalogue(Record):
+    """What `--list` prints."""
+
+    kind: Literal["catalogue"]
+    families: list[FamilyFacts]
+    radars: list[RadarFacts]
+
+
+def benchmark(
+    *,
+    family: Names = None,
+    radar: Names = None,
+    method: Names = None,
+    seeds: str = "0:10",
+    output: OptionalOutput = None,
+    sweeps: Path | None = None,
+    jobs: int = 1,
+    catalogue: Annotated[bool, Parameter(name="--list")] = False,
+    json: bool = False,
+) -> None:
+    """Judge methods on random scenes.
+
+    Parameters
+    ----------
+    family
+        Families of scenes, one or several; by default all that are simulated by rays.
+    radar
+        Radars that see them, one or several; by default the usual one of each family.
+    method
+        What reconstructs the scenes, one or several: ours, published, or MODULE:FUNCTION, a function that is called
+        with the image and the sweep and returns a reconstruction, or a dict with points; ours by default.
+    seeds
+        FIRST:END, one scene each, without the end.
+    output
+        Folder for the results: scenes.jsonl, which gets a line as each scene is done, and from which an interrupted
+        command goes on; tables; and a picture.
+    sweeps
+        Folder that keeps the simulated sweeps, for another command on the same scenes.
+    jobs
+        Scenes at a time, each in a process of its own.
+    catalogue
+        List the families and the radars, and do nothing else.
+    json
+        Print all figures as one JSON object.
+    """
+    if catalogue:
+        found = _catalogue()
+        show_json(found) if json else show_catalogue(found)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the folder for the results, for example -o out")
+    from mirrorfold.benchmarking.results import FILE
+    from mirrorfold.benchmarking.tables import TABLES, write_tables
+    from mirrorfold.io.files import written_whole
+
+    names = (*TABLES, PICTURE)
+    output_directory(output, names=names)
+    steps = [0, 0]
+
+    def count(done: int, total: int) -> None:
+        steps[:] = done, total
+        if report is not None:
+            report(done, total)
+
+    try:
+        with progress("judging scenes") as report:
+            result = mf.benchmark(
+                family, radars=radar, methods=method or "ours", seeds=_seeds(seeds), output=output, sweeps=sweeps,
+                jobs=jobs, progress=count,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted; {steps[0]} of {steps[1]} scenes are done, in {output}; the same command goes on from there"
+        ) from None
+    write_tables(result, output)
+    with written_whole(output / PICTURE) as temporary:
+        mf.plot.benchmark(result).savefig(temporary)
+    files = [output / name for name in (FILE, *names)]
+    remark(result.remarks)
+    if json:
+        show_json(result.but(files=list(map(str, files))))
+        return
+    show_benchmark(result)
+    show_files(files)
+
+
+def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None, json: bool = False) -> None:
+    """Compare two benchmarks, scene by scene.
+
+    Parameters
+    ----------
+    first
+        Folder of a benchmark, or FOLDER:METHOD.
+    second
+        Another one.
+    output
+        Figure (.png, .pdf or .svg) to write.
+    json
+        Print the comparison as one JSON object.
+    """
+    from mirrorfold.benchmarking import compare_benchmarks as compare
+    from mirrorfold.io.files import written_whole
+
+    if output is not None:
+        output_file(output, suffixes=PICTURES)
+    found = compare(first, second)
+    if output is not None:
+        with written_whole(output) as temporary:
+            mf.plot.benchmark_comparison(found).savefig(temporary)
+    files = [] if output is None else [output]
+    remark(found.remarks)
+    if json:
+        show_json(found.but(files=list(map(str, files))))
+        return
+    show_benchmark_comparison(found)
+    show_files(files)
+
+
+def _seeds(text: str) -> range:
+    """The seeds of ``FIRST:END``, or the one of a single number."""
+    first, colon, end = text.partition(":")
+    try:
+        found = range(int(first), int(end) if colon else int(first) + 1)
+    except ValueError:
+        found = range(0)
+    if not found or found[0] < 0:
+        raise InputError(f"--seeds is {text!r}, expected FIRST:END in whole numbers from 0, for example 0:10")
+    return found
+
+
+def _catalogue() -> Catalogue:
+    """The families and radars that there are."""
+    from mirrorfold.scenes.families import FAMILIES, RADARS, radars_of
+
+    families = [
+        FamilyFacts(
+            name=one.name, what=one.what, engine=one.engine, bounces=one.bounces, snr_db=one.snr_db,
+            radars=[radar.name for radar in radars_of(one)],
+        )
+        for one in FAMILIES.values()
+    ]  # fmt: skip
+    radars = [RadarFacts(name=one.name, what=one.what, cell_m=one.cell) for one in RADARS.values()]
+    return Catalogue(kind="catalogue", families=families, radars=radars)

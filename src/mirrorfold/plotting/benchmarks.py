@@ -1,0 +1,162 @@
+"""Pictures of benchmarks: every figure by family, and what differs between two of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from mirrorfold.benchmarking.comparing import BenchmarkComparison, Difference
+from mirrorfold.benchmarking.figures import FIGURES
+from mirrorfold.benchmarking.summaries import Benchmark, FamilyResult
+from mirrorfold.common.decibels import COLOURS
+
+PANELS_A_ROW = 4
+ROW_HEIGHT, PANEL_WIDTH = 0.24, 3.1
+"""Of a method in a panel, and of a panel [inch]."""
+
+OFFSET = 0.8
+"""Share of a family's height over which its methods are spread."""
+
+VERDICTS = {"better": "#009E73", "worse": "#D55E00", "no difference": "#7F7F7F"}
+"""Colours that are apart for the colour-blind too."""
+
+
+def benchmark(found: Benchmark) -> Figure:
+    """Draw a benchmark: a panel for each figure, a row for each family, a colour for each method.
+
+    A dot is the mean with its 95 % interval, an upright line the median, a cross the worst scene.
+
+    Parameters
+    ----------
+    found : Benchmark
+        As `mirrorfold.benchmark` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    methods = list(dict.fromkeys(result.method for result in found.results))
+    rows = _rows([(result.family, result.radar) for result in found.results])
+    figure, panels = _panels(len(FIGURES), len(rows) * max(len(methods), 2))
+    for name, ax in zip(FIGURES, panels, strict=True):
+        for result in found.results:
+            number = methods.index(result.method)
+            place = list(rows).index((result.family, result.radar)) + _aside(number, len(methods))
+            _draw_spread(ax, result, name, place, COLOURS[number % len(COLOURS)])
+        _finish(ax, name, list(rows.values()))
+    marks = [
+        Line2D([], [], color="0.3", marker="o", label="mean, 95 % interval"),
+        Line2D([], [], color="0.3", marker="|", linestyle="none", markersize=11, label="median"),
+        Line2D([], [], color="0.3", marker="x", linestyle="none", label="worst"),
+    ]
+    colours = [
+        Line2D([], [], color=COLOURS[i % len(COLOURS)], marker="o", label=_with_failures(found, method))
+        for i, method in enumerate(methods)
+    ]
+    figure.legend(handles=[*colours, *marks], loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def benchmark_comparison(found: BenchmarkComparison) -> Figure:
+    """Draw what differs between two benchmarks: the mean of each paired difference with its 95 % interval.
+
+    Parameters
+    ----------
+    found : BenchmarkComparison
+        As `mirrorfold.benchmarking.compare_benchmarks` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    several = len({result.first_method for result in found.results}) > 1
+    labels = [
+        f"{label}, {result.second_method}" if several else label
+        for result, label in zip(
+            found.results, _labels([(result.family, result.radar) for result in found.results]), strict=True
+        )
+    ]
+    figure, panels = _panels(len(FIGURES), 2 * len(labels))
+    for name, ax in zip(FIGURES, panels, strict=True):
+        for place, result in enumerate(found.results):
+            _draw_difference(ax, next(one for one in result.differences if one.figure == name), place)
+        ax.axvline(0.0, color="black", linewidth=0.8, zorder=1)
+        _finish(ax, name, labels, bounded=False)
+    handles = [Line2D([], [], color=colour, marker="o", label=verdict) for verdict, colour in VERDICTS.items()]
+    figure.suptitle(f"{found.second} less {found.first}: mean difference, 95 % interval", fontsize=11)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _rows(pairs: Sequence[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """Each family and radar once, with its label."""
+    return dict(zip(pairs, _labels(pairs), strict=True))
+
+
+def _labels(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Names of the families, with the radar where there are several."""
+    several = len({radar for _, radar in pairs}) > 1
+    return [f"{family}, {radar}" if several else family for family, radar in pairs]
+
+
+def _panels(count: int, lines: int) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels side by side and below each other, for so many lines in each."""
+    below = int(np.ceil(count / PANELS_A_ROW))
+    size = 1.6 + PANELS_A_ROW * PANEL_WIDTH, 0.9 + below * (0.75 + lines * ROW_HEIGHT)
+    figure = Figure(figsize=size, layout="constrained", dpi=150)
+    panels = list(figure.subplots(below, PANELS_A_ROW, sharey=True).flat)
+    for ax in panels[count:]:
+        ax.remove()
+    return figure, panels[:count]
+
+
+def _aside(number: int, count: int) -> float:
+    """How far below the middle of its family a method stands."""
+    return OFFSET * ((number + 0.5) / count - 0.5)
+
+
+def _draw_spread(ax: Axes, result: FamilyResult, name: str, place: float, colour: str) -> None:
+    """Mean with its interval, median and worst; nothing where the figure is undefined."""
+    spread = result.figures[name]
+    # None becomes NaN, which is not drawn.
+    mean, low, high, median, worst = np.array(
+        [spread.mean, spread.low, spread.high, spread.median, spread.worst], dtype=float
+    )
+    ax.plot([low, high], [place, place], color=colour, linewidth=1.8, zorder=2)
+    for value, marker, size in ((mean, "o", 4.5), (median, "|", 9.0), (worst, "x", 5.0)):
+        ax.plot(value, place, marker, color=colour, markersize=size, zorder=3)
+
+
+def _draw_difference(ax: Axes, found: Difference, place: int) -> None:
+    """The mean difference with its interval, in the colour of the verdict."""
+    difference, low, high = np.array([found.difference, found.low, found.high], dtype=float)
+    colour = VERDICTS[found.verdict]
+    ax.plot([low, high], [place, place], color=colour, linewidth=1.8, zorder=2)
+    ax.plot(difference, place, "o", color=colour, markersize=5.0, zorder=3)
+
+
+def _finish(ax: Axes, name: str, labels: list[str], *, bounded: bool = True) -> None:
+    """Title, families from top to bottom, and the range of a share."""
+    figure = FIGURES[name]
+    ax.set_yticks(range(len(labels)), labels)
+    ax.set_ylim(len(labels) - 0.5, -0.5)
+    for between in range(1, len(labels)):
+        ax.axhline(between - 0.5, color="0.85", linewidth=0.8, zorder=0)
+    ax.set_title(f"{figure.label} ({'more' if figure.high else 'less'} is better)", fontsize=9)
+    ax.margins(x=0.08)
+    if bounded:  # with a little room, so that marks on the border are seen whole
+        largest = 1.0 if figure.share else ax.get_xlim()[1]
+        ax.set_xlim(-0.03 * largest, 1.03 * largest)
+    ax.locator_params(axis="x", nbins=5)
+    ax.tick_params(labelsize=8)
+    ax.grid(axis="x", alpha=0.3)
+
+
+def _with_failures(found: Benchmark, method: str) -> str:
+    """The method's name, with the number of scenes on which it failed."""
+    failures = sum(result.failures for result in found.results if result.method == method)
+    return f"{method} ({failures} failed)" if failures else method

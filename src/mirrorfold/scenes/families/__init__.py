@@ -1,0 +1,97 @@
+"""Families of random scenes, on which methods are judged: their names, the radars that see them, and their scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypeVar
+
+from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.families import rays
+from mirrorfold.scenes.families.drawing import scene_of
+from mirrorfold.scenes.families.family import Family
+from mirrorfold.scenes.families.radars import RADARS, Radar
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
+
+__all__ = ["FAMILIES", "RADARS", "Family", "Radar", "draw", "family_named", "radar_named", "radars_of"]
+
+FAMILIES = {family.name: family for module in (rays,) for family in module.FAMILIES}
+"""All families by their names."""
+
+Named = TypeVar("Named", Family, Radar)
+
+
+def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = None) -> Scene | Scene3D:
+    """A random scene of a family.
+
+    Parameters
+    ----------
+    family : str or Family
+        One of `FAMILIES` by its name, or one's own.
+    seed : int, default 0
+        The same seed gives the same scene.
+    radar : str or Radar, optional
+        One of `RADARS` by its name, or one's own; by default the family's own, or the first that can see it.
+
+    Returns
+    -------
+    Scene or Scene3D
+
+    Raises
+    ------
+    InputError
+        If a name is not known, the seed is no whole number from 0, the radar cannot see scenes of this family, or the
+        family's ranges allow no valid scene.
+
+    Examples
+    --------
+    >>> scene = draw("two walls", 3)
+    >>> [surface.name for surface in scene.surface][:2]
+    ['wall 1', 'wall 2']
+    """
+    chosen = family if isinstance(family, Family) else family_named(family)
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise InputError(f"seed is {seed!r}, expected a whole number of at least 0")
+    if radar is None:
+        return scene_of(chosen, seed, radars_of(chosen)[0])
+    seen_by = radar if isinstance(radar, Radar) else radar_named(radar)
+    if bool(seen_by.scanner) != (chosen.engine == "raster"):
+        raise InputError(
+            f"radar {seen_by.name!r} cannot see family {chosen.name!r}: scenes of {chosen.engine} are for one of "
+            f"{', '.join(other.name for other in radars_of(chosen))}"
+        )
+    return scene_of(chosen, seed, seen_by)
+
+
+def radars_of(family: Family) -> list[Radar]:
+    """The radars that can see a family, the usual one first."""
+    if family.radar is not None:
+        return [radar_named(family.radar)]
+    return [radar for radar in RADARS.values() if bool(radar.scanner) == (family.engine == "raster")]
+
+
+def family_named(name: str) -> Family:
+    """A family by its name, in which hyphens may stand for spaces; InputError if there is none."""
+    return _named("family", name, FAMILIES)
+
+
+def radar_named(name: str) -> Radar:
+    """A radar by its name, likewise."""
+    return _named("radar", name, RADARS)
+
+
+def _named(what: str, name: str, known: Mapping[str, Named]) -> Named:
+    """What has a name, whatever its hyphens and capitals."""
+    if not isinstance(name, str):
+        raise wrong_kind(what, name, f"one of {', '.join(known)}")
+    for candidate, found in known.items():
+        if _plain(candidate) == _plain(name):
+            return found
+    raise InputError(f"{what} is {name!r}, expected one of: {', '.join(known)}")
+
+
+def _plain(name: str) -> str:
+    return name.replace("-", " ").casefold()

@@ -1,0 +1,100 @@
+"""The radars that see the families of random scenes.
+
+The steps in frequency are such that 6 m are unambiguous, which holds every scene with its reflections; antennas stand
+half a wavelength apart at the upper end of the band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from scipy.constants import speed_of_light
+
+Content = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Radar:
+    """A radar: its antennas and its band, as a scene file states them.
+
+    Attributes
+    ----------
+    name, what : str
+    band : dict
+        ``{"start": ..., "stop": ..., "points": ...}`` [Hz].
+    array : dict
+        The antennas of a radar in the floor plan, as in a scene file.
+    scanner : dict
+        The scanner of a radar in space, which has no array; see `Scanner`.
+    """
+
+    name: str
+    what: str
+    band: Content
+    array: Content = field(default_factory=dict)
+    scanner: Content = field(default_factory=dict)
+
+    @property
+    def cell(self) -> float:
+        """Range resolution [m]: half the speed of light over the bandwidth."""
+        return float(speed_of_light / (2.0 * (self.band["stop"] - self.band["start"])))
+
+
+def _line(elements: int, pitch: float, **more: Any) -> Content:
+    """Antennas side by side, `pitch` [m] apart."""
+    return {"kind": "linear", "elements": elements, "pitch": pitch, **more}
+
+
+def _band(start: float, stop: float, points: int) -> Content:
+    """A band from `start` to `stop` [Hz]."""
+    return {"start": start, "stop": stop, "points": points}
+
+
+RADARS = {
+    radar.name: radar
+    for radar in (
+        Radar(
+            name="300 GHz",
+            what="290-300 GHz, 161 antennas 0.5 mm apart (8 cm)",
+            band=_band(290e9, 300e9, 401),
+            array=_line(161, 0.5e-3),
+        ),
+        Radar(
+            name="230 GHz",
+            what="220-240 GHz, 130 antennas 0.62 mm apart (8 cm)",
+            band=_band(220e9, 240e9, 801),
+            array=_line(130, 0.62e-3),
+        ),
+        Radar(
+            name="122 GHz",
+            what="116-128 GHz, 123 antennas 1.15 mm apart (14 cm)",
+            band=_band(116e9, 128e9, 481),
+            array=_line(123, 1.15e-3),
+        ),
+        Radar(
+            name="79 GHz",
+            what="77-81 GHz, 90 antennas 1.8 mm apart (16 cm)",
+            band=_band(77e9, 81e9, 161),
+            array=_line(90, 1.8e-3),
+        ),
+        Radar(
+            name="300 GHz thinned",
+            what="290-300 GHz, 161 places 0.5 mm apart, every third without an antenna",
+            band=_band(290e9, 300e9, 401),
+            array=_line(161, 0.5e-3, missing=list(range(2, 161, 3))),
+        ),
+        Radar(
+            name="scanner",
+            what="270-300 GHz, a beam steered over 30 x 30 degrees in 81 x 81 steps",
+            band=_band(270e9, 300e9, 901),
+            scanner={
+                "azimuth": {"start": -15.0, "stop": 15.0, "points": 81},
+                "elevation": {"start": -15.0, "stop": 15.0, "points": 81},
+                "spot_radius": 0.017,
+                "focus_distance": 3.6,
+            },
+        ),
+    )
+}
+"""By name, today's first; the scanner is that of the scenes in space."""

@@ -1,0 +1,56 @@
+"""Resolution cells at the points of a reconstruction, the unit in which radars of any kind can be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.types import Array
+
+HALF_POWER = np.sqrt(2.0 * np.log(2.0))
+"""Width of a Gaussian beam between half powers, in units of the radius at which its amplitude falls to 1/e."""
+
+
+def point_cells(reconstruction: xr.DataTree) -> Array | None:
+    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m].
+
+    Along the line of sight it is ``c / (2 B)``. Across, at the length r of the way, it is ``r lambda / D`` for an array
+    of length D, and the beam's width between half powers for a scan. Folding keeps the length of the way, so that r is
+    the distance of the point from the radar before it was folded.
+
+    Returns
+    -------
+    (points,) array [m] or None
+        None where the reconstruction does not say how it was measured.
+    """
+    attrs: Mapping[Any, Any] = reconstruction.attrs
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    known = {name: attrs.get(f"image_{name}") for name in (
+        "range_resolution", "frequency_start", "frequency_stop", "tx_aperture", "rx_aperture", "spot_radius",
+        "focus_distance",
+    )}  # fmt: skip
+    axes = [axis for axis in "xyz" if f"{axis}_initial" in objects.variables]
+    if not axes or any(known[name] is None for name in ("range_resolution", "frequency_start", "frequency_stop")):
+        return None
+    way = np.linalg.norm([objects[f"{a}_initial"].values - float(attrs.get(f"radar_{a}", 0.0)) for a in axes], axis=0)
+    wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (
+        0.5 * (float(known["frequency_start"]) + float(known["frequency_stop"]))  # type: ignore[arg-type]
+    )
+    aperture = max(float(known["tx_aperture"] or 0.0), float(known["rx_aperture"] or 0.0))
+    if aperture > 0.0:
+        across = way * wavelength / aperture
+    elif known["spot_radius"] is not None and known["focus_distance"] is not None:
+        across = HALF_POWER * beam_radius(
+            way,
+            spot_radius=float(known["spot_radius"]),
+            focus_distance=float(known["focus_distance"]),
+            wavelength=wavelength,
+        )
+    else:
+        return None
+    return np.asarray(np.hypot(float(known["range_resolution"]), across))  # type: ignore[arg-type]
