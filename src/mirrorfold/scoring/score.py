@@ -22,7 +22,7 @@ from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import BOUNCES
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
-from mirrorfold.scoring.figures import Figures, counted, figures
+from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
 from mirrorfold.scoring.truth import Array, Mask, Truth
 
@@ -111,8 +111,9 @@ def score(
     Returns
     -------
     PlanScore or VolumeScore
-        Facts to read as attributes or as items: those of all points; under `hidden` those of points seen by way of
-        mirrors, and of surfaces of which nothing is in line of sight; under `surfaces` those of each such surface;
+        Facts to read as attributes or as items: those of all points; under `hidden` those of all points that claim to
+        be out of sight, more than 5 cm and 1.5 resolution cells away from whatever is in line of sight, invented ones
+        included, and of surfaces of which nothing is in line of sight; under `surfaces` those of each such surface;
         under `mirrors` the errors of every detected mirror at its true place. What is undefined, such as the accuracy
         of no points, is None. `mirrorfold schema score` says what each is.
 
@@ -133,21 +134,19 @@ def score(
         held, given = (2, 3) if flat else (3, 2)
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
-    by_mirror = objects["bounces"].values > 0
     cells = point_cells(reconstruction)
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
         every, hidden, each = _judge(
-            points, by_mirror, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
+            points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each)
     from mirrorfold.scoring import volumes
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene))
-    whole, unseen, parts = _judge(
-        points, by_mirror, cells, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2"
-    )
+    whole, unseen, parts = _judge(points, cells, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2")
+    by_mirror = objects["bounces"].values > 0
     contrasts = volumes.patch_contrasts(scene, points[by_mirror], objects["amplitude"].values[by_mirror])
     return VolumeScore(
         mirrors=mirrors,
@@ -162,33 +161,30 @@ SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
 
 
 def _judge(
-    points: Array, by_mirror: Mask, cells: Array | None, truth: Truth, kind: type[SomeFigures], size: str
+    points: Array, cells: Array | None, truth: Truth, kind: type[SomeFigures], size: str
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
-    """The figures of all points (n, d); of those seen by way of mirrors; and of these by the hidden surface at them.
+    """The figures of all points (n, d); of those that claim to be out of sight; and of these by the surface at them.
 
     `cells` (n,) [m] are those of resolution, where they are known. `size` is what `kind` calls the length or area of
     the reachable truth.
     """
-    original = cKDTree(points)
+    every, count = counted(points)
+    cell = None if cells is None else cells[cKDTree(points).query(every)[1]] if len(points) else np.zeros(0)
+    distance, nearest = truth.distances(every)
+    margin = WIDE if cell is None else np.maximum(WIDE, WITHIN_CELLS * cell)
+    claimed = truth.distances(every, truth.direct)[0] > margin
+    whose = truth.owner[nearest] if len(truth.owner) else np.full(len(every), -1)
 
-    def compared(points: Array, count: NDArray[np.int64], distance: Array, of: Mask) -> SomeFigures:
+    def compared(which: Mask, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
-        cell = None if cells is None else cells[original.query(points)[1]] if len(points) else np.zeros(0)
-        return kind(**{**figures(points, count, distance, reachable, cell), size: len(reachable) * truth.size})
+        chosen = None if cell is None else cell[which]
+        found = figures(every[which], count[which], distance[which], reachable, chosen)
+        return kind(**{**found, size: len(reachable) * truth.size})
 
-    every, each = counted(points)
-    mirrored, stands_for = counted(points[by_mirror])
-    distance, nearest = truth.distances(mirrored)
-    whose = truth.owner[nearest] if len(truth.owner) else np.full(len(mirrored), -1)
     return (
-        compared(every, each, truth.distances(every)[0], np.ones(len(truth.owner), dtype=bool)),
-        compared(mirrored, stands_for, distance, np.isin(truth.owner, truth.hidden)),
-        {
-            truth.names[i]: compared(
-                mirrored[whose == i], stands_for[whose == i], distance[whose == i], truth.owner == i
-            )
-            for i in truth.hidden
-        },
+        compared(np.ones(len(every), dtype=bool), np.ones(len(truth.owner), dtype=bool)),
+        compared(claimed, np.isin(truth.owner, truth.hidden)),
+        {truth.names[i]: compared(claimed & (whose == i), truth.owner == i) for i in truth.hidden},
     )
 
 

@@ -48,14 +48,18 @@ class Truth:
         in_sight = set(self.owner[self.direct].tolist())
         return [index for index in self.names if index not in in_sight]
 
-    def distances(self, points: Array) -> tuple[Array, Index]:
+    def distances(self, points: Array, of: Mask | None = None) -> tuple[Array, Index]:
         """Distance [m] of points (m, d) from the nearest surface, infinite where there is none; index of its sample.
+
+        Of those samples alone that are chosen, (n,) bool, if any are.
 
         Around a sample the surface counts as flat, so that the distance between samples does not matter.
         """
-        if not len(self.place) or not len(points):
+        index = np.arange(len(self.place)) if of is None else np.flatnonzero(of)
+        if not len(index) or not len(points):
             return np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
-        distance, nearest = cKDTree(self.place).query(points)
+        distance, nearest = cKDTree(self.place[index]).query(points)
+        nearest = index[nearest]
         across = np.abs(np.einsum("nd,nd->n", points - self.place[nearest], self.normals[nearest]))
         aside = np.sqrt(np.maximum(distance**2 - across**2, 0.0))
         return np.hypot(across, np.maximum(aside - self.reach, 0.0)), nearest
