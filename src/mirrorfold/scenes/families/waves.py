@@ -37,7 +37,7 @@ are seen from all sides."""
 OBJECTS = (*HIDDEN, "clear")
 """How the names of objects begin; the radar must not see the hidden ones, and shall see the clear ones."""
 
-NODES = 11.0
+NODES = 12.0
 """Unknowns per wavelength of outline that the solver then takes at its usual tolerance."""
 
 GAP, NEAREST = 0.07, 0.4
@@ -282,8 +282,8 @@ def _family(name: str, make: Make, radar: Radar, bounces: int = 1) -> Family:
     return Family(name=f"waves: {name}", what=what, engine="fullwave", make=make, bounces=bounces, radar=radar)
 
 
-SMALL, MIDDLE, LARGE = near("300 GHz", 161), near("122 GHz", 321), RADARS["79 GHz"]
-FINE, WRAPPING = near("230 GHz", 321), near("122 GHz", 161)
+SMALL, MIDDLE, LARGE = near("300 GHz", 121), near("122 GHz", 281), RADARS["79 GHz"]
+FINE, WRAPPING = near("230 GHz", 241), near("122 GHz", 161)
 
 FAMILIES = (
     _family("two walls", two_walls, SMALL),
