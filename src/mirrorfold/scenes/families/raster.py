@@ -35,8 +35,8 @@ PROFILES: dict[str, tuple[str | None, float, float]] = {
 }
 """Profile of the scattering inside a wall, least and largest depth [m]; inside the first one nothing scatters."""
 
-REACH = 0.45
-"""No part of a mannequin is further from its axis [m]."""
+TRUNK, ARM = 0.17, 0.38
+"""No part of a mannequin is further from its axis than ``height (TRUNK + ARM sin(a))``, its arms lifted by a."""
 
 MOST_DRAWS = 1000
 
@@ -134,9 +134,11 @@ def corridor(random: Generator) -> list[Surface]:
 
 def hidden(surfaces: list[Surface], radar: Radar) -> bool:
     """Whether the body stands beside the field of view."""
-    x, y, _ = named(surfaces, "mannequin")["position"]
+    body = named(surfaces, "mannequin")
+    x, y, _ = body["position"]
     azimuth, _ = beam_angles([x, y, 0.0])
-    aside = np.degrees(np.arcsin(min(REACH / np.hypot(x, y), 1.0)))
+    reach = body["height"] * (TRUNK + ARM * np.sin(np.radians(max(body["arms"]))))
+    aside = np.degrees(np.arcsin(min(reach / np.hypot(x, y), 1.0)))
     field = radar.scanner["azimuth"]
     return bool(azimuth + aside < field["start"] or azimuth - aside > field["stop"])
 
