@@ -51,7 +51,7 @@ def test_wall_scatters_inside_as_the_family_says(family):
 def test_walls_of_a_corridor_scatter_in_different_ways():
     profiles = set()
     for seed in range(100, 110):
-        walls = [surface for surface in draw("raster: corridor", seed).surface if surface.kind == "panel"]
+        walls = [surface for surface in draw("raster corridor", seed).surface if surface.kind == "panel"]
         profiles |= {(wall.volume_profile, wall.volume_depth > 0.0) for wall in walls}
     assert len(profiles) == 4
 

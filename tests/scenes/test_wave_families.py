@@ -41,15 +41,16 @@ def test_scenes_are_hidden_shown_and_as_large_as_they_say(family, seed):
     assert 10_000 < unknowns(scene) < 12_500
     share = 0.9 if "wrapped" in family.name else 5.5
     assert share * unit(scene) < farthest_range(scene.band)
-    places = scene.array.tx_position[[0, 30, -1], :2]
+    places = scene.array.tx_position[:, :2]
     hidden = [surface for surface in scene.surface if surface.name.startswith(HIDDEN)]
     assert hidden
     for surface in hidden:
         points, normals, _ = surface.sample(0.004)
-        for place in places:
+        direct, shown = visible_truth(scene, points, normals, bounces=family.bounces)
+        assert not direct.any()
+        for place in places[[0, 33, -1]]:  # no more than the sliver between two samples
             seen_from = replace(scene, array=LinearArray(elements=1, pitch=1.0, center=tuple(place)))
-            assert not visible_truth(seen_from, points, normals, bounces=0)[0].any()
-        _, shown = visible_truth(scene, points, normals, bounces=family.bounces)
+            assert visible_truth(seen_from, points, normals, bounces=0)[0].mean() < 0.05
         assert shown.mean() > 0.15
     for surface in scene.surface:
         if surface.name.startswith("clear"):
@@ -59,13 +60,13 @@ def test_scenes_are_hidden_shown_and_as_large_as_they_say(family, seed):
 
 def test_there_are_eight_kinds_and_a_seed_gives_its_scene():
     assert len({family.make for family in FAMILIES}) >= 8
-    assert draw(FAMILIES[0], 100) == draw("waves: two walls", 100)
+    assert draw(FAMILIES[0], 100) == draw("full-wave two walls", 100)
     assert draw(FAMILIES[0], 100).surface != draw(FAMILIES[0], 101).surface
 
 
 def test_by_way_of_fewer_mirrors_what_is_deep_is_not_seen():
     for name, bounces in (("three bounces", 2), ("mirror in mirror in mirror", 3)):
-        scene = draw(f"waves: {name}", 100)
+        scene = draw(f"full-wave {name}", 100)
         points, normals, _ = scene.surface[-1].sample(0.004)
         shown = [visible_truth(scene, points, normals, bounces=b)[1].mean() for b in range(bounces + 1)]
         assert shown[0] == 0.0
@@ -74,7 +75,7 @@ def test_by_way_of_fewer_mirrors_what_is_deep_is_not_seen():
 
 def test_scenes_grow_with_the_wavelength_of_the_radar():
     for radar in ("300 GHz", "79 GHz"):
-        scene = draw("waves: two walls", 100, radar=radar)
+        scene = draw("full-wave two walls", 100, radar=radar)
         length = sum(outline_length(surface) for surface in scene.surface)
         assert length == pytest.approx(1000.0 * speed_of_light / RADARS[radar].band["stop"], rel=0.01)
         heights = {surface.roughness.rms_height * scene.band.stop / speed_of_light for surface in scene.surface}
@@ -83,12 +84,12 @@ def test_scenes_grow_with_the_wavelength_of_the_radar():
 
 def test_the_wrapping_radar_alone_is_too_coarse_in_frequency():
     ranges = {family.name: radars_of(family)[0].cell * (radars_of(family)[0].band["points"] - 1) for family in FAMILIES}
-    assert ranges["waves: wrapped corridor"] < 0.6 * ranges["waves: corridor"]
+    assert ranges["full-wave wrapped corridor"] < 0.6 * ranges["full-wave corridor"]
 
 
 @pytest.mark.slow
 def test_solver_takes_the_scene_and_agrees_about_its_size():
-    scene = draw("waves: posts", 100)
+    scene = draw("full-wave posts", 100)
     cost = estimate(scene, solver="fullwave", tolerance=waves.TOLERANCE)
     assert cost.unknowns == unknowns(scene)
     assert cost.memory_gb < 1.0

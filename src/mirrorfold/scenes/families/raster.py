@@ -173,7 +173,7 @@ def _family(name: str, what: str, draw: Draw, kind: str | None = None, bounces: 
     """A family before that scanner."""
     make = scattering(name, draw, kind)
     settings: dict[str, Any] = {"make": make, "bounces": bounces, "snr_db": SNR_DB, "radar": SCANNER}
-    return Family(name=f"raster: {name}", what=what, engine="raster", **settings)
+    return Family(name=f"raster {name}", what=what, engine="raster", **settings)
 
 
 FAMILIES = (

@@ -52,6 +52,9 @@ SHOWN, SHOWN_OF_CLOSED = 0.45, 0.2
 IN_SIGHT = 0.3
 """Least share of a surface called clear that the radar sees directly."""
 
+EYES = 5
+"""Antennas along the array, its ends among them, from which what is hidden must not be seen."""
+
 MOST_DRAWS = 5000
 
 LENGTHS = ("start", "end", "points", "center", "radius")
@@ -135,7 +138,7 @@ def sized(surfaces: list[Surface], radar: Radar) -> tuple[float, list[Surface]]:
 
 
 def valid(scene: Scene, unit: float, bounces: int) -> bool:
-    """Whether surfaces are apart, what is to be hidden is hidden from the whole array, and mirrors show it."""
+    """Whether surfaces are apart, what is to be hidden is so from all along the array, and mirrors show it."""
     samples = [surface.sample(min(0.02 * unit, SPACING))[:2] for surface in scene.surface]
     antennas = scene.array.tx_position[:, :2]
     parts = [antennas, *(points for points, _ in samples)]
@@ -143,11 +146,12 @@ def valid(scene: Scene, unit: float, bounces: int) -> bool:
         least = (NEAREST if i == 0 else GAP) * unit
         if np.linalg.norm(one[:, None] - other[None], axis=-1).min() < least:
             return False
-    ends = [replace(scene, array=LinearArray(elements=1, pitch=1.0, center=tuple(antennas[i]))) for i in (0, -1)]
+    along = antennas[np.linspace(0, len(antennas) - 1, EYES).astype(int)]
+    eyes = [replace(scene, array=LinearArray(elements=1, pitch=1.0, center=tuple(place))) for place in along]
     hidden = []
     for surface, sample in zip(scene.surface, samples, strict=True):
         if surface.name.startswith(HIDDEN):
-            if any(visible_truth(place, *sample, bounces=0)[0].any() for place in (scene, *ends)):
+            if any(visible_truth(place, *sample, bounces=0)[0].any() for place in (scene, *eyes)):
                 return False
             hidden.append((SHOWN_OF_CLOSED if surface.kind == "circle" else SHOWN, sample))
         elif surface.name.startswith("clear") and visible_truth(scene, *sample, bounces=0)[0].mean() < IN_SIGHT:
@@ -285,7 +289,7 @@ def _family(name: str, make: Make, radar: Radar, bounces: int = 1) -> Family:
     """A family that says what its function says."""
     what = " ".join((make.__doc__ or "").split())
     settings: dict[str, Any] = {"bounces": bounces, "radar": radar, "options": {"tolerance": TOLERANCE}}
-    return Family(name=f"waves: {name}", what=what, engine="fullwave", make=make, **settings)
+    return Family(name=f"full-wave {name}", what=what, engine="fullwave", make=make, **settings)
 
 
 SMALL, FINE, LARGE = near("300 GHz", 201), near("230 GHz", 321), near("79 GHz", 201)
