@@ -26,13 +26,13 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 import mirrorfold as mf
-from mirrorfold.common.geometry import reflect
 from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, folded_blobs
 from mirrorfold.reconstruction import find_tree
+from mirrorfold.scenes.families.raster import corridor, drywall, leaning_drywall
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scoring.volumes import patch_contrast
 from mirrorfold.simulation.raster.meshes import solids
@@ -53,80 +53,6 @@ SNR_DB = 20.0
 def shipped(name: str) -> Content:
     """The content of a shipped scene."""
     return tomllib.loads(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml").read_text(encoding="utf-8"))
-
-
-def part(content: Content, name: str) -> Content:
-    """One surface of a scene."""
-    return next(surface for surface in content["surface"] if surface["name"] == name)
-
-
-def drywall(random: np.random.Generator, lean_deg: float = 0.0) -> Content:
-    """A wall turned by 30 to 60 degrees, near or far, and a body anywhere behind its corner, in any pose."""
-    content = shipped("drywall-mannequin")
-    angle, distance = np.radians(random.uniform(30.0, 60.0)), random.uniform(1.9, 2.4)
-    side = random.choice([-1.0, 1.0])
-    flat = np.array([side * np.sin(angle), -np.cos(angle), 0.0])
-    lean = np.radians(lean_deg)
-    normal = np.cos(lean) * flat + np.array([0.0, 0.0, np.sin(lean)])
-    wall, body = part(content, "drywall"), part(content, "mannequin")
-    wall |= {"center": [0.0, distance, 0.0], "normal": normal.tolist(), "width": 3.0}
-    wall["volume_depth"] = float(random.choice([0.0, random.uniform(0.005, 0.03)], p=[0.2, 0.8]))
-    # The ghost stands in the middle of the field of view, the body is its mirror image in the wall, upright.
-    seen = distance + random.uniform(1.25, 1.6)
-    azimuth = np.radians(random.uniform(-3.0, 3.0))
-    ghost = np.array([seen * np.sin(azimuth), seen * np.cos(azimuth), 0.0])
-    place = reflect(ghost, wall["center"], flat)
-    chest = reflect(ghost, wall["center"], normal)
-    place[2] = chest[2] + random.uniform(-0.93, -0.87)
-    towards = reflect(np.zeros(3), wall["center"], flat) - place
-    heading = np.degrees(np.arctan2(towards[0], towards[1])) + random.uniform(-20.0, 20.0)
-    body |= {
-        "position": place.tolist(),
-        "heading": float(heading),
-        "height": float(random.uniform(1.6, 1.8)),
-        "arms": random.uniform(8.0, 30.0, 2).tolist(),
-        "elbows": random.uniform(5.0, 60.0, 2).tolist(),
-        "stride": float(random.uniform(-12.0, 12.0)),
-    }
-    part(content, "foil")["center"] = [0.0, 0.0, 0.7 * body["height"]]
-    return content
-
-
-def leaning(random: np.random.Generator) -> Content:
-    """The same with a wall that leans by 5 degrees."""
-    return drywall(random, lean_deg=5.0 * random.choice([-1.0, 1.0]))
-
-
-def corridor(random: np.random.Generator) -> Content:
-    """The corridor turned about the radar's line of sight, moved, its body elsewhere and in another pose."""
-    content = shipped("corridor")
-    turn = np.radians(random.uniform(-5.0, 5.0))
-    # Turned about a point in the view, so that the walls stay in it.
-    pivot = np.array([-0.1, 2.2])
-    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    shift = random.uniform([-0.05, -0.05], [0.05, 0.05])
-
-    def moved(place: list[float]) -> list[float]:
-        return [*(pivot + rotation @ (np.array(place[:2]) - pivot) + shift).tolist(), place[2]]
-
-    for surface in content["surface"]:
-        for name in ("center", "position"):
-            if name in surface:
-                surface[name] = moved(surface[name])
-        if "normal" in surface:
-            surface["normal"] = [*(rotation @ surface["normal"][:2]).tolist(), 0.0]
-        if "heading" in surface:
-            surface["heading"] += float(np.degrees(turn))
-    body = part(content, "mannequin")
-    body["position"] = (np.array(body["position"]) + random.uniform([-0.05, -0.05, -0.03], [0.05, 0.05, 0.03])).tolist()
-    body |= {
-        "heading": body["heading"] + float(random.uniform(-25.0, 25.0)),
-        "height": float(random.uniform(1.6, 1.8)),
-        "arms": random.uniform(6.0, 16.0, 2).tolist(),
-        "elbows": random.uniform(5.0, 40.0, 2).tolist(),
-        "stride": float(random.uniform(-12.0, 12.0)),
-    }
-    return content
 
 
 def without_foil(content: Content) -> Content:
@@ -192,23 +118,24 @@ def _or_inf(value: float | None, otherwise: float = np.inf) -> float:
     return otherwise if value is None else value
 
 
-FAMILIES: dict[str, tuple[Callable[[np.random.Generator], Content], Callable[[Content, int], dict[str, float]]]] = {
-    "drywall": (drywall, judge_drywall),
-    "leaning": (leaning, judge_drywall),
-    "corridor": (corridor, judge_corridor),
+FAMILIES: dict[str, tuple[str, Callable[[np.random.Generator], Any], Callable[[Content, int], dict[str, float]]]] = {
+    "drywall": ("drywall-mannequin", drywall, judge_drywall),
+    "leaning": ("drywall-mannequin", leaning_drywall, judge_drywall),
+    "corridor": ("corridor", corridor, judge_corridor),
 }
+"""The shipped scene with the scanner, what draws the surfaces, and what judges the result."""
 
 
 def run_family(name: str, seeds: int) -> list[dict[str, float]]:
     """Figures of every scene of a family."""
-    make, judge = FAMILIES[name]
+    shown, draw_surfaces, judge = FAMILIES[name]
     rows: list[dict[str, float]] = []
     draw = 0
     while len(rows) < seeds:
         random = np.random.default_rng([draw, len(name)])
         draw += 1
         try:
-            rows.append(judge(make(random), draw))
+            rows.append(judge(shipped(shown) | {"surface": draw_surfaces(random)}, draw))
         except NotHiddenError:
             continue
         except mf.InputError as error:

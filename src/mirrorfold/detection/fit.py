@@ -126,8 +126,8 @@ def front_depth(mirror: Mirror, view: View) -> float:
         return np.asarray(face * np.exp(-0.5 * t**2) + inside * tail)
 
     # Place of the face, width of the cell over its nominal one, weights of face and inside, depth of decay.
-    start = np.array([-0.3 * sigma, 1.0, 0.5, 0.5, 0.15 * largest])
     low, high = [-largest, 0.95, 0.0, 0.0, step], [largest, 1.05, 4.0, 8.0, largest]
+    start = np.clip([-0.3 * sigma, 1.0, 0.5, 0.5, 0.15 * largest], low, high)
     scale = [sigma, 1.0, 1.0, 1.0, largest]
     fit = least_squares(lambda p: model(p) - profile, start, bounds=(low, high), x_scale=scale, ftol=1e-4)
     return float(np.clip(-fit.x[0], 0.0, largest))

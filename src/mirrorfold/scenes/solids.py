@@ -72,6 +72,8 @@ class Finish:
         Share of the remaining reflected power that is scattered diffusely: folds, fabric, texture.
     volume_depth : float [m]
         Depth over which the inside of a wall scatters too.
+    volume_profile : {"exponential", "uniform", "layers"}, default "exponential"
+        How that scattering is spread over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
     loss_db : float [dB]
         Taken from everything that is reflected, on top of the material's own loss.
     """
@@ -80,6 +82,7 @@ class Finish:
     roughness: Roughness | None = None
     diffuse_fraction: Share = 0.0
     volume_depth: NonNegativeLength = 0.0
+    volume_profile: materials.VolumeProfile = "exponential"
     loss_db: NonNegative = 0.0
 
     @field_validator("material")

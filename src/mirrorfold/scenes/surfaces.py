@@ -45,12 +45,15 @@ class _Surface:
         Smooth where it is not given: such a surface is a mirror and nothing else.
     volume_depth : float [m], default 0
         Depth over which the inside of the wall scatters too: 1-3 cm for drywall at 0.3 THz.
+    volume_profile : {"exponential", "uniform", "layers"}, default "exponential"
+        How that scattering is spread over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
     """
 
     name: str
     material: str = "pec"
     roughness: Roughness | None = None
     volume_depth: NonNegativeLength = 0.0
+    volume_profile: materials.VolumeProfile = "exponential"
 
     @field_validator("material")
     @classmethod

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.families import rays
+from mirrorfold.scenes.families import raster, rays, waves
 from mirrorfold.scenes.families.drawing import scene_of
 from mirrorfold.scenes.families.family import Family
 from mirrorfold.scenes.families.radars import RADARS, Radar
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FAMILIES", "RADARS", "Family", "Radar", "draw", "family_named", "radar_named", "radars_of"]
 
-FAMILIES = {family.name: family for module in (rays,) for family in module.FAMILIES}
+FAMILIES = {family.name: family for module in (rays, waves, raster) for family in module.FAMILIES}
 """All families by their names."""
 
 Named = TypeVar("Named", Family, Radar)
@@ -69,7 +69,7 @@ def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = Non
 def radars_of(family: Family) -> list[Radar]:
     """The radars that can see a family, the usual one first."""
     if family.radar is not None:
-        return [radar_named(family.radar)]
+        return [family.radar if isinstance(family.radar, Radar) else radar_named(family.radar)]
     return [radar for radar in RADARS.values() if bool(radar.scanner) == (family.engine == "raster")]
 
 

@@ -1,4 +1,7 @@
-"""Random scenes of a family, drawn until what shall be hidden is hidden, and mirrors show it."""
+"""Random scenes of a family, drawn until what shall be hidden is hidden, and mirrors show it.
+
+Families of full waves are sized to a radar, and check that themselves, in lengths of their own.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
     for _ in range(DRAWS):
         content = {"name": f"{family.name} {seed}", **places, "band": radar.band, "surface": family.make(random, radar)}
         scene = parse_scene(content, source=f"family {family.name!r}, seed {seed}")
-        if not isinstance(scene, Scene) or good(scene, family.bounces):
+        if not isinstance(scene, Scene) or family.engine == "fullwave" or good(scene, family.bounces):
             return scene
     raise InputError(
         f"family {family.name!r}, seed {seed}: none of {DRAWS} draws hides its objects from the radar and shows them "

@@ -33,8 +33,8 @@ class Family:
         By how many mirrors, at most, the hidden surfaces must be reachable.
     snr_db : float [dB], optional
         Signal over noise per sample; no noise by default.
-    radar : str, optional
-        Name of the radar that alone sees the family; any by default.
+    radar : str or Radar, optional
+        The radar that alone sees the family, one of `RADARS` by its name or another; any of them by default.
     options : dict
         Further options of `mirrorfold.simulate`.
     """
@@ -45,5 +45,5 @@ class Family:
     make: Callable[[np.random.Generator, Radar], list[Surface]]
     bounces: int = 1
     snr_db: float | None = None
-    radar: str | None = None
+    radar: str | Radar | None = None
     options: dict[str, Any] = field(default_factory=dict)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.types import Array, Index
-from mirrorfold.scenes.materials import coherent_factor
+from mirrorfold.scenes.materials import coherent_factor, scattering_depth
 from mirrorfold.scenes.solids import Finish, Scene3D
 from mirrorfold.simulation.raster.meshes import Quad, Solid, vertex_normals
 from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE
@@ -120,9 +120,8 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
                     here = owner == index
                     acts[here] = scatters(scene.surface[index])[inside]
                     if inside:
-                        reach = scene.surface[index].volume_depth
-                        # Power decays as exp(-2 z / reach) there and back, and the layer ends at `reach`.
-                        depth[here] = -0.5 * reach * np.log1p(-uniform[here] * (1.0 - np.exp(-2.0)))
+                        finish = scene.surface[index]
+                        depth[here] = scattering_depth(finish.volume_profile, finish.volume_depth, uniform[here])
                 strength = np.sqrt(area) * gaussian
                 parts.append((foot[acts], depth[acts], normal[acts], owner[acts], strength[acts]))
     if not parts:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.materials import coherent_factor, material
+from mirrorfold.scenes.materials import coherent_factor, material, scattering_depth
 from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
@@ -165,7 +165,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
                     if obstacle >= len(world.facets) and side > 0.0:
                         # Behind the convex side of an arc the wall cannot be deeper than its center.
                         reach = min(reach, world.arcs[obstacle - len(world.facets), 2])
-                    depth = _depth(reach, generator.uniform(size=len(foot)))
+                    depth = scattering_depth(surface.volume_profile, reach, generator.uniform(size=len(foot)))
                 gaussian = generator.standard_normal((len(foot), 2)) @ np.array([1.0, 1.0j]) * np.sqrt(0.5)
                 parts.append(
                     (
@@ -216,8 +216,3 @@ def _along(
     angle = first + span * along
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.array([x, y]) + radius * outward, side * outward, length / cells
-
-
-def _depth(reach: float, uniform: Array) -> Array:
-    """Depths [m] with the density ``exp(-2 z / reach)`` on [0, reach], the decay of power there and back."""
-    return np.asarray(-0.5 * reach * np.log1p(-uniform * (1.0 - np.exp(-2.0))))
