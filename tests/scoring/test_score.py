@@ -281,7 +281,7 @@ def test_nothing_is_seen_beyond_the_ambiguous_range():
     assert seen(make_scene(SCREEN, MIRROR, HIDDEN, band=band))[2] == (0.0, 0.0)
 
 
-def test_hidden_figures_are_of_hidden_surfaces_and_of_points_seen_by_way_of_mirrors():
+def test_hidden_figures_are_of_hidden_surfaces_and_of_all_points_away_from_what_is_in_sight():
     scene = make_scene(SCREEN, MIRROR, HIDDEN)
     on_screen = np.stack([np.arange(-0.495, 0.1, 0.01), np.full(60, 1.0)], axis=1)
     on_hidden = np.stack([np.full(20, -0.205), np.arange(1.605, 1.8, 0.01)], axis=1)
@@ -295,11 +295,15 @@ def test_hidden_figures_are_of_hidden_surfaces_and_of_points_seen_by_way_of_mirr
     assert hidden["reachable_m"] == pytest.approx(0.2, abs=0.01)
     assert result["points"] == 80
     assert result["precision_2cm"] == 1.0
-    # The same points, said to be seen directly, show nothing of what is hidden.
-    direct = mf.score(rebuilt(points, 0), scene)
-    assert direct["hidden"]["points"] == 0
-    assert direct["hidden"]["completeness_2cm"] == direct["hidden"]["f_score_2cm"] == 0.0
-    assert direct["precision_2cm"] == 1.0
+    # Whichever way a point is said to be seen: what counts is where it claims that something stands.
+    assert mf.score(rebuilt(points, 0), scene)["hidden"] == hidden
+    # Ten points in mid-air are invented, in line of sight as elsewhere; near the screen they are but inaccurate.
+    in_air, near_screen = (np.stack([np.arange(-0.495, -0.4, 0.01), np.full(10, y)], axis=1) for y in (0.7, 0.96))
+    for more, claims in ((in_air, 30), (near_screen, 20)):
+        worse = mf.score(rebuilt(np.concatenate([points, more]), 0), scene)["hidden"]
+        assert worse["points"] == claims
+        assert worse["precision_2cm"] == pytest.approx(20 / claims)
+        assert worse["completeness_2cm"] == 1.0
 
 
 def test_each_hidden_surface_is_judged_by_the_points_nearest_to_it():

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import wrong_kind
