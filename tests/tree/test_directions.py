@@ -20,8 +20,6 @@ from mirrorfold.tree.directions import (
     of_mixed_paths,
 )
 
-pytestmark = pytest.mark.nojit
-
 FREQUENCY = np.linspace(290e9, 300e9, 61)
 WAVELENGTH = speed_of_light / 295e9
 RANGE = 1.0
