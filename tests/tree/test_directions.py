@@ -16,8 +16,6 @@ from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, direction_ratio
 from mirrorfold.tree.misplaced import SMALLEST_DIRECTION_RATIO, Known, misplaced
 from mirrorfold.tree.wrapped import wrapping_ratio
 
-pytestmark = pytest.mark.nojit
-
 FREQUENCY = np.linspace(290e9, 300e9, 61)
 WAVELENGTH = speed_of_light / 295e9
 RANGE = 1.0
