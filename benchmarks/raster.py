@@ -30,7 +30,7 @@ from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
-from mirrorfold.folding.points import fold_back, folded_blobs
+from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.families.raster import corridor, drywall, leaning_drywall
 from mirrorfold.scenes.floor_plan import parse_scene
@@ -193,7 +193,7 @@ def speed() -> Table:
     found = find_tree(view, echoes, settings)
     x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
     folds, margin = found.tree.folds(), settings.wall_margin or 0.0
-    blobs = folded_blobs(fold_back(found.tree), found.sight)
+    blobs = owned_blobs(fold_back(found.tree), found.sight)
     add(
         "fold 10 million voxels",
         0.3,

@@ -14,7 +14,7 @@ from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
 from mirrorfold.folding.pictures import draw
-from mirrorfold.folding.points import fold_back, folded_blobs
+from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.reconstruction import FoldPlan, initial_image
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
@@ -163,7 +163,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
     grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     expected = np.zeros(grid.shape[:2])
     mirrors = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(sight.chain))]
-    blobs = folded_blobs(fold_back(tree), sight)
+    blobs = owned_blobs(fold_back(tree), sight)
     own, ahead, looked = polar.locate(grid)
     empty = looked & (own < sight.open[ahead])
     for mirror, fold in mirrors:

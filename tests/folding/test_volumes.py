@@ -21,7 +21,7 @@ from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
-from mirrorfold.folding.points import fold_back, folded_blobs
+from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.sweep import make_raster_sweep
 from mirrorfold.tree.lines_of_sight import ROOT
@@ -285,7 +285,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     echoes = find_echoes(view)
     found = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes)))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
-    blobs = folded_blobs(fold_back(found.tree), found.sight)
+    blobs = owned_blobs(fold_back(found.tree), found.sight)
     drawn = draw(found.sight, found.tree.folds(), 0.04, (x, y, z), blobs)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(grid))

@@ -72,10 +72,16 @@ def test_a_late_echo_is_left_out_and_a_near_one_stays():
     tx = rx = array()
     sweep = sweep_of([point(0.5, -0.2, tx, rx), point(0.6 + PERIOD, 0.3, tx, rx)], tx, rx)
     image = mf.focus(sweep, x=np.linspace(-0.5, 0.5, 251), y=np.linspace(0.2, 0.9, 176))
-    with_sweep, alone = (FoldPlan(image, sweep=known).fold()["objects"].dataset for known in (sweep, None))
-    assert (alone["x"].values > 0.1).any()
-    np.testing.assert_allclose(with_sweep["x"], -0.1, atol=0.01)
-    assert with_sweep.sizes["point"]
+    with_sweep, alone = (FoldPlan(image, sweep=known).fold() for known in (sweep, None))
+    assert (alone["objects"]["x"].values > 0.1).any()
+    np.testing.assert_allclose(with_sweep["objects"]["x"].values, -0.1, atol=0.01)
+    assert with_sweep["objects"].sizes["point"]
+    # It is drawn in the unfolded image, as it was measured, and nowhere in the corrected one.
+    late = {"x": slice(0.1, 0.3), "y": slice(0.5, 0.65)}
+    before, after = (picture.sel(late).max() / picture.max() for picture in
+                     (with_sweep["initial"]["initial"], with_sweep["intensity"]))  # fmt: skip
+    assert before > 0.1
+    assert after < 0.1 * before
 
 
 def test_waves_that_are_flat_either_way_prove_nothing():

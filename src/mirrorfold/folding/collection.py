@@ -52,7 +52,7 @@ def collect(
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
-    (x, y), intensity, initial, what = pictures(image, sight, tree, points, settings.wall_margin or 0.0, grid)
+    (x, y), intensity, initial, what = pictures(image, found, points, settings.wall_margin or 0.0, grid)
     axes_of = {"y": ("y", y, {"units": "m", "long_name": "range"}),
                "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
     drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from mirrorfold.focusing.range_profiles import at_point
-from mirrorfold.tree.lines_of_sight import hidden_at, through_at
+from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -51,8 +51,11 @@ def draw_row(  # type: ignore[no-untyped-def]
                 value = at_point(amplitude, a, e, k) * gain[int(k)]
                 if value <= out[j, i] or value <= hidden_at(begin, level, r, beam):
                     continue
+                owner = blobs[beam, int(k + 0.5)]
+                if owner == NOBODY:
+                    continue
                 if number[w] >= 0:
-                    if blobs[beam, int(k + 0.5)] != number[w]:
+                    if owner != number[w]:
                         continue
                     # Next to the edge of what the mirror shows, the radar's own view must not contradict.
                     b, f, n = _place(maps[0], x[j], y, z[i], grid, rows == 1)

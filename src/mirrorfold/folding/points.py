@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array, Chain
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 BLOB_CELLS = 1.5
@@ -65,8 +65,9 @@ def fold_back(tree: MirrorTree) -> Points:
     return Points(position, initial, amplitude, bounces, chains.astype(str), surfaces.astype(str), confidence)
 
 
-def folded_blobs(points: Points, sight: LinesOfSight) -> NDArray[np.int16]:
-    """Where the image shows what folds to a point, (directions, ranges): the number of the mirror, else `ROOT`.
+def owned_blobs(points: Points, sight: LinesOfSight, misplaced: Array | None = None) -> NDArray[np.int16]:
+    """Whose the blobs of the image are, (directions, ranges): the number of the mirror they fold by, `ROOT` for what
+    stands where the image shows it, `NOBODY` for echoes that come from elsewhere, at `misplaced` (n, d) [m].
 
     What a mirror shows elsewhere is weak or contradicted by the radar's own view. No point stands for it, and no
     picture may show it at a place where nothing was found.
@@ -75,13 +76,19 @@ def folded_blobs(points: Points, sight: LinesOfSight) -> NDArray[np.int16]:
     owner = np.full((len(view.sight), view.range.size), ROOT, dtype=np.int16)
     step = float(view.range[1] - view.range[0])
     reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
-    for mirror, chain in enumerate(sight.chain):
-        seen = points.initial[(points.bounces > 0) & (points.chain == "/".join(map(str, chain)))]
-        if not chain or not len(seen):
+
+    def seen_by(chain: Chain) -> Array:
+        return points.initial[(points.bounces == len(chain)) & (points.chain == "/".join(map(str, chain)))]
+
+    # Where blobs meet, that of a point counts, and of two points the deeper one.
+    shown = {NOBODY: misplaced, ROOT: seen_by(())} if misplaced is not None and len(misplaced) else {}
+    shown |= {mirror: seen_by(chain) for mirror, chain in enumerate(sight.chain) if chain}
+    for number, seen in shown.items():
+        if not len(seen):
             continue
         range_ = view.locate(seen)[0]
         point, direction = view.within(seen, BLOB_CELLS * view.cell(range_) / range_)
         sample = np.rint((range_ - view.range[0]) / step).astype(np.intp)[point]
         for offset in range(-reach, reach + 1):
-            owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = mirror
+            owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = number
     return owner

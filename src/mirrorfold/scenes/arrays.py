@@ -75,7 +75,9 @@ class LinearArray:
     @property
     def present(self) -> NDArray[np.int64]:
         """Indices of the antennas that are there, shape (n,)."""
-        return np.setdiff1d(np.arange(self.elements), self.missing)
+        there = np.ones(self.elements, dtype=bool)
+        there[list(self.missing)] = False
+        return np.flatnonzero(there)
 
     @property
     def tx_position(self) -> Array:
