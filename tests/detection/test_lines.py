@@ -273,6 +273,14 @@ def test_the_line_of_a_thin_wall_is_left_where_it_is(seed):
     assert front_depth(mirror, view) < DEEP * view.range_cell
 
 
+def test_the_front_of_a_wall_so_near_that_its_cell_is_deeper_than_wide_is_found():
+    """The depths that are tried there begin at a tenth of the range cell."""
+    mirror = LineMirror(np.array([-0.1, 0.35]), np.array([0.1, 0.35]))
+    view = radar_view(*diffuse(*mirror.ends, 3, spacing=0.001), noise=NOISE, reach=(0.15, 1.0))
+    assert view.cell_at(mirror.center) == pytest.approx(view.range_cell, rel=0.02)
+    assert 0.0 <= front_depth(mirror, view) < DEEP * view.range_cell
+
+
 def test_a_line_a_little_wrong_is_refined_to_the_image():
     start, end = np.array([-0.4, 1.2]), np.array([0.5, 1.5])
     view, _, _ = look(*diffuse(start, end, 5))
