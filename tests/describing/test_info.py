@@ -128,6 +128,9 @@ def test_a_reconstruction_lists_mirrors_and_points(reconstruction):
     assert found["points_by_bounces"] == {"0": 2, "1": 3}
     assert found["mirrors"][0]["start_m"] == [0.4, 1.6]
     assert found["remarks"] == []
+    assert found["left_out"] == 0
+    reconstruction.attrs |= {"mixed_x": np.zeros(3), "mixed_y": np.ones(3)}
+    assert mf.info(reconstruction)["left_out"] == 3
 
 
 def test_mirrors_of_space_have_three_coordinates(reconstruction, capsys):

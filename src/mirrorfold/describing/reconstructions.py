@@ -32,6 +32,7 @@ class ReconstructionFacts(Sized):
     points: int = fact("of objects and on the faces of mirrors")
     points_on_mirrors: int = fact("those on the faces of mirrors")
     points_by_bounces: dict[str, int]
+    left_out: int = fact("echoes by mixed paths or from beyond the ambiguous range, which stood where nothing is")
     points_by_frame: list[int] = fact("of a recording", default=LEFT_OUT)
     mirrors: list[MirrorFacts]
     remarks: list[str] = fact("sentences on what looks wrong")
@@ -58,6 +59,7 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         points=int(objects.sizes.get("point", 0)),
         points_on_mirrors=int(on_mirrors(objects).sum()),
         points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
+        left_out=int(np.size(reconstruction.attrs.get("mixed_x", ()))),
         mirrors=mirrors,
         remarks=remarks,
         **recording,
