@@ -46,6 +46,12 @@ def face(range_, u, tx, rx):
     return cdist(tx + 2.0 * (range_ - tx @ normal)[:, None] * normal, rx)
 
 
+def corner(range_, u, tx, rx):
+    """Back along the way it came: from the mirror image of each transmitter in the vertex of two faces."""
+    vertex = range_ * np.array([u, np.sqrt(1.0 - u**2), 0.0])
+    return cdist(2.0 * vertex - tx, rx)
+
+
 def view_of(tx, rx):
     """The radar's view with the arrays along x; only its axes count."""
     radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))[:2]
@@ -53,12 +59,12 @@ def view_of(tx, rx):
     return ImageView(radar, *np.eye(2), *axes, np.zeros((10, 10)), 1.0, *cells, 60.0, 60.0)
 
 
-@pytest.mark.parametrize("shape", [point, face])
+@pytest.mark.parametrize("shape", [point, face, corner])
 @pytest.mark.parametrize("behind", [0.0, 0.02])
 @pytest.mark.parametrize("range_", [0.35, 0.6])
 @pytest.mark.parametrize("u", [-0.3, 0.1])
 def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_, u):
-    """Points and flat faces, near ones and those from one ambiguous range farther away."""
+    """Points, flat faces and corners, near ones and those from one ambiguous range farther away."""
     tx, rx = array(), array(behind)
     view = view_of(tx, rx)
     for far in (False, True):

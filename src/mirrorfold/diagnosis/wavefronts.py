@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
-from mirrorfold.focusing.coherence import OVERSAMPLING, Complex64, coherence, profiles, windows
+from mirrorfold.focusing.coherence import FACE, OVERSAMPLING, POINT, Complex64, coherence, profiles, windows
 from mirrorfold.sweep.pairs import Pairs
 
 PAIRS = (300, 600)
@@ -145,9 +145,9 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
 
     def look(task: tuple[int, int, int]) -> None:
         n, m, at = task
-        for flat in (False, True):
+        for shape in (POINT, FACE):
             coherence(
-                *(around, step, (1.0, -1.0)[m], flat, *arrangements[n], tx_of, rx_of, centre, u),
+                *(around, step, (1.0, -1.0)[m], shape, *arrangements[n], tx_of, rx_of, centre, u),
                 *(curvature[at], along, ahead, found[task]),
             )
 

@@ -3,8 +3,10 @@
 An echo from the direction u and the distance ``rho = 1 / q`` reaches the elements with deviations of its path from that
 to the middle of the array, and its samples add up in phase once these are undone. A point adds ``(x_i^2 + x_k^2) / 2
 rho`` to the path, a flat face that shows the image of the transmitter ``(x_i - x_k)^2 / 4 rho``: what the distance of
-transmitter and receiver adds is the same for both, and for any shape between them (Hubral, Geophysics 48, 1051-1062,
-1983). The larger coherence of the two therefore tells the distance, whatever the echo comes from.
+transmitter and receiver adds is the same for both, and for any smooth shape between them (Hubral, Geophysics 48,
+1051-1062, 1983). A right-angled corner sends every ray back to where it came from: it shows the transmitter mirrored at
+its vertex, and adds ``(x_i + x_k)^2 / 4 rho``. The largest coherence of the three therefore tells the distance,
+whatever the echo comes from.
 """
 
 from __future__ import annotations
@@ -18,6 +20,9 @@ from mirrorfold.common.windows import hann
 from mirrorfold.focusing.phasor import unit_phasor
 
 Complex64 = NDArray[np.complex64]
+
+POINT, FACE, CORNER = 0, 1, 2
+"""What an echo may come from."""
 
 OVERSAMPLING = 4
 """Points of the range profile in a cell, between which it is linear to a few percent."""
@@ -53,17 +58,20 @@ def _change(along: float, curvature: float) -> float:
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
 def _lengthen(
-    tx: Array, rx: Array, tx_of: NDArray[np.int64], rx_of: NDArray[np.int64], direction: Array, q: float, flat: bool,
+    tx: Array, rx: Array, tx_of: NDArray[np.int64], rx_of: NDArray[np.int64], direction: Array, q: float, shape: int,
     out: Array,
 ) -> None:  # fmt: skip
-    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of a point or a flat face in a direction."""
+    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of something of that shape in a direction."""
     for p in range(out.size):
         a, b = tx[tx_of[p]], rx[rx_of[p]]
         a_ahead = a[0] * direction[0] + a[1] * direction[1] + a[2] * direction[2]
         b_ahead = b[0] * direction[0] + b[1] * direction[1] + b[2] * direction[2]
-        if flat:
+        if shape == FACE:
             apart = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
             out[p] = 2.0 * _change(q * (a_ahead * b_ahead + 0.25 * apart) - a_ahead - b_ahead, q)
+        elif shape == CORNER:
+            twice = (a[0] + b[0]) ** 2 + (a[1] + b[1]) ** 2 + (a[2] + b[2]) ** 2
+            out[p] = 2.0 * _change(0.25 * q * twice - a_ahead - b_ahead, q)
         else:
             a_square = a[0] ** 2 + a[1] ** 2 + a[2] ** 2
             b_square = b[0] ** 2 + b[1] ** 2 + b[2] ** 2
@@ -88,14 +96,14 @@ def _add_up(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
 def coherence(
-    windows: NDArray[np.float32], step: float, shift: float, flat: bool, tx: Array, rx: Array, tx_of: NDArray[np.int64],
+    windows: NDArray[np.float32], step: float, shift: float, shape: int, tx: Array, rx: Array, tx_of: NDArray[np.int64],
     rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,
     out: Array,
 ) -> None:  # fmt: skip
     """Raise out (gates,) to the largest ``|sum y|^2 / (n sum |y|^2)``, ``y = w(L + shift D) exp(j k_c D)``, over u.
 
-    D is how much longer the path is than 2 rho, by way of a point or of a flat face in the direction u, at the distance
-    rho = 1 / q. A contracting wave is the time reversal of one from the opposite side.
+    D is how much longer the path is than 2 rho, by way of a point, a flat face or a corner in the direction u, at the
+    distance rho = 1 / q. A contracting wave is the time reversal of one from the opposite side.
     """
     pairs, size, _, gates = windows.shape
     middle = size // 2
@@ -104,7 +112,7 @@ def coherence(
     cos, sin = np.empty(pairs, np.float32), np.empty(pairs, np.float32)
     for u in sign * directions:
         direction = u * along + np.sqrt(1.0 - u * u) * ahead
-        _lengthen(tx, rx, tx_of, rx_of, direction, abs(curvature), flat, longer)
+        _lengthen(tx, rx, tx_of, rx_of, direction, abs(curvature), shape, longer)
         for p in range(pairs):
             at = shift * sign * longer[p] / step + middle
             cell[p] = int(min(max(np.floor(at), 0.0), size - 2.0))

@@ -1,8 +1,8 @@
 """Echoes from beyond the ambiguous range, told by the curvature of their waves.
 
 Equal steps of frequency cannot tell the range r of an echo from r + P, P the ambiguous range: a late echo stands in the
-image before the radar, where nothing is. Its waves give it away. What the distance between transmitter and receiver
-adds to the path, ``(x_i - x_k)^2 / 4 rho`` for anything at the distance rho, must fit to where it stands.
+image before the radar, where nothing is. Its waves give it away: what the places of transmitter and receiver add to the
+path by way of a point, a flat face or a corner at the distance rho, must fit to where it stands.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import xarray as xr
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
-from mirrorfold.focusing.coherence import coherence, profiles, windows
+from mirrorfold.focusing.coherence import CORNER, FACE, POINT, coherence, profiles, windows
 from mirrorfold.sweep.pairs import pairs_of
 
 PAIRS = 1000
@@ -31,7 +31,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     """How much better echoes at ranges [m] and u, (n,) each, fit to waves from one ambiguous range farther, (n,).
 
     The ratio of two coherences, see `mirrorfold.focusing.coherence`, each the largest over the directions into which an
-    echo spreads that is focused at the wrong distance, and over points and flat faces. One where no waves fit.
+    echo spreads that is focused at the wrong distance, and over points, faces and corners. One where no waves fit.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
         fits = np.zeros((2, 1))
         for found, distance in zip(fits, (r, r + period), strict=True):
-            for flat in (False, True):
+            for shape in (POINT, FACE, CORNER):
                 coherence(
-                    *(around, step, 1.0, flat, pairs.tx, pairs.rx, tx_of, rx_of, centre, directions),
+                    *(around, step, 1.0, shape, pairs.tx, pairs.rx, tx_of, rx_of, centre, directions),
                     *(1.0 / distance, along, ahead, found),
                 )
         if fits[1, 0] > IN_PHASE / chosen.size:
