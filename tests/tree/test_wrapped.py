@@ -63,8 +63,9 @@ def view_of(tx, rx):
 @pytest.mark.parametrize("shape", [point, face, corner])
 @pytest.mark.parametrize("behind", [0.0, 0.02])
 @pytest.mark.parametrize("range_", [0.35, 0.6])
-def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_, u=-0.3):
+def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_):
     """Points, flat faces and corners, near ones and those from one ambiguous range farther away."""
+    u = -0.3
     tx, rx = array(), array(behind)
     view = view_of(tx, rx)
     for far in (False, True):
