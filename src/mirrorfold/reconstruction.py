@@ -175,8 +175,9 @@ class FoldPlan:
         self._tested: Known = {}
         # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
         self._view = lru_cache(partial(see, self.image))
-        self._echoes = lru_cache(1)(self._find_echoes)
-        self._shown_walls = lru_cache(1)(self._find_walls)
+        # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
+        self._echoes = lru_cache(1)(partial(_find_echoes, self._view, self._ghosts))
+        self._shown_walls = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
 
     @takes(FoldSettings)
     def fold(
@@ -240,24 +241,34 @@ class FoldPlan:
         report(3, 3)
         return result
 
-    def _find_echoes(self, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:
-        """The echoes of the image, less known ghosts of mixed paths."""
-        view = self._view(normalization=normalization)
-        echoes = find_echoes(view, threshold_db=threshold_db, published=published)
-        if len(self._ghosts) and not published:
-            known = cKDTree(view.in_cells(self._ghosts))
-            echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
-        return echoes
 
-    def _find_walls(self, chosen: FoldSettings, settings: FoldSettings) -> tuple[Echoes, Mask]:
-        """What the image itself tells, whichever mirrors are given: which echoes are strong, and which those of walls.
+Seen = Callable[..., View]
+"""The radar's view of an image, by its normalization."""
 
-        A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
-        """
-        view = self._view(normalization=chosen.normalization)
-        echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
-        order, seen = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
-        return replace(echoes, strong=seen.strong, limit=seen.limit), order.face != ROOT
+
+def _find_echoes(
+    seen: Seen, ghosts: Array, normalization: str | None, threshold_db: float | None, published: bool
+) -> Echoes:
+    """The echoes of an image, less known ghosts, (n, 2) [m]."""
+    view = seen(normalization=normalization)
+    echoes = find_echoes(view, threshold_db=threshold_db, published=published)
+    if len(ghosts) and not published:
+        known = cKDTree(view.in_cells(ghosts))
+        echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
+    return echoes
+
+
+def _find_walls(
+    seen: Seen, heard: Callable[..., Echoes], chosen: FoldSettings, settings: FoldSettings
+) -> tuple[Echoes, Mask]:
+    """What the image itself tells, whichever mirrors are given: which echoes are strong, and which those of walls.
+
+    A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
+    """
+    view = seen(normalization=chosen.normalization)
+    echoes = heard(chosen.normalization, chosen.threshold_db, chosen.published)
+    order, agreed = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
+    return replace(echoes, strong=agreed.strong, limit=agreed.limit), order.face != ROOT
 
 
 def find_tree(

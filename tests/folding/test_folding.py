@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,6 +14,7 @@ from synthetic import diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2, reflect, segment_normal
 from mirrorfold.folding import PRESETS
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.scenes.floor_plan import parse_scene
 
 WALL = np.array([[0.75, 0.9], [0.45, 1.7]])
@@ -369,3 +373,16 @@ def test_turning_and_shifting_scene_and_array_turns_and_shifts_the_result(unmove
             # An echo at the threshold may come and go with the pixels; others move by a thirtieth of a cell.
             assert np.quantile(nearest(one, other), 0.95) < 0.001
             assert nearest(one, other).max() < 0.03
+
+
+def test_a_plan_that_is_done_with_keeps_no_image(image):
+    """Without waiting for the garbage collector: a recording makes a plan for each of its frames."""
+    gc.disable()
+    try:
+        plan = FoldPlan(image)
+        plan.fold(mirrors=[])
+        forgotten = weakref.ref(plan)
+        del plan
+        assert forgotten() is None
+    finally:
+        gc.enable()
