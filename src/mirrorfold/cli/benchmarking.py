@@ -11,12 +11,11 @@ import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.terminal import (
     progress,
-    remark,
     show_benchmark,
     show_benchmark_comparison,
     show_catalogue,
-    show_files,
     show_json,
+    show_result,
 )
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Number, Record, fact
@@ -125,12 +124,7 @@ def benchmark(
     with written_whole(output / PICTURE) as temporary:
         mf.plot.benchmark(result).savefig(temporary)
     files = [output / name for name in (FILE, *names)]
-    remark(result.remarks)
-    if json:
-        show_json(result.but(files=list(map(str, files))))
-        return
-    show_benchmark(result)
-    show_files(files)
+    show_result(result, files, show_benchmark, json=json)
 
 
 def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None, json: bool = False) -> None:
@@ -156,13 +150,7 @@ def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None
     if output is not None:
         with written_whole(output) as temporary:
             mf.plot.benchmark_comparison(found).savefig(temporary)
-    files = [] if output is None else [output]
-    remark(found.remarks)
-    if json:
-        show_json(found.but(files=list(map(str, files))))
-        return
-    show_benchmark_comparison(found)
-    show_files(files)
+    show_result(found, [] if output is None else [output], show_benchmark_comparison, json=json)
 
 
 def _seeds(text: str) -> range:

@@ -7,7 +7,7 @@ from pathlib import Path
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput
 from mirrorfold.cli.results import read
-from mirrorfold.cli.terminal import remark, show_comparison, show_files, show_json
+from mirrorfold.cli.terminal import show_comparison, show_result
 from mirrorfold.cli.writing import output_file
 
 FORMATS = (".html", ".png", ".pdf", ".svg")
@@ -45,10 +45,4 @@ def compare(
     elif output is not None:
         with written_whole(output) as temporary:
             mf.plot.compare(a, b, names=names).savefig(temporary, dpi=200)
-    files = [] if output is None else [output]
-    remark(found.remarks)
-    if json:
-        show_json(found.but(files=list(map(str, files))))
-        return
-    show_comparison(found)
-    show_files(files)
+    show_result(found, [] if output is None else [output], show_comparison, json=json)

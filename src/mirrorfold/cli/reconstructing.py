@@ -42,7 +42,7 @@ from mirrorfold.cli.results import (
     write_export,
     write_results,
 )
-from mirrorfold.cli.terminal import progress, remark, show_files, show_json
+from mirrorfold.cli.terminal import progress, remark, show_result
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.settings import takes
 from mirrorfold.errors import InputError
@@ -109,12 +109,7 @@ def focus(
             image = focus_sweep(measured, **given, plans=plans, progress=report)
         remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
-    shown = mf.info(image)
-    remark(shown.remarks)
-    if json:
-        show_json(shown.but(files=[str(output)]))
-        return
-    show_files([output])
+    show_result(mf.info(image), [output], json=json)
 
 
 @takes(FoldSettings, options=True)
@@ -223,19 +218,14 @@ def _reconstruct_file(
     path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
 ) -> tuple[xr.DataTree, list[Path]]:
     """Reconstruct one file; returns the reconstruction and the files that were written to the directory `output`."""
-    from mirrorfold import diagnosis, reconstruction  # noqa: F401  two threads must not import at once
     from mirrorfold.io.files import directory_written_whole
 
     measured = read(path, "sweep")
-    describe, reconstruct_sweep = mf.info, mf.reconstruct
-    with frames_kept(measured, output, [path, *inputs], given) as kept, ThreadPoolExecutor(1) as beside:
-        described = beside.submit(lambda: describe(measured).remarks)
-        try:
-            with progress(f"reconstructing {path.name}") as report:
-                made = reconstruct_sweep(measured, mirrors=mirrors, progress=report, **kept, **given)
-        finally:
-            remark(described.result())
-        made.attrs["command"] = command.get()
+    remark(mf.info(measured).remarks)  # before the work, which may take long
+    with frames_kept(measured, output, [path, *inputs], given) as kept:
+        with progress(f"reconstructing {path.name}") as report:
+            reconstruction = mf.reconstruct(measured, mirrors=mirrors, progress=report, **kept, **given)
+        reconstruction.attrs["command"] = command.get()
         with directory_written_whole(output) as directory:
-            results = write_results(made, directory, plan=plan)
-    return made, [output / name for name in results]
+            results = write_results(reconstruction, directory, plan=plan)
+    return reconstruction, [output / name for name in results]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,19 +92,10 @@ def write_results(
     reconstruction: xr.DataTree, directory: Path, scene: Any = None, plan: FloorPlan | None = None
 ) -> list[str]:
     """Write a reconstruction and its pictures, of a recording those of its first frame; returns the files' names."""
-    save = mf.save  # imported now: two threads must not import at once
-    with ThreadPoolExecutor(1) as beside:
-        saved = beside.submit(save, reconstruction, directory / RECONSTRUCTION)
-        names = _write_pictures(reconstruction, directory, scene, plan)
-        saved.result()
-    return [RECONSTRUCTION, *names, REPORT]
-
-
-def _write_pictures(reconstruction: xr.DataTree, directory: Path, scene: Any, plan: FloorPlan | None) -> list[str]:
-    """The report and the pictures; returns the names of the pictures."""
     from mirrorfold.folding.frames import frame_count
 
-    names = [PICTURE]
+    mf.save(reconstruction, directory / RECONSTRUCTION)
+    names = [RECONSTRUCTION, PICTURE]
     if frame_count(reconstruction) is not None:
         figure: Any = mf.plot.frames(reconstruction).figure
         figure.savefig(directory / FRAMES, bbox_inches="tight")
@@ -113,6 +103,7 @@ def _write_pictures(reconstruction: xr.DataTree, directory: Path, scene: Any, pl
         reconstruction = mf.pick_frame(reconstruction, 0)
         reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
     mf.report(reconstruction, directory / REPORT, scene=scene, plan=plan)
+    names.append(REPORT)
     mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
     if "z" not in reconstruction.children["objects"].variables:
         return names

@@ -21,7 +21,15 @@ from mirrorfold.cli.results import (
     write_json,
     write_results,
 )
-from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json, show_mirrors, show_score
+from mirrorfold.cli.terminal import (
+    progress,
+    show_files,
+    show_info,
+    show_json,
+    show_mirrors,
+    show_result,
+    show_score,
+)
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.errors import InputError
 
@@ -176,9 +184,4 @@ def simulate(
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
         remove_directory(results)
-    found = mf.info(sweep, diagnose=False)
-    remark(found.remarks)
-    if json:
-        show_json(found.but(files=[str(output)]))
-        return
-    show_files([output])
+    show_result(mf.info(sweep, diagnose=False), [output], json=json)

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
@@ -17,11 +17,14 @@ from rich.table import Table
 from mirrorfold.cli import note
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mirrorfold.benchmarking.comparing import BenchmarkComparison
     from mirrorfold.benchmarking.summaries import Benchmark
     from mirrorfold.cli.benchmarking import Catalogue
     from mirrorfold.cli.many import SweepResult
     from mirrorfold.common import types
+    from mirrorfold.common.records import Record
     from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
@@ -61,6 +64,17 @@ def remark(sentences: Iterable[str]) -> None:
 def show_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object."""
     print(to_json(result))
+
+
+def show_result(found: Record, files: Sequence[Path], show: Callable[[Any], None] | None = None, *, json: bool) -> None:
+    """Say what a verb has found, and which files it has written; its remarks go to stderr."""
+    remark(found["remarks"])
+    if json:
+        show_json(found.but(files=list(map(str, files))))
+        return
+    if show is not None:
+        show(found)
+    show_files(files)
 
 
 def to_json(result: Mapping[str, Any]) -> str:
