@@ -47,6 +47,9 @@ FACTOR = 1.5
 STEPS = ("mirrorfold.detection", "mirrorfold.tree", "mirrorfold.folding", "mirrorfold.reconstruction")
 
 LEFT_OUT = {
+    "WEIGHTS": "fitted by confidence.py",
+    "EXPLAINED": "measured by confidence.py",
+    "TRUE_CELLS": "what confidence means",
     "ROOT": "a code",
     "NOBODY": "a code",
     "CHUNK": "steers memory only",

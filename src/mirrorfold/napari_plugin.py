@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
+from mirrorfold.common.points import shown_points
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import plan_view
 from mirrorfold.io import load
@@ -102,7 +103,7 @@ def _placed(table: xr.Dataset, columns: list[Any]) -> Any:
 
 
 def _points(held: xr.DataTree, pixel: float) -> Layer:
-    objects = held.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(held)
     axes = [axis for axis in "zyx" if axis in objects.variables]
     bounces = objects["bounces"].values
     keywords = {

@@ -22,12 +22,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
-from mirrorfold.common.types import Array, Mask, Progress
+from mirrorfold.common.types import Array, Mask, Names, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
@@ -38,6 +37,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
+from mirrorfold.folding.confidence import judged
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
@@ -46,15 +46,11 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import Found, assign_echoes
 from mirrorfold.tree.lines_of_sight import ROOT
-from mirrorfold.tree.misplaced import Known
-from mirrorfold.tree.misplaced import misplaced as comes_from_elsewhere
+from mirrorfold.tree.misplaced import MIXED, Known, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
 """Mirrors and what is visible usually agree after two or three rounds."""
-
-GHOST_CELLS = 0.5
-"""An echo this close, in resolution cells, to a known ghost, as of mixed paths, is that ghost."""
 
 
 @takes(FocusSettings, FoldSettings)
@@ -165,10 +161,7 @@ class FoldPlan:
         if not isinstance(image, xr.DataArray | xr.DataTree):
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
-        self._ghosts = np.empty((0, 2))
-        if isinstance(image, xr.DataTree) and sweep is None:
-            places = [np.ravel(image.attrs.get(f"mixed_{axis}", ())).astype(float) for axis in "xy"]
-            self._ghosts = np.stack(places, axis=-1)
+        self._ghosts = known_places(image) if isinstance(image, xr.DataTree) and sweep is None else None
         # One antenna hears an echo from where it sent it to.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
@@ -176,7 +169,7 @@ class FoldPlan:
         # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
-        self._echoes = lru_cache(1)(partial(_find_echoes, self._view, self._ghosts))
+        self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
         self._shown_walls = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
 
     @takes(FoldSettings)
@@ -229,14 +222,18 @@ class FoldPlan:
             mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
         if mirrors is not None and settings.opaque:
             echoes, walls = self._shown_walls(chosen, settings)
-        elsewhere = None
-        if self._sweep is not None and isinstance(view, ImageView) and not settings.published:
-            elsewhere = partial(comes_from_elsewhere, sweep=self._sweep, view=view, known=self._tested)
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, misplaced=elsewhere)
+        elsewhere: Callable[[Echoes], Names] | None = None
+        if isinstance(view, ImageView) and not settings.published:
+            if self._sweep is not None:
+                elsewhere = partial(misplaced, sweep=self._sweep, view=view, known=self._tested)
+            elif self._ghosts is not None:
+                elsewhere = partial(known_ghosts, view=view, places=self._ghosts[0], explanation=self._ghosts[1])
+        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
         report(2, 3)
-        if view.dimensions == 2:
-            found = found._replace(mixed=np.concatenate([self._ghosts, found.mixed]))
-        result = collect(self.image, found, fold_back(found.tree), settings, grid=grid)
+        points = fold_back(found.tree)
+        if not settings.published:
+            points = judged(points, found)
+        result = collect(self.image, found, points, settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result
@@ -246,16 +243,9 @@ Seen = Callable[..., View]
 """The radar's view of an image, by its normalization."""
 
 
-def _find_echoes(
-    seen: Seen, ghosts: Array, normalization: str | None, threshold_db: float | None, published: bool
-) -> Echoes:
-    """The echoes of an image, less known ghosts, (n, 2) [m]."""
-    view = seen(normalization=normalization)
-    echoes = find_echoes(view, threshold_db=threshold_db, published=published)
-    if len(ghosts) and not published:
-        known = cKDTree(view.in_cells(ghosts))
-        echoes = echoes.take(known.query(view.in_cells(echoes.position))[0] > GHOST_CELLS)
-    return echoes
+def _find_echoes(seen: Seen, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:
+    """The echoes of an image."""
+    return find_echoes(seen(normalization=normalization), threshold_db=threshold_db, published=published)
 
 
 def _find_walls(
@@ -278,7 +268,7 @@ def find_tree(
     *,
     known: Array | None = None,
     walls: Mask | None = None,
-    misplaced: Callable[[Echoes], Mask] | None = None,
+    explain: Callable[[Echoes], Names] | None = None,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -292,24 +282,25 @@ def find_tree(
         Mirrors in the place of those found, see `find_mirrors`.
     walls : (n,) bool array, optional
         With known mirrors: which echoes are those of walls.
-    misplaced : callable, optional
-        Tells which echoes come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
+    explain : callable, optional
+        Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
         one comes into view when it is left out, and is tested in its turn.
     """
-    mixed = np.empty((0, view.dimensions))
+    every, index = echoes, np.arange(len(echoes))
+    explanation = np.full(len(echoes), "", dtype=object)
     trusted = np.zeros(len(echoes), dtype=bool)
     while True:
         order, seen = _agreed(view, echoes, settings, known, walls)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         new = ~trusted & sight.clear(echoes)
-        ghost = np.zeros_like(new)
-        if misplaced is not None and new.any():
-            ghost[new] = misplaced(echoes.take(new))
-        if not ghost.any():
-            return Found(seen, tree, sight, mixed)
-        mixed = np.concatenate([mixed, echoes.position[ghost]])
-        trusted, echoes = (trusted | new)[~ghost], echoes.take(~ghost)
-        walls = None if walls is None else walls[~ghost]
+        if explain is not None and new.any():
+            explanation[index[new]] = explain(echoes.take(new))
+        stays = explanation[index] == ""
+        if stays.all():
+            left_out = explanation != ""
+            return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
+        index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
+        walls = None if walls is None else walls[stays]
 
 
 def _agreed(
@@ -328,6 +319,18 @@ def _agreed(
             break
         echoes = seen
     return order, seen
+
+
+def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
+    """Where echoes of a Reconstruction stood that came from elsewhere, (n, 2) [m], and why; None if there are none."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "explanation" in objects:
+        objects = objects.isel(point=objects["explanation"].values != "")
+        place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
+    else:  # as files of earlier versions tell
+        place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
+        why = np.full(len(place), MIXED)
+    return (place.astype(float), why.astype(str)) if len(place) else None
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

@@ -131,8 +131,15 @@ def test_a_few_glints_do_not_raise_the_reference(usual):
 
 
 def test_many_faint_directions_do_not_lower_the_reference(usual):
+    """As many directions with multiple scattering alone move it by less than a fifth of the threshold."""
     faint = np.full(300, 0.03 * np.median(usual))
-    assert abs(decibel(reference_echo(np.concatenate([usual, faint])) / reference_echo(usual))) < 2.0
+    assert abs(decibel(reference_echo(np.concatenate([usual, faint])) / reference_echo(usual))) < -0.2 * THRESHOLD_DB
+
+
+def test_glints_in_a_fifth_of_few_directions_do_not_set_the_reference():
+    """As where the beam is wide: of a wall straight ahead and of objects, 35 dB over what is diffuse."""
+    diffuse, glints = np.random.default_rng(4).rayleigh(size=40), np.full(10, 56.0)
+    assert abs(decibel(reference_echo(np.concatenate([diffuse, glints])) / reference_echo(diffuse))) < 10.0
 
 
 def test_the_reference_is_among_the_usual_echoes_and_scales_with_them(usual):

@@ -96,6 +96,7 @@ def test_a_reconstruction_holds_what_it_promises(folded, view):
         assert np.abs(root[axis].values[:, None] - view[axis].values).min(axis=0).max() < 1e-9
     assert set(objects.variables) == {
         "x", "y", "x_initial", "y_initial", "amplitude", "bounces", "chain", "surface", "confidence",
+        "x_error", "y_error", "explanation",
     }  # fmt: skip
     assert all(variable.dims == ("point",) for variable in objects.variables.values())
     assert set(objects.coords) == {"x", "y"}
@@ -106,7 +107,7 @@ def test_a_reconstruction_holds_what_it_promises(folded, view):
     assert 0.9 < confidence.max() <= 1.0
     assert set(mirrors.data_vars) == {
         *(f"{prefix}{axis}{end}" for prefix in ("", "folded_") for axis in "xy" for end in "01"),
-        *("parent", "generation", "chain", "strength", "angle_error", "offset_error", "fill", "depth"),
+        *("parent", "generation", "chain", "confidence", "strength", "angle_error", "offset_error", "fill", "depth"),
     }
     assert all(variable.dims == ("mirror",) for variable in mirrors.data_vars.values())
     assert folded.attrs["mirrorfold_kind"] == "reconstruction"

@@ -96,8 +96,10 @@ def test_with_one_wall_off_its_ghosts_return_and_the_rest_stays_folded(plan, off
     assert np.array_equal(returned["x"], returned["x_initial"])
     assert np.array_equal(returned["y"], returned["y_initial"])
     others, same = ghosts_of(result, 1 - off)[0], ghosts_of(found, 1 - off)[0]
-    for name in ("x", "y", "bounces", "confidence"):
+    for name in ("x", "y", "bounces"):
         assert_allclose(others[name], same[name])
+    # A given mirror is taken to stand where it is drawn.
+    assert_allclose(others["confidence"], same["confidence"], atol=0.05)
     # Not a pixel of what is not folded has changed.
     here = {"x": before["x_initial"], "y": before["y_initial"], "method": "nearest"}
     assert_allclose(result["intensity"].sel(**here), result["initial/initial"].sel(**here), rtol=1e-6)
@@ -156,12 +158,12 @@ def test_objects_are_opaque_where_they_are_folded_unless_the_switch_says_no():
 def test_a_volume_without_its_mirror_is_unfolded_and_a_moved_one_loses_nothing():
     world = scene(panel(), ball(), panel("board", (0.35, 1.2, 0.2), (0.0, -1.0, 0.0), 0.2, 0.2))
     plan = FoldPlan(mf.focus(mf.simulate(world, snr_db=25.0)))
-    first = plan.fold()
+    first = plan.fold(min_confidence=0.0)
     found, place = points(first, "xyz")
     objects = found["surface"].values == "object"
     hidden = found["bounces"].values == 1
     assert (hidden & objects).sum() > 30
-    result = plan.fold(mirrors=[])
+    result = plan.fold(mirrors=[], min_confidence=0.0)
     unfolded, seemed = points(result, "xyz")
     assert set(unfolded["chain"].values) == {""}
     assert np.array_equal(np.stack([unfolded[axis].values for axis in "xyz"], -1), seemed)

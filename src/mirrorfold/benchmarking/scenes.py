@@ -64,7 +64,7 @@ def judge(task: Task) -> list[Line]:
     seconds: dict[str, float] = {}
     try:
         scene = draw(task.family, task.seed, radar=task.radar)
-        sweep = _timed(seconds, "simulate", lambda: _simulated(task, scene))
+        sweep = _timed(seconds, "simulate", lambda: simulated(task, scene))
         image = _timed(seconds, "focus", lambda: focus(sweep, tolerance=TOLERANCE_TO_FOLD))
     except Exception as error:
         said = _said(error, "there is no image,")
@@ -104,7 +104,7 @@ def _line(task: Task, method: str, seconds: dict[str, float], *, score: Any = No
     )  # fmt: skip
 
 
-def _simulated(task: Task, scene: Any) -> xr.Dataset:
+def simulated(task: Task, scene: Any) -> xr.Dataset:
     """The sweep of a scene, from the folder of sweeps if it is there."""
     family = task.family
     solver = "fullwave" if family.engine == "fullwave" else "rays"

@@ -180,6 +180,7 @@ def export(
     *,
     output: Output,
     what: Literal["points", "mirrors"] = "points",
+    min_confidence: float | None = None,
     frame: Frame = None,
     json: bool = False,
 ) -> None:
@@ -195,6 +196,8 @@ def export(
         the volume of a raster scan .vts.
     what
         What of a reconstruction a .vtp file holds: its points, or its mirrors as walls, with their images.
+    min_confidence
+        Least confidence of points that are written, from 0 to 1; by default as the reconstruction was folded.
     json
         Print what was written as one JSON object.
     """
@@ -205,7 +208,7 @@ def export(
         found = mf.pick_frame(found, frame)
     if not hasattr(found, "s"):
         output_file(output, inputs=[file])
-        mf.export(found, output, what=what)
+        mf.export(found, output, what=what, min_confidence=min_confidence)
         if json:
             show_json(Exported(kind="export", format=output.suffix.lower().lstrip("."), files=[str(output)]))
             return

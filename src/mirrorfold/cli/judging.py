@@ -11,7 +11,14 @@ from mirrorfold.cli.terminal import progress, show_info, show_json, show_score
 from mirrorfold.errors import InputError
 
 
-def score(reconstruction: Path, scene: Path, *, frame: Frame = None, json: bool = False) -> None:
+def score(
+    reconstruction: Path,
+    scene: Path,
+    *,
+    min_confidence: float | None = None,
+    frame: Frame = None,
+    json: bool = False,
+) -> None:
     """Score a reconstruction.
 
     Parameters
@@ -20,11 +27,14 @@ def score(reconstruction: Path, scene: Path, *, frame: Frame = None, json: bool 
         Reconstruction to read (netCDF).
     scene
         Scene file with the truth (TOML).
+    min_confidence
+        Least confidence of points that count, from 0 to 1; by default as the reconstruction was folded.
     json
         Print the score as one JSON object.
     """
     truth = mf.load_scene(scene)
-    result = mf.score(mf.pick_frame(read(reconstruction, "reconstruction"), frame), truth)
+    found = mf.pick_frame(read(reconstruction, "reconstruction"), frame)
+    result = mf.score(found, truth, min_confidence=min_confidence)
     if json:
         show_json(result)
     else:

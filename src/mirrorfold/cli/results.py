@@ -192,5 +192,6 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
     kinds = f"{found.points - found.points_on_mirrors} of objects and {found.points_on_mirrors} of walls"
     left_out = f"; {found.left_out} echoes came from elsewhere and were left out" if found.left_out else ""
-    print(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{left_out}")
+    doubted = f"; {found.doubted} more are doubted" if found.doubted else ""
+    print(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{left_out}{doubted}")
     show_files(files)

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import xarray as xr
 
+from mirrorfold.common.types import Chain
+
+
+def chain_name(chain: Chain) -> str:
+    """Such as "1/0"; empty for what is in line of sight."""
+    return "/".join(map(str, chain))
+
 
 def mirror_chains(mirrors: xr.Dataset) -> list[str]:
     """The chain of every mirror of a table, such as "1/0": its own number among those seen by the same way last.

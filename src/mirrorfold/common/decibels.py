@@ -34,6 +34,11 @@ def decibels(amplitude: Array, floor_db: float) -> Array:
     return np.asarray(np.minimum(level, 0.0))
 
 
+def to_db(ratio: Array) -> Array:
+    """``20 log10`` of ratios of amplitudes (n,), of zero a very low number."""
+    return np.asarray(20.0 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
+
+
 def power_decibel(power: float) -> float | None:
     """``10 log10`` of a ratio of powers; None where there is no power."""
     return 10.0 * float(np.log10(power)) if power > 0 else None

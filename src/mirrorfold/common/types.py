@@ -15,6 +15,8 @@ Index = NDArray[np.intp]
 
 Mask = NDArray[np.bool_]
 
+Names = NDArray[np.str_]
+
 Progress = Callable[[int, int], None]
 """Called as ``progress(done, total)`` from the thread that asked for the work."""
 

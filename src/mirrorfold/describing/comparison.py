@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import reference
 from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.finding import see
@@ -273,7 +274,7 @@ def _levels(changes: Changes) -> LevelChange:
 
 def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
     """Points of a reconstruction (n, d) [m]."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     axes = [axis for axis in "xyz" if axis in objects.variables]
     return np.stack([objects[f"{axis}{suffix}"].values.astype(float) for axis in axes], axis=-1)
 

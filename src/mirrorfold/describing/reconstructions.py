@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
 from mirrorfold.folding.frames import frame_count
@@ -29,10 +30,11 @@ class ReconstructionFacts(Sized):
     """A reconstruction."""
 
     kind: Literal["reconstruction"]
-    points: int = fact("of objects and on the faces of mirrors")
+    points: int = fact("of objects and on the faces of mirrors, of those that are not doubted")
     points_on_mirrors: int = fact("those on the faces of mirrors")
     points_by_bounces: dict[str, int]
     left_out: int = fact("echoes by mixed paths or from beyond the ambiguous range, which stood where nothing is")
+    doubted: int = fact("points of less than the least confidence, which are not drawn, scored or exported")
     points_by_frame: list[int] = fact("of a recording", default=LEFT_OUT)
     mirrors: list[MirrorFacts]
     remarks: list[str] = fact("sentences on what looks wrong")
@@ -41,7 +43,12 @@ class ReconstructionFacts(Sized):
 
 def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
     """What a valid reconstruction holds."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    every, objects = reconstruction.children["objects"].to_dataset(inherit=False), shown_points(reconstruction)
+    left_out = int(np.size(reconstruction.attrs.get("mixed_x", ())))  # as files of earlier versions tell
+    doubted = every.sizes.get("point", 0) - objects.sizes.get("point", 0)
+    if "explanation" in every:
+        left_out, explained_here = (int(np.count_nonzero(of["explanation"] != "")) for of in (every, objects))
+        doubted -= left_out - explained_here
     bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
     mirrors = mirror_table(reconstruction)
     remarks = []
@@ -59,7 +66,8 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         points=int(objects.sizes.get("point", 0)),
         points_on_mirrors=int(on_mirrors(objects).sum()),
         points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
-        left_out=int(np.size(reconstruction.attrs.get("mixed_x", ()))),
+        left_out=left_out,
+        doubted=doubted,
         mirrors=mirrors,
         remarks=remarks,
         **recording,

@@ -21,6 +21,10 @@ REFERENCE_WEIGHT = 0.5
 """Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
 multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
 
+GLINT = 10.0
+"""No direction weighs with more than this many times the median amplitude: diffuse echoes spread over 20 dB, and where
+the beam is wide, glints fill so many of the few directions that they would set the reference alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
@@ -107,7 +111,7 @@ def reference_echo(brightest: Array) -> float:
     ordered = np.sort(brightest[brightest > 0.0])
     if not ordered.size:
         return 0.0
-    weight = np.cumsum(ordered**REFERENCE_WEIGHT)
+    weight = np.cumsum(np.minimum(ordered, GLINT * np.median(ordered)) ** REFERENCE_WEIGHT)
     return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
 
 

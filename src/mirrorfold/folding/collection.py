@@ -9,8 +9,10 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold import __version__
+from mirrorfold.common.chains import chain_name
 from mirrorfold.detection.finding import example_mirror
 from mirrorfold.detection.mirror import Mirror
+from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
@@ -46,18 +48,17 @@ def collect(
         **{f"fold_{name}": value for name, value in asdict(settings).items()},
         "threshold": found.echoes.threshold,
         "reference": found.echoes.reference,
-        **{f"mixed_{axis}": found.mixed[:, i] for i, axis in enumerate(axes)},
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
         "remark": "" if tree.mirrors else "no mirror was found; the scene is shown unfolded",
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
-    (x, y), intensity, initial, what = pictures(image, found, points, settings.wall_margin or 0.0, grid)
+    (x, y), intensity, initial, what = pictures(image, found, points, settings, grid)
     axes_of = {"y": ("y", y, {"units": "m", "long_name": "range"}),
                "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
     drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
                      for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
-    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree)}
+    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points)}
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
@@ -70,19 +71,25 @@ def _objects(points: Points) -> xr.Dataset:
                                      ("_initial", points.initial, "position before folding"))
         for axis, place in zip(axes, places.T, strict=True)
     }  # fmt: skip
-    confidence = "share of power above what had to be exceeded, times the filled share of each mirror on the way"
+    surface = np.where(points.mirror == "", "object", "mirror")
+    confidence = f"probability that something stands within {TRUE_CELLS} resolution cells"
+    data |= {
+        f"{axis}_error": ("point", error.astype(np.float32), {"units": "m", "long_name": "standard error"})
+        for axis, error in zip(axes, points.error.T, strict=True)
+    }
     data |= {
         "amplitude": ("point", points.amplitude.astype(np.float32)),
         "bounces": ("point", points.bounces, {"long_name": "mirrors on the way, 0 = line of sight"}),
         "chain": ("point", points.chain, {"long_name": "indices of the mirrors from the root"}),
-        "surface": ("point", points.surface, {"long_name": "object, or face of a mirror"}),
+        "surface": ("point", surface, {"long_name": "object, or face of a mirror"}),
         "confidence": ("point", points.confidence.astype(np.float32), {"long_name": confidence}),
+        "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
     }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
     return xr.Dataset(data).set_coords(list(axes))
 
 
-def _mirrors(tree: MirrorTree) -> xr.Dataset:
+def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
     """Every mirror in the unfolded image and at its true place."""
     folds = tree.folds()
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m"}
@@ -93,7 +100,9 @@ def _mirrors(tree: MirrorTree) -> xr.Dataset:
         parent = node.chain[:-1]
         true = {f"folded_{name}": value for name, value in mirror.columns(folds[parent]).items()}
         place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
-        own = {"chain": "/".join(map(str, node.chain)), **{name: getattr(mirror, name) for name in units}}
+        chain = chain_name(node.chain)
+        own = {"chain": chain, "confidence": mirror_confidence(points, chain)}
+        own |= {name: getattr(mirror, name) for name in units}
         return mirror.columns(folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]

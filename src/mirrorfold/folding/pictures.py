@@ -15,6 +15,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.drawing import draw_row
 from mirrorfold.folding.points import Points, owned_blobs
+from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
@@ -37,14 +38,16 @@ LARGEST_ANGLE = np.radians(89.999)
 
 
 def pictures(
-    image: xr.DataArray, found: Found, points: Points, wall_margin: float, grid: Grid | None
+    image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, grid: Grid | None
 ) -> tuple[Grid, NDArray[np.float32], NDArray[np.float32], str]:
     """The folded and the unfolded scene on one grid: its axes x and y, both pictures (y, x), and what their pixels are.
 
     The grid is by default the image's own, grown as far as points fold to, or one about all points of a volume.
     """
     sight, view, folds = found.sight, found.sight.view, found.tree.folds()
-    blobs = owned_blobs(points, sight, found.mixed)
+    least, wall_margin = settings.min_confidence, settings.wall_margin or 0.0
+    blobs = owned_blobs(points, sight, least)
+    points = points.take(points.confidence >= least)
     grid = grid or (_around(points, view) if isinstance(view, VolumeView) else _grown(image, points))
     folded = draw(sight, folds, wall_margin, grid, blobs)
     initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, np.full_like(blobs, ROOT))
@@ -62,7 +65,7 @@ def draw(
     Every pixel looks up the image where each chain of mirrors shows it, if nothing stands in the way there: there are
     no holes, as pushing pixels to their folded places would leave them. Echoes up to `wall_margin` [m] behind a mirror
     belong to the wall. `blobs` (directions, ranges) says where the image shows what folds to a point, see
-    `owned_blobs`; nothing else is folded, and what comes from elsewhere is not drawn.
+    `owned_blobs`; nothing else is folded, and what is doubted is not drawn.
     """
     view = sight.view
     x, y, *z = grid

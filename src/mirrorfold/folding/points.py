@@ -6,13 +6,14 @@ all mirrors are those of the unfolded image, where a deeper one is a ghost itsel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.types import Array, Chain
+from mirrorfold.common.chains import chain_name
+from mirrorfold.common.types import Array, Chain, Index, Mask, Names
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -22,66 +23,76 @@ BLOB_CELLS = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The folded scene: one point for every echo that belongs to an object or to the face of a mirror.
+    """The folded scene: one point for every echo.
 
     Attributes
     ----------
     position, initial : (n, d) arrays [m]
         Where it stands, and where it stood before folding.
-    amplitude : (n,) array
+    amplitude, exceeded : (n,) arrays
+        Of the echo, and what it had to exceed: noise, side lobes, and the threshold.
     bounces : (n,) array of int
         Mirrors on the way: objects by the chain of their node, faces of mirrors by that of its parent.
-    chain, surface : (n,) arrays of str
-        Such as "0/1", and "object" or "mirror".
+    chain, mirror : (n,) arrays of str
+        By which chain of mirrors it was seen, such as "0/1", and the chain of the mirror on whose face it lies; empty
+        for objects.
     confidence : (n,) array
-        Share of its power above what it had to exceed, noise or threshold, times the filled share of each mirror on
-        the way.
+        Probability that something stands there, see `mirrorfold.folding.confidence`; one until it is judged.
+    error : (n, d) array [m]
+        Standard errors of the position; zero until it is judged.
+    explanation : (n,) array of str
+        Why the echo does not come from where the image shows it; empty for those that do.
     """
 
     position: Array
     initial: Array
     amplitude: Array
+    exceeded: Array
     bounces: NDArray[np.int32]
-    chain: NDArray[np.str_]
-    surface: NDArray[np.str_]
+    chain: Names
+    mirror: Names
     confidence: Array
+    error: Array
+    explanation: Names
+
+    def take(self, which: Mask | Index) -> Points:
+        """Some of the points, by mask or index."""
+        return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
 def fold_back(tree: MirrorTree) -> Points:
     """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces."""
     folds = tree.folds()
-    trust: dict[Chain, float] = {}
     parts: list[tuple[Any, ...]] = []
     for node in tree.walk():
-        trust[node.chain] = 1.0 if node.line is None else trust[node.chain[:-1]] * node.line.fill
-        for echoes, chain, surface in ((node.objects, node.chain, "object"), (node.face, node.chain[:-1], "mirror")):
-            exceeded = np.maximum(echoes.noise, echoes.limit)
-            excess = 1.0 - (exceeded / np.maximum(echoes.amplitude, np.maximum(exceeded, np.finfo(float).tiny))) ** 2
-            names = [np.full(len(echoes), name, dtype=object) for name in ("/".join(map(str, chain)), surface)]
+        for echoes, chain, mirror in ((node.objects, node.chain, ()), (node.face, node.chain[:-1], node.chain)):
+            names = [np.full(len(echoes), chain_name(way), dtype=object) for way in (chain, mirror)]
             bounces = np.full(len(echoes), len(chain), dtype=np.int32)
-            folded = folds[chain](echoes.position)
-            parts.append((folded, echoes.position, echoes.amplitude, bounces, *names, excess * trust[chain]))
-    position, initial, amplitude, bounces, chains, surfaces, confidence = map(np.concatenate, zip(*parts, strict=True))
-    return Points(position, initial, amplitude, bounces, chains.astype(str), surfaces.astype(str), confidence)
+            level = echoes.amplitude, np.maximum(echoes.noise, echoes.limit)
+            parts.append((folds[chain](echoes.position), echoes.position, *level, bounces, *names))
+    position, initial, amplitude, exceeded, bounces, chains, mirrors = map(np.concatenate, zip(*parts, strict=True))
+    usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
+    return Points(position, initial, amplitude, exceeded, bounces, chains.astype(str), mirrors.astype(str), *usual)
 
 
-def owned_blobs(points: Points, sight: LinesOfSight, misplaced: Array | None = None) -> NDArray[np.int16]:
+def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
     """Whose the blobs of the image are, (directions, ranges): the number of the mirror they fold by, `ROOT` for what
-    stands where the image shows it, `NOBODY` for echoes that come from elsewhere, at `misplaced` (n, d) [m].
+    stands where the image shows it, `NOBODY` for points of less than the `least` confidence.
 
     What a mirror shows elsewhere is weak or contradicted by the radar's own view. No point stands for it, and no
     picture may show it at a place where nothing was found.
     """
+    doubted, points = points.take(points.confidence < least), points.take(points.confidence >= least)
     view = sight.view
     owner = np.full((len(view.sight), view.range.size), ROOT, dtype=np.int16)
     step = float(view.range[1] - view.range[0])
     reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
 
     def seen_by(chain: Chain) -> Array:
-        return points.initial[(points.bounces == len(chain)) & (points.chain == "/".join(map(str, chain)))]
+        return points.initial[(points.bounces == len(chain)) & (points.chain == chain_name(chain))]
 
     # Where blobs meet, that of a point counts, and of two points the deeper one.
-    shown = {NOBODY: misplaced, ROOT: seen_by(())} if misplaced is not None and len(misplaced) else {}
+    shown = {NOBODY: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}
     shown |= {mirror: seen_by(chain) for mirror, chain in enumerate(sight.chain) if chain}
     for number, seen in shown.items():
         if not len(seen):

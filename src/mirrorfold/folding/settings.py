@@ -56,6 +56,12 @@ class FoldSettings(Settings):
         kind="bool",
         label="objects are opaque",
     )
+    min_confidence: float = setting(
+        0.5,
+        "Least confidence of points that are drawn, scored and exported; the others stay in the file.",
+        kind="float",
+        lowest=0.0,
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
@@ -70,6 +76,8 @@ class FoldSettings(Settings):
 
 PRESETS = {
     "default": FoldSettings(),
-    "published": FoldSettings(normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, published=True),
+    "published": FoldSettings(
+        normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, min_confidence=0.0, published=True
+    ),
 }
 """`published` is the algorithm of Cui and Trichopoulos (2024), for comparison."""

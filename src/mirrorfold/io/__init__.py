@@ -117,11 +117,17 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, _path("save", path))
 
 
-def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
+def export(
+    obj: xr.DataTree | xr.DataArray,
+    path: str | Path,
+    *,
+    what: Literal["points", "mirrors"] = "points",
+    min_confidence: float | None = None,
+) -> Path:
     """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.export`."""
     from mirrorfold.io import exports
 
-    return exports.export(obj, path, what=what)
+    return exports.export(obj, path, what=what, min_confidence=min_confidence)
 
 
 def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.chains import mirror_chains
+from mirrorfold.common.points import confident
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import plans, vtk
@@ -22,7 +23,13 @@ FORMATS = (*WRITERS, *PICTURES, *plans.SUFFIXES)
 """All suffixes."""
 
 
-def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["points", "mirrors"] = "points") -> Path:
+def export(
+    obj: xr.DataTree | xr.DataArray,
+    path: str | Path,
+    *,
+    what: Literal["points", "mirrors"] = "points",
+    min_confidence: float | None = None,
+) -> Path:
     """Write a reconstruction, or an image, for other programs.
 
     Parameters
@@ -36,6 +43,8 @@ def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["
         Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. In metres.
     what : {"points", "mirrors"}
         Of a VTP file.
+    min_confidence : float, optional
+        Least confidence of points that are written; by default as the reconstruction was folded.
 
     Returns
     -------
@@ -59,7 +68,7 @@ def export(obj: xr.DataTree | xr.DataArray, path: str | Path, *, what: Literal["
     elif not isinstance(obj, xr.DataTree):
         raise InputError(f"export: got a {type(obj).__name__}, expected a reconstruction or an image")
     else:
-        obj = check_reconstruction(obj)
+        obj = confident(check_reconstruction(obj), min_confidence)
         if suffix == ".vti":
             obj = pick_frame(obj)
             pictures = {"corrected": obj.dataset["intensity"], "initial": obj.children["initial"].dataset["initial"]}

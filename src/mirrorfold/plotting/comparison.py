@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
+from mirrorfold.common.points import shown_points
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
@@ -128,7 +129,7 @@ def content_extent(
         The whole grid where nothing was found.
     """
     expect_reconstruction("content_extent", reconstruction)
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
@@ -161,7 +162,7 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
 
 def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
     """One entry for each colour in the picture, and one for the truth."""
-    bounces = {int(count) for count in np.unique(reconstruction.children["objects"].dataset["bounces"].values)}
+    bounces = {int(count) for count in np.unique(shown_points(reconstruction)["bounces"].values)}
     bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}
     handles = [
         Line2D([], [], color=colour_of(count), linewidth=2.5, marker="o", markersize=4, label=bounce_label(count))

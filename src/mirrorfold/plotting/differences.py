@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from mirrorfold.common.decibels import decibels
+from mirrorfold.common.points import shown_points
 from mirrorfold.describing.comparison import Changes, checked_pair, find_changes
 from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
@@ -96,7 +97,7 @@ def _levels(changes: Changes, floor_db: float) -> tuple[Any, Any]:
 
 def _points(ax: Axes, first: xr.DataTree, second: xr.DataTree, changes: Changes) -> None:
     """Points of both, those of one alone in colours."""
-    a, b = (one.children["objects"].to_dataset(inherit=False) for one in (first, second))
+    a, b = map(shown_points, (first, second))
     for held, chosen, colour, label in (
         (b, ~changes.gained, KEPT, "kept"),
         (a, changes.lost, LOST, "lost"),

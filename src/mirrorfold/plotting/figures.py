@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, decibels
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.plotting.axes import (
@@ -290,7 +291,7 @@ MANY_POINTS = 3000
 
 def _points(reconstruction: xr.DataTree, ax: Axes, suffix: str) -> None:
     """The points, in the colour of the number of bounces; `suffix` says whether folded or not."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     bounces = objects["bounces"].values
     size, alpha = (1.3, 0.35) if bounces.size > MANY_POINTS else (2.6, 0.8)
     for count in np.unique(bounces):

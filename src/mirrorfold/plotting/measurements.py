@@ -14,6 +14,7 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
@@ -158,7 +159,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
     """
     expect_reconstruction("tree", reconstruction)
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     parent = mirrors["parent"].values.astype(int)
     chain = _chains(parent)
     held = objects["chain"].values.astype(str)

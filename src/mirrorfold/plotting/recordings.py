@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from mirrorfold.common.points import shown_points
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import frame_count
 from mirrorfold.plotting.axes import axes_or_new, draw_radar, in_metres, mirror_lines, radar_of
@@ -50,7 +51,7 @@ def frames(reconstruction: xr.DataTree, ax: Axes | None = None, *, floor_db: flo
     strongest = reconstruction.dataset["intensity"].max("frame").fillna(0.0)
     extent = content_extent(reconstruction, folded=True)
     image(strongest, ax, floor_db=floor_db, normalization="none", extent=extent, colorbar=False)
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     scale = ScalarMappable(Normalize(0, max(count - 1, 1)), FRAME_COLOURS)
     number = objects["frame"].values
     ax.scatter(objects["x"], objects["y"], c=scale.to_rgba(number), s=5.0, linewidths=0, rasterized=True, zorder=3)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres
@@ -48,7 +49,7 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
         If the reconstruction has two dimensions.
     """
     expect_reconstruction("volume", reconstruction)
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     if "z" not in objects.variables:
         raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")
     return {str(name): objects[name].values for name in objects.variables}

@@ -19,6 +19,7 @@ from mirrorfold import __version__
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
 from mirrorfold.common.plans import FloorPlan
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
 from mirrorfold.describing.settings import attribute_words, recorded_settings
@@ -91,6 +92,7 @@ def to_document(
     settings = recorded_settings(attrs)
     elsewhere = {*HIDDEN_ATTRS, *(setting.attr for setting in settings)}
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    trusted = shown_points(reconstruction)
     dimensions = 3 if "z" in objects.variables else 2
     axes = "xyz"[:dimensions]
     mirrors = mirror_rows(reconstruction)
@@ -121,14 +123,15 @@ def to_document(
         "margin": float(attrs.get("fold_wall_margin") or 0.0),
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
+        "least_confidence": float(attrs.get("fold_min_confidence", 0.0)),
         "points": _points(objects, axes, zero),
         "truth": truth,
         "settings": [setting._asdict() for setting in settings],
         "parameters": [
             [str(name), attribute_words(str(name), value)] for name, value in attrs.items() if name not in elsewhere
         ],
-        "facts": found_rows(objects, mirrors),
-        "seen": _seen(objects),
+        "facts": found_rows(trusted, mirrors),
+        "seen": _seen(trusted),
     }
     if scene is not None and scored:
         from mirrorfold.scoring.score import score
@@ -228,7 +231,7 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
     """The part of the plane to show (x0, x1, y0, y1) [m]: all that was found, folded and unfolded, with a margin."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = shown_points(reconstruction)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     grid = reconstruction.children["initial"].dataset
     found = []
@@ -265,7 +268,9 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 
 
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
-    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain."""
+    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain
+    and of the explanation.
+    """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
     if total > LARGEST_CLOUD:
@@ -273,6 +278,8 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     names, number = np.unique(objects["chain"].values[chosen].astype(str), return_inverse=True)
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(np.maximum(objects["amplitude"].values[chosen], 1e-30) / zero)
+    explanation = np.full(total, "") if "explanation" not in objects else objects["explanation"].values.astype(str)
+    reasons, reason = np.unique(explanation[chosen], return_inverse=True)
     columns = {
         **{
             f"{axis}{suffix}": objects[f"{axis}{suffix}"].values[chosen] for axis in axes for suffix in ("", "_initial")
@@ -281,12 +288,14 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
         "confidence": objects["confidence"].values[chosen],
         "bounces": objects["bounces"].values[chosen],
         "chain": number.ravel(),
+        "reason": reason.ravel(),
         "face": on_mirrors(objects)[chosen],
     }
     return {
         "total": int(total),
         "count": int(chosen.size),
         "chains": names.tolist(),
+        "reasons": reasons.tolist(),
         **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
     }
 

@@ -16,8 +16,8 @@ HALF_POWER = np.sqrt(2.0 * np.log(2.0))
 """Width of a Gaussian beam between half powers, in units of the radius at which its amplitude falls to 1/e."""
 
 
-def point_cells(reconstruction: xr.DataTree) -> Array | None:
-    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m].
+def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any]) -> Array | None:
+    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], by its attrs.
 
     Along the line of sight it is ``c / (2 B)``. Across, at the length r of the way, it is ``r lambda / D`` for an array
     of length D, and the beam's width between half powers for a scan. Folding keeps the length of the way, so that r is
@@ -28,8 +28,6 @@ def point_cells(reconstruction: xr.DataTree) -> Array | None:
     (points,) array [m] or None
         None where the reconstruction does not say how it was measured.
     """
-    attrs: Mapping[Any, Any] = reconstruction.attrs
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
     known = {name: attrs.get(f"image_{name}") for name in (
         "range_resolution", "frequency_start", "frequency_stop", "tx_aperture", "rx_aperture", "spot_radius",
         "focus_distance",

@@ -14,6 +14,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
@@ -83,17 +84,29 @@ class VolumeScore(VolumeFigures, Mirrors):
 
 
 @overload
-def score(reconstruction: xr.DataTree, scene: Scene, *, bounces: int = BOUNCES) -> PlanScore: ...
-@overload
-def score(reconstruction: xr.DataTree, scene: Scene3D, *, bounces: int = BOUNCES) -> VolumeScore: ...
+def score(
+    reconstruction: xr.DataTree, scene: Scene, *, bounces: int = BOUNCES, min_confidence: float | None = None
+) -> PlanScore: ...
 @overload
 def score(
-    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+    reconstruction: xr.DataTree, scene: Scene3D, *, bounces: int = BOUNCES, min_confidence: float | None = None
+) -> VolumeScore: ...
+@overload
+def score(
+    reconstruction: xr.DataTree,
+    scene: Scene | Scene3D | str | Path,
+    *,
+    bounces: int = BOUNCES,
+    min_confidence: float | None = None,
 ) -> PlanScore | VolumeScore: ...
 
 
 def score(
-    reconstruction: xr.DataTree, scene: Scene | Scene3D | str | Path, *, bounces: int = BOUNCES
+    reconstruction: xr.DataTree,
+    scene: Scene | Scene3D | str | Path,
+    *,
+    bounces: int = BOUNCES,
+    min_confidence: float | None = None,
 ) -> PlanScore | VolumeScore:
     """Distances between a reconstruction and the true scene.
 
@@ -106,6 +119,8 @@ def score(
     scene : Scene, Scene3D or path of a scene file
     bounces : int
         Largest number of reflections by which a piece of truth counts as reachable.
+    min_confidence : float, optional
+        Least confidence of points that count; by default as it was folded.
 
     Returns
     -------
@@ -127,13 +142,13 @@ def score(
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)
-    objects = reconstruction.children["objects"].dataset
+    objects = shown_points(reconstruction, min_confidence)
     flat = "z" not in objects.variables
     if flat != isinstance(scene, Scene):
         held, given = (2, 3) if flat else (3, 2)
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
-    cells = point_cells(reconstruction)
+    cells = point_cells(objects, reconstruction.attrs)
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
         every, hidden, each = _judge(

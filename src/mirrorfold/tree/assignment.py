@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry
-from mirrorfold.common.types import Array, Chain
+from mirrorfold.common.types import Chain, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -21,19 +21,22 @@ class Found(NamedTuple):
     Attributes
     ----------
     echoes : Echoes
-        Without those of mixed paths.
+        Without those that come from elsewhere.
     tree : MirrorTree
         Its root.
     sight : LinesOfSight
         With the chains of the mirrors.
-    mixed : (n, d) array [m]
-        Where echoes stood in the image that went out by one chain of mirrors and back by another, and were left out.
+    elsewhere : Echoes
+        Those that do not come from where the image shows them, and were left out.
+    explanation : (n,) array of str
+        Why each of them was.
     """
 
     echoes: Echoes
     tree: MirrorTree
     sight: LinesOfSight
-    mixed: Array
+    elsewhere: Echoes
+    explanation: Names
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

@@ -6,34 +6,49 @@ from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
+from scipy.spatial import cKDTree
 
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.view import View
 from mirrorfold.tree.directions import direction_ratio
 from mirrorfold.tree.wrapped import wrapping_ratio
 
-SMALLEST_DIRECTION_RATIO = 0.5
-"""True echoes have ratios near one, mixed ones far below a half."""
+SMALLEST_DIRECTION_RATIO = 0.7
+"""True echoes have ratios near one, mixed ones far below a half. Grating lobes of an array that misses every third
+antenna have a half: its transmitters send half as much there as to the thing itself."""
 
 LARGEST_WRAPPING_RATIO = 1.15
 """Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
 from there fit several times better. Far away, where waves are flat either way, both fit alike."""
 
+LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
+
+GHOST_CELLS = 0.5
+"""An echo this close, in resolution cells, to a known ghost is that ghost."""
+
 Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]
 
 
-def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Mask:
-    """Which echoes of a view come from beyond the ambiguous range, or arrive from another direction than they left in.
+def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Names:
+    """What makes echoes of a view stand elsewhere than where they are seen, (n,); empty for those that do not.
 
     `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
     """
     known = {} if known is None else known
-    found = _once_a_cell(wrapping_ratio, echoes, sweep, view, known) > LARGEST_WRAPPING_RATIO
-    rest = echoes.take(~found)
-    found[~found] = _once_a_cell(direction_ratio, rest, sweep, view, known) < SMALLEST_DIRECTION_RATIO
-    return found
+    late = _once_a_cell(wrapping_ratio, echoes, sweep, view, known) > LARGEST_WRAPPING_RATIO
+    mixed = np.zeros_like(late)
+    rest = echoes.take(~late)
+    mixed[~late] = _once_a_cell(direction_ratio, rest, sweep, view, known) < SMALLEST_DIRECTION_RATIO
+    return np.where(late, LATE, np.where(mixed, MIXED, ""))
+
+
+def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:
+    """The same for echoes that stand at known ghosts, at places (m, d) [m] with an explanation each, (m,)."""
+    distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(echoes.position))
+    return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
 
 
 def _once_a_cell(measure: Measure, echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:

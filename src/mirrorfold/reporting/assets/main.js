@@ -38,8 +38,8 @@ function makeLegend() {
 }
 
 function makeControls() {
-  const confidence = el("input", { type: "range", id: "confidence", min: "0", max: "1", step: "0.01", value: "0" });
-  const shown = el("output", { for: "confidence" }, "0.00");
+  const confidence = el("input", { type: "range", id: "confidence", min: "0", max: "1", step: "0.01", value: String(state.confidence) });
+  const shown = el("output", { for: "confidence" }, fixed(state.confidence, 2));
   confidence.addEventListener("input", () => { state.confidence = Number(confidence.value); shown.textContent = fixed(state.confidence, 2); changed(); });
   return [...makeScale(), el("label", { class: "control" }, el("span", {}, "confidence \u2265"), confidence, shown)];
 }
@@ -80,6 +80,7 @@ async function start() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => theme(event.matches));
   try {
     state.content = live ? await loadLive(page) : await unpack(read("content"));
+    if (state.content) state.confidence = state.content.least_confidence;
     compose(page);
   } catch (error) {
     page.replaceChildren(el("p", { class: "notice", role: "alert" }, `The content of this page cannot be shown: ${error.message}`));

@@ -21,6 +21,8 @@ function makeReadout() {
       const { points } = content;
       if (spot.point !== null && points.z) rows.push(["height", metres(points.z[spot.point])]);
       rows.push(["confidence", spot.point === null ? "no point here" : fixed(points.confidence[spot.point], 2)]);
+      const reason = spot.point === null ? "" : points.reasons[points.reason[spot.point]];
+      if (reason) rows.push(["explanation", reason]);
     }
     list.replaceChildren(...rows.flatMap(([name, text]) => (name === null ? [el("dd", { class: "hint" }, text)] : [el("dt", {}, name), el("dd", {}, text)])));
   });

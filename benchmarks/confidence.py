@@ -1,0 +1,147 @@
+"""Fit the weights of the confidence, and print how well it is calibrated on scenes that had no part in the fit.
+
+    python benchmarks/confidence.py [--fit 30:32] [--judge 40:42] [--family NAME ...] [--radar NAME ...] [--sweeps DIR]
+
+By default the ray families of `mirrorfold.scenes.families` with all their radars; name full-wave families too, with
+--sweeps, a folder that keeps their sweeps. Rays and full waves weigh alike in the fit, whatever their number.
+
+The last tables hold for each engine and number of mirrors on the way how many points there are, the share that is true
+(something stands within 1.5 resolution cells), the mean confidence, the expected calibration error over ten bins
+(Naeini, Cooper and Hauskrecht, AAAI 2015), the share of the true points that the least confidence of 0.5 keeps, and the
+share of true ones among those kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import minimize
+from scipy.special import expit
+
+import mirrorfold as mf
+from mirrorfold.benchmarking.scenes import Task, simulated
+from mirrorfold.common.types import Array
+from mirrorfold.detection.finding import find_echoes, see, usual_settings
+from mirrorfold.folding import PRESETS, fold_back
+from mirrorfold.folding.confidence import TRUE_CELLS, WEIGHTS, errors, evidence, judged, kinds
+from mirrorfold.reconstruction import find_tree
+from mirrorfold.scenes.families import FAMILIES, draw, radars_of
+from mirrorfold.scoring import floor_plans
+from mirrorfold.tree.misplaced import misplaced
+
+BINS = 10
+
+
+class Points(NamedTuple):
+    """Points of one engine: their evidence (n, 4), kinds, mirrors on the way, confidence, and whether they are true."""
+
+    engine: str
+    evidence: Array
+    kind: Array
+    bounces: Array
+    confidence: Array
+    true: Array
+
+
+def points_of(task: Task) -> Points:
+    """The points of one scene."""
+    scene = draw(task.family, task.seed, radar=task.radar)
+    sweep = simulated(task, scene)
+    view = see(mf.focus(sweep, tolerance=1e-3))
+    echoes = find_echoes(view)
+    settings = PRESETS["default"].completed(**usual_settings(view, echoes))
+    found = find_tree(view, echoes, settings, explain=partial(misplaced, sweep=sweep, view=view, known={}))
+    points = fold_back(found.tree)
+    count = len(points.position)
+    confidence = judged(points, found).confidence[:count]
+    _, astray = errors(points, found.tree, view)
+    cell = view.cell(np.linalg.norm(points.initial - view.radar, axis=1))
+    distance = floor_plans.truth(scene).distances(points.position)[0] if count else np.zeros(0)
+    given = evidence(points, view, astray), kinds(points), points.bounces, confidence, distance <= TRUE_CELLS * cell
+    return Points(task.family.engine, *given)
+
+
+def fitted(sets: list[Points]) -> dict[str, list[float]]:
+    """The weights that make the truth most likely, by kind; engines weigh alike."""
+    engines = sorted({points.engine for points in sets})
+
+    def loss(weights: Array, parts: list[tuple[Array, Array]]) -> float:
+        odds = [(evidence @ weights) * np.where(true, -1.0, 1.0) for evidence, true in parts]
+        return float(sum(np.mean(np.logaddexp(0.0, each)) for each in odds) + 1e-3 * np.sum(weights[1:] ** 2))
+
+    found = {}
+    for kind, name in enumerate(WEIGHTS):
+        parts = []
+        for engine in engines:
+            chosen = [(p.evidence[p.kind == kind], p.true[p.kind == kind]) for p in sets if p.engine == engine]
+            evidence_, true = map(np.concatenate, zip(*chosen, strict=True))
+            if true.size:
+                parts.append((evidence_, true))
+        found[name] = np.round(minimize(loss, np.zeros(4), args=(parts,)).x, 2).tolist() if parts else []
+    return found
+
+
+def calibration_error(confidence: Array, true: Array) -> float:
+    """Mean distance of confidence and share of true points, over bins of confidence."""
+    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    return float(sum(abs(np.sum(confidence[bins == b] - true[bins == b])) for b in range(BINS)) / max(true.size, 1))
+
+
+def table(sets: list[Points], name: str, weights: dict[str, list[float]] | None = None) -> Table:
+    """How well the confidence is calibrated, as it stands or with other weights."""
+    made = Table(title=name)
+    for heading in ("engine", "mirrors", "points", "true", "confidence", "error", "kept", "true of kept"):
+        made.add_column(heading, justify="right")
+    for engine in sorted({points.engine for points in sets}):
+        own = [points for points in sets if points.engine == engine]
+        kind, bounces, confidence, true = (np.concatenate([points[i] for points in own]) for i in (2, 3, 4, 5))
+        if weights is not None:
+            rows = np.array([weights[each] or WEIGHTS[each] for each in WEIGHTS])[kind]
+            confidence = expit(np.sum(np.concatenate([points.evidence for points in own]) * rows, axis=1))
+        for count in np.unique(bounces):
+            p, t = confidence[bounces == count], true[bounces == count]
+            kept = p >= 0.5
+            figures = t.mean(), p.mean(), calibration_error(p, t), kept[t].mean(), t[kept].mean() if kept.any() else 1.0
+            made.add_row(engine, str(count), str(t.size), *(f"{value:.3f}" for value in figures))
+    return made
+
+
+def main() -> None:
+    """Fit and judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    rays = [family.name for family in FAMILIES.values() if family.engine == "rays" and family.name != "empty"]
+    parser.add_argument("--fit", default="30:32")
+    parser.add_argument("--judge", default="40:42")
+    parser.add_argument("--family", nargs="+", default=rays)
+    parser.add_argument("--radar", nargs="+")
+    parser.add_argument("--sweeps", type=Path)
+    given = parser.parse_args()
+
+    def collected(seeds: str) -> list[Points]:
+        first, end = map(int, seeds.split(":"))
+        tasks = [
+            Task(FAMILIES[name], radar, seed, ("ours",), given.sweeps)
+            for name in given.family
+            for radar in radars_of(FAMILIES[name])
+            if given.radar is None or radar.name in given.radar
+            for seed in range(first, end)
+        ]
+        return [points_of(task) for task in tasks]
+
+    console = Console()
+    fit, judge = collected(given.fit), collected(given.judge)
+    weights = fitted(fit)
+    for kind, values in weights.items():
+        console.print(f"{kind}: {values}, now {list(WEIGHTS[kind])}")
+    console.print(table(judge, f"as it stands, seeds {given.judge}"))
+    console.print(table(judge, f"with these weights, seeds {given.judge}", weights))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""The points of a reconstruction that count."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.arguments import shown
+from mirrorfold.errors import InputError
+
+
+def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
+    """Points of at least that confidence, which are drawn, scored and exported; by default as it was folded.
+
+    Of files of earlier versions, whose confidence is no probability, all points count unless one is asked for.
+
+    Raises
+    ------
+    InputError
+        If the confidence is no number from 0 to 1.
+    """
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if min_confidence is None:
+        min_confidence = float(reconstruction.attrs.get("fold_min_confidence", 0.0))
+    elif not _is_probability(min_confidence):
+        raise InputError(f"min_confidence is {shown(min_confidence)}, expected a probability from 0 to 1")
+    return objects.isel(point=objects["confidence"].values >= min_confidence) if min_confidence > 0.0 else objects
+
+
+def _is_probability(value: object) -> bool:
+    return isinstance(value, int | float | np.number) and 0.0 <= float(value) <= 1.0
+
+
+def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
+    """A reconstruction with those points alone."""
+    kept = reconstruction.copy()
+    kept["/objects"] = xr.DataTree(shown_points(reconstruction, min_confidence))
+    return kept
