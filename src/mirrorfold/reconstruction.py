@@ -45,6 +45,7 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import Found, assign_echoes
+from mirrorfold.tree.copies import copies
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known
 from mirrorfold.tree.misplaced import misplaced as comes_from_elsewhere
@@ -301,8 +302,9 @@ def find_tree(
     while True:
         order, seen = _agreed(view, echoes, settings, known, walls)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-        new = ~trusted & sight.clear(echoes)
-        ghost = np.zeros_like(new)
+        clear = sight.clear(echoes)
+        ghost = clear & copies(order, seen) if settings.copies else np.zeros_like(clear)
+        new = ~trusted & clear & ~ghost
         if misplaced is not None and new.any():
             ghost[new] = misplaced(echoes.take(new))
         if not ghost.any():
@@ -323,6 +325,11 @@ def _agreed(
         tested, length = not settings.published, settings.minimum_length
         mirrors = find_mirrors(view, echoes, minimum_length=length, tested=tested, known=known)
         order = order_mirrors(mirrors, view, echoes, settings, walls)
+        if (
+            known is None and settings.opaque and (own := order.itself()).any()
+        ):  # the antennas are opaque, but no mirror of the scene
+            kept = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
+            order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break

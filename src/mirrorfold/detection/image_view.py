@@ -120,6 +120,14 @@ class ImageView(View):
         _, u = self.to_polar(echoes.position[echoes.strong])
         return np.abs(self.u) <= np.abs(u).max(initial=0.0)
 
+    def on_radar(self, points: Array, reach: Array | float) -> Mask:
+        """Which points stand that close [m] to the line that the array takes up."""
+        if not np.isfinite(self.wavelength):
+            return super().on_radar(points, reach)
+        half = 0.5 * self.wavelength * max(self.aperture_tx, self.aperture_rx)
+        offset = np.abs((points - self.radar) @ self.frame.T)
+        return np.asarray(np.hypot(np.maximum(offset[:, 0] - half, 0.0), offset[:, 1]) <= reach)
+
     @property
     def covered_angle(self) -> float:
         """How far in u to either side an object hides what is behind it."""
@@ -199,7 +207,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
         aperture /= wavelength
         # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
         u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
-        farthest = min(farthest, float(attrs.get("ambiguous_range", farthest)))
+        # The main lobe of what stands at the radar itself reaches a cell below the ambiguous range.
+        farthest = min(farthest, float(attrs.get("ambiguous_range", np.inf)) - range_cell)
     else:
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)

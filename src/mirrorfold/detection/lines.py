@@ -40,6 +40,10 @@ their main lobe is taken, the cell's own definition; and the power, over the med
 DEEP = 0.18
 """A line this many range cells behind the face of its wall is moved to it: that of a thin wall seems less deep."""
 
+STRAY = 0.25
+"""The centres of power of a wall that scatters inside stray from speckle to speckle by half its depth or more. Where
+they stray by less than this share of it, the echo is drawn out alike all along: the pulse rings, and not the wall."""
+
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
 that are tried: over all of it, and between the neighbours of the best."""
@@ -110,9 +114,9 @@ class _Lines(Search[LineMirror]):
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
         row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
-        mirror, _ = refined(longer, self.view, *LOBE)
+        mirror, stray = refined(longer, self.view, *LOBE)
         depth = front_depth(mirror, self.view)
-        if depth < DEEP * self.view.range_cell:
+        if depth < DEEP * self.view.range_cell or stray < STRAY * depth:
             return mirror
         front = mirror.center - depth * mirror.inward(self.view)
         return _parallel_to_speckle(mirror.moved(mirror.normal, front), self.view)

@@ -56,6 +56,13 @@ class FoldSettings(Settings):
         kind="bool",
         label="objects are opaque",
     )
+    copies: bool = setting(
+        True,
+        "Whether echoes are left out that follow stronger ones as most strong ones are followed at that delay: copies "
+        "that the tail of the pulse makes, or a layer in the wall of a mirror.",
+        kind="bool",
+        label="copies are left out",
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
@@ -70,6 +77,8 @@ class FoldSettings(Settings):
 
 PRESETS = {
     "default": FoldSettings(),
-    "published": FoldSettings(normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, published=True),
+    "published": FoldSettings(
+        normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, copies=False, published=True
+    ),
 }
 """`published` is the algorithm of Cui and Trichopoulos (2024), for comparison."""
