@@ -299,11 +299,12 @@ def find_tree(
     """
     mixed = np.empty((0, view.dimensions))
     trusted = np.zeros(len(echoes), dtype=bool)
+    repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         order, seen = _agreed(view, echoes, settings, known, walls)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
-        ghost = clear & copies(order, seen) if settings.copies else np.zeros_like(clear)
+        ghost = clear & copies(order, seen) if repeated else np.zeros_like(clear)
         new = ~trusted & clear & ~ghost
         if misplaced is not None and new.any():
             ghost[new] = misplaced(echoes.take(new))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 
@@ -56,3 +57,28 @@ def test_the_array_sees_its_own_surface(found):
     for bounces in (0, 1):
         _, image = objects(found, bounces)
         assert not np.any((np.abs(image[:, 0]) < 16.0) & (image[:, 1] > 75.0))
+
+
+@pytest.mark.slow
+def test_side_lobes_of_a_bright_echo_seen_from_the_air_are_no_mirror(shared_data):
+    """One antenna that sends and hears: its side lobes fall as slowly as those of one array, not of two."""
+    image = mf.focus(
+        mf.import_data(sorted((shared_data / "gotcha").glob("*.mat")), mapping="gotcha"),
+        x=np.arange(-50.0, 50.0, 0.25),
+        y=np.arange(-50.0, 50.0, 0.25),
+    )
+    found = mf.fold(image)
+    assert "no mirror was found: no straight row of echoes is 6.1" in found.attrs["remark"]
+    table = found["objects"].to_dataset(inherit=False)
+    assert not table["bounces"].any()
+    brightest = table.isel(point=int(table["amplitude"].argmax("point")))
+    assert np.hypot(brightest["x"] + 15.5, brightest["y"] - 21.5) < 0.7
+
+
+def test_antennas_around_a_scene_see_no_mirror_in_it(shared_data):
+    scans = [mf.import_data(shared_data / f"merit/B0_P3_p0{n}.csv", mapping="merit") for n in ("00", "36")]
+    difference = scans[0].assign(s=scans[0]["s"] - scans[1]["s"]).assign_attrs(wave_speed=speed_of_light / 8.0**0.5)
+    pixels = np.arange(-0.07, 0.07, 0.002)
+    found = mf.fold(mf.focus(difference, x=pixels, y=pixels, z=0.0275))
+    assert found.attrs["remark"].startswith("no mirror was found: ")
+    assert not found["mirrors"].sizes["mirror"]
