@@ -121,13 +121,19 @@ class ImageView(View):
         _, u = self.to_polar(echoes.position[echoes.strong])
         return np.abs(self.u) <= np.abs(u).max(initial=0.0)
 
+    @property
+    def glint(self) -> float:
+        """Length [m] of the row that a smooth wall facing the array shows: as long as the array, for each transmitter
+        and receiver see the wall halfway between them; infinite where the array is not known.
+        """
+        return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
+
     def on_radar(self, points: Array, reach: Array | float) -> Mask:
         """Which points stand that close [m] to the line that the array takes up."""
         if not np.isfinite(self.wavelength):
             return super().on_radar(points, reach)
-        half = 0.25 * self.wavelength * (self.aperture_tx + self.aperture_rx)
         offset = np.abs((points - self.radar) @ self.frame.T)
-        return np.asarray(np.hypot(np.maximum(offset[:, 0] - half, 0.0), offset[:, 1]) <= reach)
+        return np.asarray(np.hypot(np.maximum(offset[:, 0] - 0.5 * self.glint, 0.0), offset[:, 1]) <= reach)
 
     @property
     def covered_angle(self) -> float:

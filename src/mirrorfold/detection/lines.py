@@ -16,6 +16,10 @@ from mirrorfold.detection.line_mirror import LineMirror
 MINIMUM_CELLS = 7.75
 """Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
 
+GLINT, GLINT_CELLS = 0.9, 4.0
+"""A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
+long: the glint of a bulging thing of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
+
 GAP_CELLS = 3.0
 """A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
 
@@ -92,6 +96,12 @@ class _Lines(Search[LineMirror]):
         gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
         run = np.concatenate([[0], np.cumsum(gap)])
         return order[run == np.argmax(np.bincount(run, weights=weight[order]))]
+
+    def shortest(self, mirror: LineMirror) -> float:
+        """As given, or where the mirror faces the radar as long as its glint, if that is told from that of a point."""
+        glint, foot = GLINT * self.view.glint, float(mirror.along(self.view.radar))
+        told = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
+        return min(self.minimum_length, glint) if told and 0.0 <= foot <= mirror.length else self.minimum_length
 
     def passes(self, mirror: LineMirror) -> bool:
         """Whether its echoes fill it and outweigh those in a band of the same width in front of it."""
