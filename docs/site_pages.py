@@ -36,6 +36,7 @@ SITE = ("index", "quickstart", "performance", "glossary")
 ORDER = (
     "focusing",
     "folding",
+    "aluminium",
     "benchmarks",
     "raster",
     "fullwave",

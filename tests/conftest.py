@@ -35,7 +35,7 @@ roughness = {rms_height = 0.05e-3, correlation_length = 0.2e-3}
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of data sets that tests may read but the project does not hold."""
     if not SHARED_DATA.is_dir():

@@ -45,6 +45,7 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import Found, assign_echoes
+from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import MIXED, Known, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
@@ -289,10 +290,14 @@ def find_tree(
     every, index = echoes, np.arange(len(echoes))
     explanation = np.full(len(echoes), "", dtype=object)
     trusted = np.zeros(len(echoes), dtype=bool)
+    repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         order, seen = _agreed(view, echoes, settings, known, walls)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-        new = ~trusted & sight.clear(echoes)
+        clear = sight.clear(echoes)
+        if repeated:
+            explanation[index[clear & copies(order, seen)]] = COPY
+        new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
             explanation[index[new]] = explain(echoes.take(new))
         stays = explanation[index] == ""
@@ -314,6 +319,11 @@ def _agreed(
         tested, length = not settings.published, settings.minimum_length
         mirrors = find_mirrors(view, echoes, minimum_length=length, tested=tested, known=known)
         order = order_mirrors(mirrors, view, echoes, settings, walls)
+        if (
+            known is None and settings.opaque and (own := order.itself()).any()
+        ):  # the antennas are opaque, but no mirror of the scene
+            kept = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
+            order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break

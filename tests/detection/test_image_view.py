@@ -6,6 +6,8 @@ the tests of the later steps use them too.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,6 +18,7 @@ from scipy.constants import speed_of_light
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image
 
 import mirrorfold as mf
+from mirrorfold.detection.image_echoes import side_lobes
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView, to_image_view
 from mirrorfold.detection.view import check_samples
 from mirrorfold.sweep import make_sweep
@@ -147,7 +150,8 @@ def test_the_view_ends_at_the_ambiguous_range_and_at_the_image():
     image = gaussian_image([], *GRID)
     farthest = np.hypot(GRID[0][0], GRID[1][-1])
     assert to_image_view(image).range[-1] == pytest.approx(farthest, abs=0.011)
-    assert to_image_view(image.assign_attrs(ambiguous_range=1.0)).range[-1] == pytest.approx(1.0, abs=0.011)
+    wrapped = to_image_view(image.assign_attrs(ambiguous_range=1.0))
+    assert wrapped.range[-1] == pytest.approx(1.0 - wrapped.range_cell, abs=wrapped.dr)
     assert to_image_view(image).range[0] == pytest.approx(0.5, abs=0.011)
     assert np.abs(to_image_view(image).u).max() <= LARGEST_SINE
 
@@ -229,3 +233,31 @@ def test_an_image_smaller_than_a_resolution_cell_is_refused():
 def test_an_unknown_normalization_is_refused_with_the_known_ones(image):
     with pytest.raises(mf.InputError, match=r"'r3', expected one of none, r, r2"):
         to_image_view(image, normalization="r3")
+
+
+def test_a_scene_far_away_is_seen_in_the_cells_of_its_ground():
+    """From 45 degrees above, ranges differ by less than distances on the ground; ranges count from the scene's own."""
+    x = y = np.arange(-40.0, 40.0, 0.25)
+    known = {"frequency_start": 9.3e9, "frequency_stop": 9.9e9, "frequency_points": 401, "tx_aperture": 400.0}
+    known |= {"rx_aperture": 400.0, "ambiguous_range": 100.0, "array_direction": (1.0, 0.0, 0.0)}
+    image = xr.DataArray(np.ones((y.size, x.size)), dims=("y", "x"), coords={"y": y, "x": x}, attrs=known)
+    flat, steep = (to_image_view(image.assign_attrs(radar_position=(0.0, -5000.0, h))) for h in (0.0, 5000.0))
+    assert flat.range[[0, -1]] == pytest.approx([4960.0, 5040.0], abs=1.0)
+    assert steep.range_cell / flat.range_cell == pytest.approx(np.sqrt(2.0), rel=0.01)
+    assert np.abs(flat.to_points(flat.range[-1], flat.u[[0, -1]])[:, 0]) == pytest.approx(40.0, abs=1.0)
+
+
+def test_one_antenna_that_sends_and_hears_resolves_as_one_array_of_twice_the_length():
+    image = gaussian_image([], *GRID).assign_attrs(frequency_start=290e9, frequency_stop=300e9, frequency_points=401,
+                                                   tx_aperture=0.08, rx_aperture=0.08)  # fmt: skip
+    two, one = to_image_view(image), to_image_view(image.assign_attrs(monostatic=True))
+    assert two.u_cell / one.u_cell == pytest.approx(np.sqrt(2.0))
+    far = 0.2
+    level = {}
+    for name, view in (("two", two), ("one", one)):
+        seen = replace(view, amplitude=np.zeros((3, view.u.size)))
+        seen.amplitude[1, view.column(np.array(-0.1))] = 1.0
+        level[name] = side_lobes(seen)[1, view.column(np.array(-0.1 + far))]
+    lobes = np.pi * 0.08 / two.wavelength * far
+    assert level["two"] == pytest.approx(lobes**-2, rel=0.4)
+    assert level["one"] == pytest.approx(0.5 / lobes, rel=0.4)

@@ -56,8 +56,10 @@ def test_the_mirrors_that_were_found_fold_to_the_same_scene_when_they_are_given(
     assert len(ends(found)) == 1
     assert_allclose(ends(given), ends(found))
     assert_allclose(given["intensity"], found["intensity"])
-    for name in ("x", "y", "bounces", "confidence"):
+    for name in ("x", "y", "bounces"):
         assert_allclose(points(given)[name], points(found)[name])
+    # A given mirror is taken to stand where it is drawn.
+    assert_allclose(points(given)["confidence"], points(found)["confidence"], atol=0.05)
     assert given.attrs["mirrors_given"]
     assert not found.attrs["mirrors_given"]
 

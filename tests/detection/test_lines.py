@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from profiles import examples
-from synthetic import diffuse, empty_view, radar_view, together
+from synthetic import WAVELENGTH, diffuse, empty_view, envelope, radar_view, together
 
 from mirrorfold.common.geometry import cross2
 from mirrorfold.detection import find_mirrors
@@ -374,3 +374,16 @@ def test_faint_echoes_are_no_evidence_but_continue_a_mirror():
     assert find_mirrors(view, replace(echoes, strong=np.zeros_like(outer))) == []
     (mirror,) = find_mirrors(view, faded)
     assert mirror.length == pytest.approx(np.hypot(1.0, 0.2), abs=0.05)
+
+
+@pytest.mark.parametrize(("incidence", "count"), [(0.0, 1), (20.0, 0)])
+def test_a_short_row_is_a_mirror_where_it_faces_a_long_array(incidence, count):
+    """16 cm, 5 cells: the glint of a smooth wall before an array of 15 cm; too little for a wall that is seen askew."""
+    view = replace(empty_view(), wavelength=WAVELENGTH)
+    aperture = 0.15 / WAVELENGTH
+    view = replace(view, aperture_tx=aperture, aperture_rx=aperture, u_cell=1.207 / np.hypot(aperture, aperture))
+    ends = wall_at(np.array([0.0, 1.0]), incidence, 0.16)
+    seen = np.abs(envelope(view, *diffuse(*ends, seed=3)))
+    noise = NOISE * np.abs(np.random.default_rng(2).standard_normal(seen.shape)) * view.range[:, None]
+    view = replace(view, amplitude=seen + noise)
+    assert len(find_mirrors(view, find_ridges(view))) == count

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
+from functools import cache
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scans import ball, panel, scene
+from scipy.constants import speed_of_light
 from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
@@ -98,3 +104,68 @@ def test_a_radar_at_79_ghz_sees_around_a_corner_too():
     assert score["hidden"]["points"] > 5
     assert score["hidden"]["precision_5cm"] > 0.8
     assert score["hidden"]["invented_fraction"] < 0.1
+
+
+# From the sweep: the grid, the focusing, the tests of paths and waves, too.
+
+ANTENNAS, FREQUENCY = 48, np.linspace(74e9, 84e9, 121)
+PITCH = 0.5 * speed_of_light / FREQUENCY.mean()
+PLACES = PITCH * (np.arange(ANTENNAS) - 0.5 * (ANTENNAS - 1))[:, None] * [1.0, 0.0, 0.0]
+
+
+@cache
+def samples():
+    """Of a wall and two objects seen in it, in noise: S = A^T diag(sigma) A with spherical waves A."""
+    wall = np.array([[0.1, 1.15], [0.85, 0.75]])
+    hidden = reflect(np.array([[0.5, 0.25], [0.55, 0.3]]), wall[0], segment_normal(*wall))
+    place, amplitude = together(diffuse(*wall, seed=1), (hidden, np.full(2, 60.0 + 0j)))
+    way = np.linalg.norm(PLACES[:, None, :2] - place, axis=-1)
+    wave = np.exp(-2j * np.pi / speed_of_light * FREQUENCY[:, None, None] * way) / np.sqrt(way)
+    s = (wave * amplitude) @ wave.swapaxes(1, 2)
+    noise = np.random.default_rng(4).standard_normal((2, *s.shape))
+    return (s + 0.3 * (noise[0] + 1j * noise[1])).astype(np.complex64)
+
+
+def reconstructed(factor, *, faster=False):
+    """Scene and array as many times as large; the waves as many times as long, by their frequency or their speed."""
+    speed, frequency = (factor, FREQUENCY) if faster else (1.0, FREQUENCY / factor)
+    antennas = factor * PLACES
+    with warnings.catch_warnings():  # of waves that are neither light nor sound
+        warnings.simplefilter("ignore")
+        sweep = mf.make_sweep(samples(), frequency=frequency, tx_position=antennas, rx_position=antennas)
+        return mf.reconstruct(sweep.assign_attrs(wave_speed=speed * speed_of_light), tolerance=1e-5)
+
+
+once = cache(reconstructed)
+
+
+def assert_scaled(there, here, factor, rounding):
+    """Whether lengths are `factor` times as large and all else is the same, to `rounding` metres of the first."""
+    assert here["mirrors"].sizes["mirror"] == there["mirrors"].sizes["mirror"] == 1
+    assert set(points(here)["bounces"].values) == {0, 1}
+    for name in ("chain", "surface", "bounces"):
+        assert_array_equal(points(there)[name], points(here)[name])
+    for name in ("x", "y", "x_initial", "y_initial"):
+        assert_allclose(points(there)[name] / factor, points(here)[name], rtol=0.0, atol=rounding)
+    for name in ("x0", "y0", "x1", "y1", "folded_x1", "offset_error", "depth"):
+        assert_allclose(there[f"mirrors/{name}"] / factor, here[f"mirrors/{name}"], rtol=0.0, atol=rounding)
+    for name in ("fold_minimum_length", "fold_wall_margin"):
+        assert there.attrs[name] / factor == pytest.approx(here.attrs[name], rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("faster", [False, True])
+@pytest.mark.parametrize("power", [-10, 1, 10])
+def test_a_sweep_of_everything_larger_by_a_power_of_two_gives_the_same_picture_to_the_bit(power, faster):
+    here, there = once(1.0), reconstructed(2.0**power, faster=faster)
+    assert_array_equal(there["initial/initial"], 2.0**power * here["initial/initial"])
+    assert_scaled(there, here, 2.0**power, 1e-14)
+    assert_allclose(points(there)["confidence"], points(here)["confidence"], rtol=1e-6)
+
+
+@pytest.mark.slow
+@settings(max_examples=3)
+@given(exponent=st.floats(-3.0, 3.0))
+def test_a_sweep_of_everything_larger_gives_everything_larger(exponent):
+    """To the tolerance of the image, 1e-5, in resolution cells of 3 cm by 3.6 cm a metre away."""
+    assert_scaled(reconstructed(10.0**exponent), once(1.0), 10.0**exponent, 4e-7)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import main
@@ -154,6 +155,13 @@ def test_the_aluminium_block_shows_its_notch_and_its_back_wall(shared_data):
     notch_y, notch_x = brightest(image.sel(y=slice(15e-3, 30e-3)))
     assert notch_x == pytest.approx(7e-3, abs=0.5e-3)
     assert notch_y == pytest.approx(20e-3, abs=0.5e-3)
+
+
+def test_files_of_a_known_kind_need_no_mapping(shared_data):
+    """Their variables are those of one mapping that comes along: they are loaded as if it had been named."""
+    path = shared_data / "arim/contact_notch_aluminium.mat"
+    found = mf.load(path)
+    xr.testing.assert_identical(found, mf.import_data(path, mapping="arim"))
 
 
 @pytest.mark.parametrize("name", ["corner-reflector", "large_tank", "cargo_20_feet"])

@@ -33,7 +33,9 @@ class ReconstructionFacts(Sized):
     points: int = fact("of objects and on the faces of mirrors, of those that are not doubted")
     points_on_mirrors: int = fact("those on the faces of mirrors")
     points_by_bounces: dict[str, int]
-    left_out: int = fact("echoes by mixed paths or from beyond the ambiguous range, which stood where nothing is")
+    left_out: int = fact(
+        "echoes where nothing stands: by mixed paths, from beyond the ambiguous range, or copies of others"
+    )
     doubted: int = fact("points of less than the least confidence, which are not drawn, scored or exported")
     points_by_frame: list[int] = fact("of a recording", default=LEFT_OUT)
     mirrors: list[MirrorFacts]
@@ -52,8 +54,8 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
     bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
     mirrors = mirror_table(reconstruction)
     remarks = []
-    if not mirrors:
-        remarks.append("No mirror was found; the image is unfolded.")
+    if said := str(reconstruction.attrs.get("remark", "" if mirrors else "no mirror was found; the image is unfolded")):
+        remarks.append(f"{said[0].upper()}{said[1:]}.")
     if not objects.sizes.get("point", 0):
         remarks.append("No object was found.")
     recording: dict[str, Any] = {}

@@ -79,6 +79,10 @@ class Search(ABC, Generic[M]):
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[M, Index]:
         """The mirror that echoes near a line or plane make up, unbroken, and those of them that lie on it."""
 
+    def shortest(self, mirror: M) -> float:
+        """Least length [m] of that mirror, or width and height."""
+        return self.minimum_length
+
     @abstractmethod
     def passes(self, mirror: M) -> bool:
         """Whether a large and flat mirror passes the tests of its kind, too."""
@@ -133,7 +137,7 @@ class Search(ABC, Generic[M]):
                 return None, near
             if i < ROUNDS:
                 normal, center = flat(points[member], self.weight[member] / square[member])
-        if np.ptp(mirror.sides, axis=1).min() < self.minimum_length:
+        if np.ptp(mirror.sides, axis=1).min() < self.shortest(mirror):
             return None, member
         on_it = self.echoes.take(member)
         mirror = replace(mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))

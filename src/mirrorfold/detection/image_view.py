@@ -56,7 +56,8 @@ class ImageView(View):
     u_cell : float
         Width of the resolution cells in u between half-amplitude points.
     aperture_tx, aperture_rx : float
-        Lengths of the arrays in mean wavelengths; what makes the side lobes in u.
+        Lengths of the arrays in mean wavelengths; what makes the side lobes in u. Of one antenna that both sends and
+        hears, twice its way, and zero.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -121,6 +122,20 @@ class ImageView(View):
         return np.abs(self.u) <= np.abs(u).max(initial=0.0)
 
     @property
+    def glint(self) -> float:
+        """Length [m] of the row that a smooth wall facing the array shows: as long as the array, for each transmitter
+        and receiver see the wall halfway between them; infinite where the array is not known.
+        """
+        return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
+
+    def on_radar(self, points: Array, reach: Array | float) -> Mask:
+        """Which points stand that close [m] to the line that the array takes up."""
+        if not np.isfinite(self.wavelength):
+            return super().on_radar(points, reach)
+        offset = np.abs((points - self.radar) @ self.frame.T)
+        return np.asarray(np.hypot(np.maximum(offset[:, 0] - 0.5 * self.glint, 0.0), offset[:, 1]) <= reach)
+
+    @property
     def covered_angle(self) -> float:
         """How far in u to either side an object hides what is behind it."""
         return COVERED_CELLS * self.u_cell
@@ -162,9 +177,9 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     """Resample an image to the radar's view and undo the spreading with range.
 
     The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
-    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], and `normalization`
-    what was undone already. Where they are missing, the radar stands at the origin with its array along x, and two
-    pixels make a resolution cell.
+    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], `monostatic` where
+    one antenna sends and hears, and `normalization` what was undone already. Where they are missing, the radar stands
+    at the origin with its array along x, and two pixels make a resolution cell.
     Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
     "r": line sources spread as ``1/sqrt(r)``, there and back.
 
@@ -179,13 +194,15 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
         raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
     attrs = image.attrs
     x, y = image["x"].values.astype(float), image["y"].values.astype(float)
-    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float)[:2]
+    place = np.append(np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float), 0.0)
+    radar, height = place[:2], float(place[2] - image.coords.get("z", 0.0))
     along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
     broadside = np.array([-along[1], along[0]])
     corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
     broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
 
     pixel = max(x[1] - x[0], y[1] - y[0])
+    nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
     farthest = float(np.linalg.norm(corners, axis=1).max())
     points = int(attrs.get("frequency_points", 0))
     aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
@@ -195,19 +212,29 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
         speed = float(attrs.get("wave_speed", speed_of_light))
         wavelength = speed / (0.5 * (low + high))
         # A Hann taper over the band makes the half-amplitude width twice that of the ideal c/(2B).
-        range_cell = max(speed / ((high - low) * points / (points - 1)), 2.0 * pixel)
+        range_cell = speed / ((high - low) * points / (points - 1))
         aperture /= wavelength
+        if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
+            aperture = np.array([aperture.sum(), 0.0])
         # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
         u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
-        farthest = min(farthest, float(attrs.get("ambiguous_range", farthest)))
+        # Far away, ranges count from that of the scene on. The main lobe of what stands at the radar itself reaches a
+        # cell below the ambiguous range.
+        ambiguous = float(attrs.get("ambiguous_range", np.inf))
+        farthest = min(farthest, ambiguous - range_cell if nearest < ambiguous else nearest + ambiguous)
+        # On the ground, what is seen from above is resolved as far as the slanting range grows.
+        slant = float(np.hypot(1.0, height / farthest))
+        range_cell, u_cell = max(slant * range_cell, 2.0 * pixel), slant * u_cell
     else:
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
         aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
-    nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
     range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
     half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
-    u = np.arange(-half, half + 1) * (u_cell / SAMPLES_PER_CELL)
+    ahead = corners @ broadside
+    sides = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
+    u_step = u_cell / SAMPLES_PER_CELL
+    u = u_step * np.arange(max(-half, np.floor(sides.min() / u_step)), min(half, np.ceil(sides.max() / u_step)) + 1)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
@@ -215,7 +242,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     where = view.to_points(range_[:, None], u[None, :])
     pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
     if np.iscomplexobj(image.values) and np.isfinite(wavelength):
-        distance = np.hypot(x[None, :] - radar[0], y[:, None] - radar[1])
+        distance = np.sqrt((x[None, :] - radar[0]) ** 2 + (y[:, None] - radar[1]) ** 2 + height**2)
         values = image.values * np.exp(-4j * np.pi / wavelength * distance).astype(np.complex64)
         parts = (map_coordinates(part, pixels, order=3, output=np.float32) for part in (values.real, values.imag))
         amplitude = np.hypot(*parts)

@@ -16,6 +16,10 @@ from mirrorfold.detection.line_mirror import LineMirror
 MINIMUM_CELLS = 7.75
 """Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
 
+GLINT, GLINT_CELLS = 0.9, 4.0
+"""A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
+long: the glint of a bulging thing of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
+
 GAP_CELLS = 3.0
 """A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
 
@@ -39,6 +43,10 @@ their main lobe is taken, the cell's own definition; and the power, over the med
 
 DEEP = 0.18
 """A line this many range cells behind the face of its wall is moved to it: that of a thin wall seems less deep."""
+
+STRAY = 0.25
+"""The centres of power of a wall that scatters inside stray from speckle to speckle by half its depth or more. Where
+they stray by less than this share of it, the echo is drawn out alike all along: the pulse rings, and not the wall."""
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
@@ -89,6 +97,12 @@ class _Lines(Search[LineMirror]):
         run = np.concatenate([[0], np.cumsum(gap)])
         return order[run == np.argmax(np.bincount(run, weights=weight[order]))]
 
+    def shortest(self, mirror: LineMirror) -> float:
+        """As given, or where the mirror faces the radar as long as its glint, if that is told from that of a point."""
+        glint, foot = GLINT * self.view.glint, float(mirror.along(self.view.radar))
+        told = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
+        return min(self.minimum_length, glint) if told and 0.0 <= foot <= mirror.length else self.minimum_length
+
     def passes(self, mirror: LineMirror) -> bool:
         """Whether its echoes fill it and outweigh those in a band of the same width in front of it."""
         short = np.clip(2.0 - mirror.length / self.minimum_length, 0.0, 1.0)
@@ -110,9 +124,9 @@ class _Lines(Search[LineMirror]):
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
         row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
-        mirror, _ = refined(longer, self.view, *LOBE)
+        mirror, stray = refined(longer, self.view, *LOBE)
         depth = front_depth(mirror, self.view)
-        if depth < DEEP * self.view.range_cell:
+        if depth < DEEP * self.view.range_cell or stray < STRAY * depth:
             return mirror
         front = mirror.center - depth * mirror.inward(self.view)
         return _parallel_to_speckle(mirror.moved(mirror.normal, front), self.view)

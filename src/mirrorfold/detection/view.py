@@ -98,6 +98,10 @@ class View(ABC):
         """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
         return np.ones(len(self.sight), dtype=bool)
 
+    def on_radar(self, points: Array, reach: Array | float) -> Mask:
+        """Which points (n, d) stand no farther than `reach` [m] from the antennas; none where these are not known."""
+        return np.zeros(len(points), dtype=bool)
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of directions along each axis."""

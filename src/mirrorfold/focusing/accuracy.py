@@ -29,7 +29,7 @@ def measured_error(
         return float("inf")
     radar = 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
     dx, dy, dz = (axis - radar[n] for n, axis in enumerate((problem.x, problem.y, problem.z)))
-    length = max(float(np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max()), 1e-9)
+    length = max(float(np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max()), 1.0 / float(problem.k.max()))
     near = dz[:, None, None] ** 2 + dy[None, :, None] ** 2 + dx[None, None, :] ** 2 + length**2
     near = 1.0 / near.ravel()
     near_total = float(near.sum())

@@ -93,7 +93,7 @@ def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
     settings, plans = FocusSettings().with_given(**given), PlanCache()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        problem = make_problem(check_measurement(geometry), settings)
+        problem = make_problem(check_measurement(geometry), settings).in_wavelengths
     best = plans.options(problem, float(settings.tolerance))[0]
     if best.fast:
         with suppress(UnsuitedError):

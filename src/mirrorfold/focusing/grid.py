@@ -41,7 +41,8 @@ class Extent:
     ambiguous_range : float [m]
         ``c / (2 df)``; infinite for a single frequency.
     near : float [m]
-        Where the grid may begin: in front of every antenna.
+        Where the grid may begin: in front of every antenna, as far as the array is long. What the antennas hear of each
+        other directly seems to come from half as far, in a solid as a surface wave from nearly as far.
     aperture : float [m]
         Length of the two-way array: half of the transmitters' length plus half of the receivers'.
     """
@@ -66,7 +67,7 @@ def extent(frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_
         range_resolution=range_resolution,
         angle_resolution=wavelength / (2.0 * aperture) if aperture > 0.0 else 1.0,
         ambiguous_range=ambiguous,
-        near=front + max(range_resolution, 2.0 * aperture, 2.0 * wavelength),
+        near=front + max(range_resolution, aperture, 2.0 * wavelength),
         aperture=aperture,
     )
 

@@ -86,7 +86,7 @@ def focus(
     start = time.perf_counter()
     tolerance = float(settings.tolerance)
     images, error, algorithm = _focus_frames(
-        problem, frames, tolerance, plan_cache if plans is None else plans, progress
+        problem.in_wavelengths, frames, tolerance, plan_cache if plans is None else plans, progress
     )
     seconds = time.perf_counter() - start
     if settings.normalization != "none":

@@ -13,7 +13,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.sweep import wave_speed
+from mirrorfold.sweep import is_monostatic, wave_speed
 
 
 class Labels:
@@ -92,6 +92,8 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
         "rx_aperture": float(np.linalg.norm(np.ptp(problem.rx, axis=0))),
         "wave_speed": wave_speed(sweep),
     }
+    if is_monostatic(sweep):
+        attrs["monostatic"] = True
     for name in ("title", "instrument"):
         if name in sweep.attrs:
             attrs[name] = sweep.attrs[name]

@@ -68,11 +68,12 @@ class FocusPlan:
         sweep = at_chosen_speed(check_measurement(sweep), settings)
         self._problem = make_problem(sweep, settings)
         self.tolerance = float(settings.tolerance)
-        noise = white_noise(self._problem)
-        proven = prove(self._problem, self.tolerance, noise, plan_cache if plans is None else plans, FRAMES)
+        self._scaled = self._problem.in_wavelengths
+        noise = white_noise(self._scaled)
+        proven = prove(self._scaled, self.tolerance, noise, plan_cache if plans is None else plans, FRAMES)
         self._fast = None if proven is None else proven.plan
         exact_tolerance = EXACT_SHARE * self.tolerance
-        self.error = exact_kernel_error(self._problem, noise, exact_tolerance) if proven is None else proven.error
+        self.error = exact_kernel_error(self._scaled, noise, exact_tolerance) if proven is None else proven.error
         self._labels = Labels(sweep, self._problem, settings)
         self.x, self.y, self.z = self._problem.x, self._problem.y, self._problem.z
         self.build_time = time.perf_counter() - start
@@ -137,7 +138,7 @@ class FocusPlan:
                 "transpose it to (frequency, tx, rx) or make a plan of its own"
             )
         if self._fast is None:
-            image = focus_exact(self._problem, data, EXACT_SHARE * self.tolerance, progress)
+            image = focus_exact(self._scaled, data, EXACT_SHARE * self.tolerance, progress)
         else:
             image = self._fast(data, progress)
         return image[0] if self._problem.z.size == 1 else image

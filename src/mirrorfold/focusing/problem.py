@@ -13,8 +13,8 @@ from mirrorfold.common.types import Array, Complex
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 
-COINCIDENT_TOLERANCE = 1e-9
-"""Two antennas closer than this [m] are one: a phase of 1e-5 rad at 1 THz."""
+COINCIDENT_PHASE = 1e-5
+"""Two antennas are one where this phase [rad] is all that their distance makes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,9 @@ class Problem:
     @property
     def coincident(self) -> bool:
         """Whether the transmitters stand where the receivers stand, in the same order."""
-        return self.tx.shape == self.rx.shape and bool(np.abs(self.tx - self.rx).max() < COINCIDENT_TOLERANCE)
+        if self.tx.shape != self.rx.shape:
+            return False
+        return bool(np.abs(self.k).max() * np.abs(self.tx - self.rx).max() < COINCIDENT_PHASE)
 
     @property
     def key(self) -> bytes:
@@ -100,6 +102,13 @@ class Problem:
         """Coordinates [m] of pixels by their flat index in (z, y, x) order, shape (n, 3)."""
         iz, iy, ix = np.unravel_index(flat, self.shape)
         return np.stack([self.x[ix], self.y[iy], self.z[iz]], axis=-1)
+
+    @property
+    def in_wavelengths(self) -> Problem:
+        """The same sum with all lengths in mean wavelengths: alike for radars and scenes that differ in scale alone."""
+        turns = float(self.k.mean()) / (2.0 * np.pi)
+        lengths = {name: getattr(self, name) * turns for name in ("tx", "rx", "x", "y", "z")}
+        return replace(self, k=self.k / turns, **lengths)
 
     def reversed(self) -> Problem:
         """The same sum with transmitters and receivers exchanged."""

@@ -17,6 +17,7 @@ from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
@@ -49,7 +50,7 @@ def collect(
         "threshold": found.echoes.threshold,
         "reference": found.echoes.reference,
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
-        "remark": "" if tree.mirrors else "no mirror was found; the scene is shown unfolded",
+        "remark": _remark(found, settings),
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
@@ -60,6 +61,23 @@ def collect(
                      for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
     tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points)}
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
+
+
+def _remark(found: Found, settings: FoldSettings) -> str:
+    """Why there is no mirror; or in which the radar sees itself."""
+    echoes, sight, folds = found.echoes, found.sight, found.tree.folds()
+    if not found.tree.mirrors:
+        wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
+        why = wanted if echoes.strong.any() else "no echo stands out of noise and side lobes"
+        return f"no mirror was found: {why}; the scene is shown unfolded"
+    through = sight.seen_through(echoes.range, echoes.direction)
+    said = []
+    for index, chain in enumerate(sight.chain):
+        shown = echoes.take((through == index) & echoes.strong & echoes.visible)
+        if chain and (own := itself(sight.view, shown, folds[chain])).any():
+            away, name = float(np.median(shown.range[own])), "/".join(map(str, chain))
+            said.append(f"the radar sees itself in mirror {name}, {away:.3g} m away, and leaves this out")
+    return "; ".join(said)
 
 
 def _objects(points: Points) -> xr.Dataset:

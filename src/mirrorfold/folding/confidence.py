@@ -143,9 +143,8 @@ def _moved(mirror: Mirror, places: Array) -> Array:
     A mirror that was given is taken to stand where it was drawn.
     """
     offset, turned = places - mirror.center, np.nan_to_num(np.radians(mirror.angle_error))
-    total = np.nan_to_num(mirror.offset_error) ** 2 * np.outer(mirror.normal, mirror.normal)[None].repeat(
-        len(places), axis=0
-    )
+    square = np.nan_to_num(mirror.offset_error) ** 2 * np.outer(mirror.normal, mirror.normal)
+    total = np.repeat(square[None], len(places), axis=0)
     for tangent in mirror.tangents:
         turn = np.outer(offset @ tangent, mirror.normal) - np.outer(offset @ mirror.normal, tangent)
         total += turned**2 * np.einsum("ni,nj->nij", turn, turn)

@@ -28,7 +28,8 @@ class FoldSettings(Settings):
     minimum_length: float | None = setting(
         None,
         "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of "
-        "the nearest echoes in images, 7.5 of the middle ones in volumes.",
+        "the nearest echoes in images, 7.5 of the middle ones in volumes. A mirror that faces an array of 4.4 cells or "
+        "more may be nine tenths of it.",
         kind="float",
         unit="m",
         above=0.0,
@@ -62,6 +63,13 @@ class FoldSettings(Settings):
         kind="float",
         lowest=0.0,
     )
+    copies: bool = setting(
+        True,
+        "Whether echoes are left out that follow stronger ones as most strong ones are followed at that delay: copies "
+        "that the tail of the pulse makes, or a layer in the wall of a mirror.",
+        kind="bool",
+        label="copies are left out",
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
@@ -77,7 +85,13 @@ class FoldSettings(Settings):
 PRESETS = {
     "default": FoldSettings(),
     "published": FoldSettings(
-        normalization="r2", threshold_db=-30.0, wall_margin=0.0, opaque=False, min_confidence=0.0, published=True
+        normalization="r2",
+        threshold_db=-30.0,
+        wall_margin=0.0,
+        opaque=False,
+        copies=False,
+        min_confidence=0.0,
+        published=True,
     ),
 }
 """`published` is the algorithm of Cui and Trichopoulos (2024), for comparison."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +25,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     path : path
         A netCDF-4 file; a scene where the name ends in ``.toml``; a floor plan in ``.dxf`` or ``.geojson``; an image or
         point cloud of another tool in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see
-        `import_image`).
+        `import_image`), or a sweep that `import_data` reads without a word.
 
     Returns
     -------
@@ -49,7 +52,12 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     if path.is_file() and is_foreign(path):
         from mirrorfold.io.images import import_image
 
-        return import_image(path)
+        try:
+            return import_image(path)
+        except InputError:
+            with suppress(InputError):  # a sweep that says what it holds, or is one of the known kinds
+                return import_data(path)
+            raise
     return read(path)
 
 

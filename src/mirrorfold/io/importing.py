@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
-from mirrorfold.io.mapping import Mapping, load_mapping
+from mirrorfold.io.mapping import Mapping, load_mapping, shipped
 from mirrorfold.io.networks import held_networks
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import listed
@@ -42,7 +43,8 @@ def import_data(
         One file, files that a mapping joins, or the files or the folder of a scan, one file for each position. Networks
         of scikit-rf stand for Touchstone files of their names.
     mapping : path, name or dict, optional
-        What the variables are: a mapping file, the name of one that comes along, or its content.
+        What the variables are: a mapping file, the name of one that comes along, or its content. By default what the
+        file says itself, or the one that comes along and fits.
     positions : path or dict, optional
         Table (CSV, TOML or JSON) that says where the antennas stood for each of the files, or the content of such a
         TOML; in a folder found by itself where it is called ``positions.csv`` or ``scan.toml``.
@@ -158,6 +160,8 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
             f"{contents.path}: holds {listed(contents.spectra.parameters)} and no positions; give --positions, a "
             "table that says where the antennas stood for each file"
         )
+    if (sweep := _known(contents)) is not None:
+        return sweep
     unknown = contents.attrs.get("unknown headings")
     what = f"holds the headings {listed(map(repr, unknown))}, which are not understood" if unknown else (
         f"does not say what its variables are ({listed(contents.variables) or 'none'})"
@@ -166,6 +170,15 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
         f"{contents.path}: {what}; give --mapping FILE, which `mirrorfold import --guess {contents.path}` proposes, or "
         "--image NAME where it holds an image"
     )
+
+
+def _known(contents: Contents) -> xr.Dataset | None:
+    """The sweep in a file whose variables are those of one mapping that comes along, and of no other."""
+    found = []
+    for name in shipped():
+        with suppress(InputError):
+            found.append(assemble(contents, load_mapping(name)))
+    return found[0] if len(found) == 1 else None
 
 
 def _as_sweep(found: Any, path: Path) -> xr.Dataset:

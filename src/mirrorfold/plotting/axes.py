@@ -52,7 +52,9 @@ def halo(width: float) -> list[Any]:
 
 
 def draw_radar(ax: Axes, radar: Array) -> None:
-    """A triangle where the radar stands (2,) [m]."""
+    """A triangle where the radar stands (2,) [m], unless it is farther away than all that is shown is large."""
+    if ax.images and np.any(np.abs(radar - ax.dataLim.get_points().mean(axis=0)) > 1.5 * np.array(ax.dataLim.size)):
+        return
     ax.plot(*radar, marker="^", markersize=9, color="black", markeredgecolor="white", linestyle="none", zorder=5)
 
 

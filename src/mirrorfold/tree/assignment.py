@@ -10,7 +10,7 @@ import numpy as np
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.types import Chain, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
@@ -42,7 +42,8 @@ class Found(NamedTuple):
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
     """The tree of the mirrors with their echoes, by its root, and the lines of sight with the chains of the mirrors.
 
-    Where objects are `opaque`, echoes are left out that the radar's own view contradicts.
+    Where objects are `opaque`, echoes are left out that the radar's own view contradicts, and the radar's own antennas,
+    which a mirror shows to the radar itself.
     """
     sight = order.sight
     if opaque:
@@ -60,7 +61,8 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
             mirror = order.mirrors[index]
             chains[index] = chain
             fold = fold @ mirror.reflection
-            objects = objects.take(~sight.contradicted(objects, fold))
+            if opaque:
+                objects = objects.take(~sight.contradicted(objects, fold) & ~itself(sight.view, objects, fold))
             face = mirror.snapped(sight.view, face)
         below = tuple(node(int(child), (*chain, i), fold) for i, child in enumerate(children))
         return MirrorTree(mirror, face, objects, below, chain)

@@ -28,6 +28,9 @@ OPEN_CELLS = 3.0
 """The radar's own view is taken to be open up to this many resolution cells before and beside each echo in it: an
 object that shows its edge may show its face by way of a mirror only."""
 
+ITSELF_CELLS = 1.5
+"""What folds this close to the antennas, in the resolution cells of where it stood, is the radar itself."""
+
 ROOT = -1
 """In the place of a mirror's number: seen directly."""
 
@@ -165,6 +168,15 @@ class LinesOfSight:
         row, direction = self.view.within(points, np.maximum(margin / range_, self.view.steps.mean()))
         np.minimum.at(empty, direction, (range_ - margin)[row])
         return empty
+
+
+def itself(view: View, echoes: Echoes, fold: Isometry) -> Mask:
+    """Which echoes, folded, stand on the antennas, (n,).
+
+    In a mirror that faces it, the radar sees itself, at twice the distance of the mirror: where the antennas sit on the
+    surface of a body, that surface sends the echo of the opposite one back again.
+    """
+    return view.on_radar(fold(echoes.position), ITSELF_CELLS * view.cell(echoes.range))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

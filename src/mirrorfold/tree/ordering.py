@@ -13,7 +13,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces
 from mirrorfold.detection.view import View
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -39,6 +39,16 @@ class Order:
     mirrors: Sequence[Mirror]
     sight: LinesOfSight
     face: Index
+
+    def itself(self) -> Mask:
+        """Which mirrors are the radar's own antennas, seen in another mirror, (mirrors,)."""
+        view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
+        for index, mirror in enumerate(self.mirrors):
+            place, before = mirror.center, self.sight.parent[index]
+            while before >= 0:
+                place, before = self.mirrors[before].reflection(place), self.sight.parent[before]
+            found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
+        return found
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong` as they follow from this order."""

@@ -49,7 +49,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     along, ahead = (np.append(axis, 0.0) for axis in (view.along, view.broadside))
     places = np.concatenate([pairs.tx, pairs.rx])
     reach = float(np.linalg.norm(places, axis=1).max())
-    cell = np.pi / (centre * max(float(np.ptp(places @ along)), 1e-9))
+    cell = np.pi / max(centre * float(np.ptp(places @ along)), 1.0)
     half = int(np.ceil(2.0 * reach / step)) + 2
     ratio = np.ones(range_.size)
 
