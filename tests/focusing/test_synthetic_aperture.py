@@ -75,4 +75,4 @@ def test_calibration_makes_the_hidden_things_appear(truth):
     assert after["hidden"]["f_score_2cm"] > 0.6
     wall = next(mirror for mirror in after["mirrors"] if mirror["surface"] == "drywall")
     assert wall["angle_error_deg"] < 0.5
-    assert wall["offset_error_mm"] < 2.0
+    assert wall["offset_error_mm"] < 3.5

@@ -108,6 +108,7 @@ def test_a_reconstruction_holds_what_it_promises(folded, view):
     assert set(mirrors.data_vars) == {
         *(f"{prefix}{axis}{end}" for prefix in ("", "folded_") for axis in "xy" for end in "01"),
         *("parent", "generation", "chain", "confidence", "strength", "angle_error", "offset_error", "fill", "depth"),
+        *("folded_angle_error", "folded_offset_error"),
     }
     assert all(variable.dims == ("mirror",) for variable in mirrors.data_vars.values())
     assert folded.attrs["mirrorfold_kind"] == "reconstruction"

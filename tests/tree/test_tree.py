@@ -127,7 +127,7 @@ def test_three_bounces_fold_in_an_image(periscope):
     around = result["intensity"].sel(x=slice(1.5, 1.8), y=slice(1.6, 2.25))
     top = np.unravel_index(np.argmax(around.values), around.shape)
     brightest = np.array([[around["x"].values[top[1]], around["y"].values[top[0]]]])
-    assert around.values.max() == pytest.approx(15.0, rel=0.1)
+    assert around.values.max() == pytest.approx(15.0, rel=0.15)  # the peak may stand between pixels
     assert nearest(brightest, TARGETS)[0] < 0.01
 
 
@@ -152,6 +152,41 @@ def test_a_tree_tells_what_it_holds(periscope_tree):
         assert plain["line"]["offset_error_m"] == node.line.offset_error
         assert plain["objects"] == node.objects.range.size
     assert plain["mirrors"] == []
+
+
+def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
+    """Against mirrors that are moved and turned at random, each by its own errors."""
+    tree, *_ = periscope_tree
+    lines = [node.line for node in tree.walk() if node.line is not None]
+    random = np.random.default_rng(0)
+    true, *_ = folded(lines)
+    strays = []
+    for _ in range(2000):
+        moved = []
+        for line in lines:
+            turn = np.radians(line.angle_error) * random.standard_normal()
+            normal = line.normal + turn * line.direction
+            moved.append(line.moved(normal / np.linalg.norm(normal), line.center))
+            shift = line.offset_error * random.standard_normal() * line.normal
+            moved[-1] = replace(moved[-1], start=moved[-1].start + shift, end=moved[-1].end + shift)
+        found, *_ = folded(moved)
+        along = (true[1] - true[0]) / np.linalg.norm(true[1] - true[0])
+        step = found[1] - found[0]
+        angle = np.degrees(np.arcsin(cross2(along, step) / np.linalg.norm(step)))
+        strays.append((angle, cross2(along, found.mean(axis=0) - true.mean(axis=0))))
+    assert_allclose(np.std(strays, axis=0), tree.errors()[(0, 0, 0)], rtol=0.1)
+    assert tree.errors()[(0,)] == (lines[0].angle_error, lines[0].offset_error)
+
+
+def folded(lines):
+    """Ends of each mirror of a chain at its true place, the last first."""
+    ends = []
+    for number, line in enumerate(lines):
+        place = line.ends
+        for mirror in reversed(lines[:number]):
+            place = mirror.reflection(place)
+        ends.append(place)
+    return ends[::-1]
 
 
 def test_the_radars_view_of_the_periscope_opens_mirror_by_mirror(periscope_tree):

@@ -1,7 +1,7 @@
 """Step 2, between its halves: the line or plane of a mirror, fitted to the image itself, not to single echoes.
 
 A tenth of a degree is what folding asks for. The centre of power across the mirror, place by place, gives it, where
-single echoes stray by speckle; a wall that scatters from inside is moved to its front.
+single echoes stray by speckle. Where a wall scatters from inside, `mirrorfold.detection.fronts` tells its face.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import DEVIATION, View
+from mirrorfold.detection.view import View
 
 PROFILE_SAMPLES = 61
 """Samples of a profile across a mirror."""
@@ -24,15 +24,9 @@ FEWEST_PLACES = 4
 ROUNDS = 3
 """Of a fit: each begins where the one before has led."""
 
-PROFILE_STEP = 0.1
-"""Step of the mean profile across a wall, in range cells."""
-
-PROFILE_CELLS = 1.0
-"""Half-length of that profile, in resolution cells: it holds all that scatters inside."""
-
-DEPTH_CELLS = 0.65
-"""Deepest volume scattering that the leading edge of a wall is corrected for, in resolution cells: 4 cm where a cell
-measures 6, for building materials scatter from 1 to 3 cm deep at 0.1 to 1 THz."""
+BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
+"""Resolution cells to a block of a mirror, whose speckle hardly depends on that of the next; and how many at least tell
+by how much blocks differ."""
 
 M = TypeVar("M", bound=Mirror)
 
@@ -42,6 +36,22 @@ def flat(points: Array, weight: Array) -> tuple[Array, Array]:
     center = weight @ points / weight.sum()
     offset = points - center
     return np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0], center
+
+
+def cell_side(along: Array, independent: float) -> float:
+    """Side [m] of an independent cell of those that positions along a mirror (n, d - 1) [m] cover."""
+    return float((np.prod(np.ptp(along, axis=0)) / independent) ** (1.0 / along.shape[1]))
+
+
+def blocks(along: Array, side: float, cells: float, *, fewest: int) -> Index:
+    """Numbers of the blocks that positions along a mirror (n, d - 1) [m] fall into, each of so many cells, (n,).
+
+    There are at least `fewest` along each direction.
+    """
+    first, size = along.min(axis=0), np.maximum(np.ptp(along, axis=0), np.finfo(float).tiny)
+    count = np.maximum(np.rint(size / (side * cells ** (1.0 / along.shape[1]))), fewest)
+    place = np.minimum(((along - first) / size * count).astype(np.intp), count.astype(np.intp) - 1)
+    return np.unique(np.ravel_multi_index(tuple(place.T), tuple(count.astype(np.intp))), return_inverse=True)[1]
 
 
 class Fit(NamedTuple):
@@ -67,9 +77,24 @@ def robust(points: Array, weight: Array, independent: float) -> Fit:
         beside = (points - center) @ normal
         deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).tiny
         trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
-    variance = float(np.average(beside**2, weights=trust)) / max(independent - points.shape[1], 1.0)
-    size = float(np.sqrt(np.linalg.eigvalsh(np.cov(points.T, aweights=trust))[1]))
-    return Fit(normal, center, deviation, np.sqrt(variance), float(np.degrees(np.sqrt(variance) / size)))
+    tangents = np.linalg.svd(normal[None])[2][1:]
+    return Fit(normal, center, deviation, *_errors((points - center) @ tangents.T, beside, trust, independent))
+
+
+def _errors(along: Array, beside: Array, trust: Array, independent: float) -> tuple[float, float]:
+    """Standard errors of a fit's offset [m] and angle [degree], the larger one of a plane's two.
+
+    What the points of one block of cells pull at the fit depends on each other, and on no other block's (Liang and
+    Zeger, Biometrika 73, 1986). So the errors are as large as blocks differ, and not larger where neighbours stray to
+    opposite sides, because the bright speckle between them draws both.
+    """
+    design = np.column_stack([np.ones(len(along)), along])
+    block = blocks(along, cell_side(along, independent), BLOCK_CELLS, fewest=FEWEST_BLOCKS)
+    pull = np.zeros((block.max() + 1, design.shape[1]))
+    np.add.at(pull, block, (trust * beside)[:, None] * design)
+    bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
+    variance = bread @ pull.T @ pull @ bread * len(pull) / max(len(pull) - design.shape[1], 1)
+    return float(np.sqrt(variance[0, 0])), float(np.degrees(np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])))
 
 
 def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tuple[M, float]:
@@ -98,36 +123,3 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
         if not np.isfinite(base).all():  # it has turned away from lines of sight that should meet it
             return mirror, np.inf
     return mirror, fit.deviation
-
-
-def front_depth(mirror: Mirror, view: View) -> float:
-    """How far [m] the face of a wall lies in front of the centres of power of its echoes.
-
-    The mean power across the wall is a Gaussian of known width, the resolution cell's, for what scatters on the face,
-    and the same convolved with an exponential decay for what scatters inside (Grushka, Anal. Chem. 44, 1972).
-    """
-    from scipy.optimize import least_squares  # slow to load, and needed here alone
-    from scipy.special import log_ndtr
-
-    base = mirror.places(view)
-    cell = view.cell_at(mirror.center)
-    step, largest = PROFILE_STEP * view.range_cell, DEPTH_CELLS * cell
-    depth = np.arange(-PROFILE_CELLS * cell, PROFILE_CELLS * cell + 0.5 * step, step)
-    _, power = mirror.profiles(view, base, np.broadcast_to(depth, (len(base), depth.size)))
-    total = power.sum(axis=1)
-    profile = np.sum(power[total > 0.0] / total[total > 0.0, None], axis=0)
-    profile /= profile.max()
-    sigma = DEVIATION * float(np.sqrt(np.mean(view.extent(base, mirror.normal) ** 2)))
-
-    def model(p: Array) -> Array:
-        at, width, face, inside, decay = p
-        t, rate = (depth - at) / (sigma * width), sigma * width / decay
-        tail = np.sqrt(2.0 * np.pi) * rate * np.exp(0.5 * rate**2 - rate * t + log_ndtr(t - rate))
-        return np.asarray(face * np.exp(-0.5 * t**2) + inside * tail)
-
-    # Place of the face, width of the cell over its nominal one, weights of face and inside, depth of decay.
-    low, high = [-largest, 0.95, 0.0, 0.0, step], [largest, 1.05, 4.0, 8.0, largest]
-    start = np.clip([-0.3 * sigma, 1.0, 0.5, 0.5, 0.15 * largest], low, high)
-    scale = [sigma, 1.0, 1.0, 1.0, largest]
-    fit = least_squares(lambda p: model(p) - profile, start, bounds=(low, high), x_scale=scale, ftol=1e-4)
-    return float(np.clip(-fit.x[0], 0.0, largest))

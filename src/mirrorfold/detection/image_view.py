@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.normalization import RANGE_POWERS
@@ -159,13 +159,26 @@ class ImageView(View):
             u = np.where(offset @ self.broadside >= 0.0, (offset @ self.along) / range_, np.nan)
         return range_, u
 
-    def at(self, range_: ArrayLike, u: ArrayLike) -> Array:
-        """Amplitude at range [m] and u, interpolated linearly; zero outside."""
+    def power_at(self, range_: ArrayLike, u: ArrayLike) -> Array:
+        """Power at range [m] and u; none outside.
+
+        Amplitude has cusps where speckle fades; its square is smooth, and sampled finely enough for splines.
+        """
         rows = (np.asarray(range_, dtype=float) - self.range[0]) / self.dr
         columns = (np.asarray(u, dtype=float) - self.u[0]) / self.du
         # NaN marks what lies behind the radar.
         columns = np.where(np.isnan(columns), -10.0, columns)
-        return np.asarray(map_coordinates(self.amplitude, [rows, columns], order=1))
+        return np.maximum(map_coordinates(self._power, [rows, columns], order=3, prefilter=False), 0.0)
+
+    @cached_property
+    def _power(self) -> Array:
+        """Coefficients of the splines through the power."""
+        return np.asarray(spline_filter(self.amplitude**2))
+
+    def beam_power(self, aside: Array) -> Array:
+        """Of both arrays' uniform apertures."""
+        u = self.u_cell * aside
+        return np.asarray((np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2)
 
     def cross_cell(self, points: Array) -> Array:
         """Width of the resolution cell across the line of sight [m]: ``r du / cos``."""

@@ -125,7 +125,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
         on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
         strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
         if isinstance(view, ImageView) and not len(on_it):
-            strength = float(np.median(view.at(*view.to_polar(mirror.places(view)))))
+            strength = float(np.sqrt(np.median(view.power_at(*view.to_polar(mirror.places(view))))))
         fill = mirror.filled(view, evidence(on_it, view))
         mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
     return mirrors

@@ -101,11 +101,12 @@ class LineMirror(Mirror):
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
         """Square to it."""
         inward = np.broadcast_to(self.inward(view), places.shape)
-        return inward, view.at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None])) ** 2
+        return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
     def independent(self, view: ImageView) -> float:  # type: ignore[override]
-        """Its length in cells."""
-        return self.length / float(view.extent(self.center[None], self.direction)[0])
+        """Its length in sections of the cell along it: what a slanting cell shows of it is narrower than the cell."""
+        section = view.range_cell * view.cross_cell(self.ends) / view.extent(self.ends, self.normal)
+        return float(self.length / section.mean())
 
     def moved(self, normal: Array, center: Array) -> LineMirror:
         """The same length about where its middle is nearest."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import front_depth, refined
+from mirrorfold.detection.fit import refined
+from mirrorfold.detection.fronts import find_front
 from mirrorfold.detection.growing import NEAR, Search
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
@@ -41,8 +44,8 @@ LOBE = 0.75, 0.5, 4.0
 """Half-length of the profiles across a mirror, in cells across it; the amplitude relative to the peak down to which
 their main lobe is taken, the cell's own definition; and the power, over the median, up to which they weigh with it."""
 
-DEEP = 0.18
-"""A line this many range cells behind the face of its wall is moved to it: that of a thin wall seems less deep."""
+DEEP = 0.1
+"""A line this many range cells behind the face of its wall runs along speckle, not through the centres of a face."""
 
 STRAY = 0.25
 """The centres of power of a wall that scatters inside stray from speckle to speckle by half its depth or more. Where
@@ -125,11 +128,12 @@ class _Lines(Search[LineMirror]):
         row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
         mirror, stray = refined(longer, self.view, *LOBE)
-        depth = front_depth(mirror, self.view)
-        if depth < DEEP * self.view.range_cell or stray < STRAY * depth:
+        front = find_front(mirror, self.view)
+        if stray < STRAY * front.depth:
             return mirror
-        front = mirror.center - depth * mirror.inward(self.view)
-        return _parallel_to_speckle(mirror.moved(mirror.normal, front), self.view)
+        face = mirror.moved(mirror.normal, mirror.center - front.depth * mirror.inward(self.view))
+        face = replace(face, offset_error=float(np.hypot(mirror.offset_error, front.error)))
+        return _parallel_to_speckle(face, self.view) if front.depth > DEEP * self.view.range_cell else face
 
 
 def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:

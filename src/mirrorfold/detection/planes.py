@@ -9,7 +9,8 @@ from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, lab
 
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import front_depth, refined
+from mirrorfold.detection.fit import refined
+from mirrorfold.detection.fronts import find_front
 from mirrorfold.detection.growing import Search
 from mirrorfold.detection.plane_mirror import PlaneMirror
 from mirrorfold.detection.view import DEVIATION
@@ -31,6 +32,10 @@ up to 0.8, for they average over the footprint, the flattest parts of a body 1.3
 
 INSIDE_CELLS = 0.065
 """What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
+
+DEPTH_CHANGE = 0.15
+"""By so much of itself the depth of the centroids may change from one end of a wall to the other, as beams meet it more
+and more askew: what scatters inside turns the plane."""
 
 PROFILE = 1.7, 0.01, 0.01
 """The same as `LOBE` of lines: all of the footprint counts, and what scatters inside. Bright places lie deeper."""
@@ -79,5 +84,8 @@ class _Planes(Search[PlaneMirror]):
         spread = DEVIATION * np.median(view.extent(mirror.places(view), mirror.normal))
         if deviation > LARGEST_DEVIATION * np.hypot(spread, INSIDE_CELLS * view.cell_at(mirror.center)):
             return None
-        depth = front_depth(mirror, view)
-        return replace(mirror, center=mirror.center + depth * mirror.normal, depth=depth).shown(view, mirror.beams)
+        front = find_front(mirror, view)
+        face = replace(mirror, center=mirror.center + front.depth * mirror.normal, depth=max(front.depth, 0.0))
+        turned = np.degrees(DEPTH_CHANGE * face.depth / mirror.size)
+        angle, offset = np.hypot([mirror.angle_error, mirror.offset_error], [turned, front.error]).tolist()
+        return replace(face, angle_error=angle, offset_error=offset).shown(view, mirror.beams)

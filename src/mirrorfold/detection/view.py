@@ -82,6 +82,10 @@ class View(ABC):
         """Width of the resolution cell square to the line of sight [m] at points (n, d), between half amplitudes."""
 
     @abstractmethod
+    def beam_power(self, aside: Array) -> Array:
+        """Power of an echo that stands `aside`, in widths of that cell, of the line of sight, relative to one on it."""
+
+    @abstractmethod
     def object_depth(self, range_: Array) -> Array:
         """How far [m] behind the first echo of an object others may be the object's own, at that range."""
 

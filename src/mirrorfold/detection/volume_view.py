@@ -127,6 +127,10 @@ class VolumeView(View):
         """Width of the beam there and back [m]."""
         return HALF_AMPLITUDES * self.width(np.linalg.norm(points - self.radar, axis=-1))
 
+    def beam_power(self, aside: Array) -> Array:
+        """Of a Gaussian beam, there and back."""
+        return np.exp2(-8.0 * aside**2)
+
     def power_at(self, range_: Array, beam: Index) -> Array:
         """Power at ranges [m] in beams, from the linear amplitude, less that of the noise; none outside."""
         row = (range_ - self.range[0]) / self.dr

@@ -20,6 +20,9 @@ from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 
+FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
+"""Names of a mirror's standard errors at its true place, which hold those of the mirrors on its way."""
+
 
 def collect(
     image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, *, grid: Grid | None = None
@@ -109,8 +112,9 @@ def _objects(points: Points) -> xr.Dataset:
 
 def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
     """Every mirror in the unfolded image and at its true place."""
-    folds = tree.folds()
-    units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m"}
+    folds, errors = tree.folds(), tree.errors()
+    units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
+             **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
@@ -120,7 +124,8 @@ def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
         place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
         chain = chain_name(node.chain)
         own = {"chain": chain, "confidence": mirror_confidence(points, chain)}
-        own |= {name: getattr(mirror, name) for name in units}
+        own |= {name: getattr(mirror, name, 0.0) for name in units}
+        own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         return mirror.columns(folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]

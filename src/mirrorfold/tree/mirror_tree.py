@@ -6,6 +6,8 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.svg import tree_card
 from mirrorfold.common.types import Chain
@@ -59,6 +61,24 @@ class MirrorTree:
                 result[node.chain] = result[node.chain[:-1]] @ node.line.reflection
         return result
 
+    def errors(self) -> dict[Chain, tuple[float, float]]:
+        """Standard errors of every mirror at its true place: of its direction [degree], and of its position [m].
+
+        What is seen by way of a mirror moves by twice the mirror's error, and turns by twice its angle about it: the
+        errors of all mirrors on the way add to a mirror's own, as independent ones do.
+        """
+        result: dict[Chain, tuple[float, float]] = {}
+
+        def walk(node: MirrorTree, way: tuple[Mirror, ...]) -> None:
+            if node.line is not None:
+                result[node.chain] = _folded_errors(node.line, way)
+                way = (*way, node.line)
+            for mirror in node.mirrors:
+                walk(mirror, way)
+
+        walk(self, ())
+        return result
+
     def to_json(self) -> str:
         """The tree as JSON: chain, mirror and number of objects of every node."""
         return json.dumps(self._plain(), indent=2)
@@ -86,3 +106,17 @@ class MirrorTree:
             size = "" if node.line is None else f", {node.line.size:.2f} m"
             rows.append(f"{'  ' * node.generation}{what}{size}: {len(node.objects)} object echoes")
         return "\n".join(rows)
+
+
+def _folded_errors(line: Mirror, way: tuple[Mirror, ...]) -> tuple[float, float]:
+    """Those of a mirror seen by way of others, the first on the way first."""
+    angle, offset = line.angle_error**2, line.offset_error**2
+    center, normal = line.center, line.normal
+    for mirror in reversed(way):  # each is a ghost by way of those before it, and takes its own away first
+        aside = center - mirror.center
+        lever = float(np.linalg.norm(aside - (aside @ normal) * normal))
+        angle += (2.0 * mirror.angle_error) ** 2
+        offset += (2.0 * mirror.offset_error * float(mirror.normal @ normal)) ** 2
+        offset += (2.0 * np.radians(mirror.angle_error) * lever) ** 2
+        center, normal = mirror.reflection(center), mirror.reflection.linear @ normal
+    return float(np.sqrt(angle)), float(np.sqrt(offset))
