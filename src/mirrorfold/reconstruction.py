@@ -215,6 +215,8 @@ class FoldPlan:
         view = self._view(normalization=chosen.normalization)
         echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
+        if self._sweep is None:  # an image of unknown origin shows no pulse
+            settings = replace(settings, copies=False)
         report(1, 3)
         by_hand, walls = mirrors is not None, None
         if isinstance(mirrors, FloorPlan):

@@ -9,9 +9,10 @@ from scipy.constants import speed_of_light
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
+from mirrorfold.common.points import shown_points
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO
+from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.wrapped import wrapping_ratio
 
 ELEMENTS = 113
@@ -81,8 +82,13 @@ def test_a_late_echo_is_left_out_and_a_near_one_stays():
     image = mf.focus(sweep, x=np.linspace(-0.5, 0.5, 251), y=np.linspace(0.2, 0.9, 176))
     with_sweep, alone = (FoldPlan(image, sweep=known).fold() for known in (sweep, None))
     assert (alone["objects"]["x"].values > 0.1).any()
-    np.testing.assert_allclose(with_sweep["objects"]["x"].values, -0.1, atol=0.01)
-    assert with_sweep["objects"].sizes["point"]
+    shown, every = shown_points(with_sweep), with_sweep["objects"]
+    np.testing.assert_allclose(shown["x"].values, -0.1, atol=0.01)
+    assert shown.sizes["point"]
+    # What is left out stays in the file, with the reason.
+    reasons = every["explanation"].values[every["x"].values > 0.1]
+    assert "" not in reasons
+    assert LATE in reasons
     # It is drawn in the unfolded image, as it was measured, and nowhere in the corrected one.
     late = {"x": slice(0.1, 0.3), "y": slice(0.5, 0.65)}
     before, after = (picture.sel(late).max() / picture.max() for picture in

@@ -21,9 +21,10 @@ REFERENCE_WEIGHT = 0.5
 """Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
 multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
 
-GLINT = 10.0
+GLINT, DIFFUSE = 10.0, 20.0
 """No direction weighs with more than this many times the median amplitude: diffuse echoes spread over 20 dB, and where
-the beam is wide, glints fill so many of the few directions that they would set the reference alone."""
+the beam is wide, glints fill so many of the few directions that they would set the reference alone. They are up to
+26 dB brighter than what is diffuse; what is weaker still are side lobes of a few bright things."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +112,11 @@ def reference_echo(brightest: Array) -> float:
     ordered = np.sort(brightest[brightest > 0.0])
     if not ordered.size:
         return 0.0
-    weight = np.cumsum(np.minimum(ordered, GLINT * np.median(ordered)) ** REFERENCE_WEIGHT)
-    return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
+    found = []
+    for most in (GLINT * np.median(ordered), ordered[-1]):
+        weight = np.cumsum(np.minimum(ordered, most) ** REFERENCE_WEIGHT)
+        found.append(float(ordered[np.searchsorted(weight, 0.5 * weight[-1])]))
+    return max(found[0], found[1] / DIFFUSE)
 
 
 def brightest_of(beam: Index, amplitude: Array) -> Array:

@@ -65,8 +65,8 @@ class FoldSettings(Settings):
     )
     copies: bool = setting(
         True,
-        "Whether echoes are left out that follow stronger ones as most strong ones are followed at that delay: copies "
-        "that the tail of the pulse makes, or a layer in the wall of a mirror.",
+        "Whether, where the sweep is at hand, echoes are left out that follow stronger ones as most strong ones are "
+        "followed at that delay: copies that the tail of the pulse makes, or a layer in the wall of a mirror.",
         kind="bool",
         label="copies are left out",
     )

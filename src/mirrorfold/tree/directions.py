@@ -27,6 +27,10 @@ PHASE_SPREAD = 0.5
 SAME_PLACE = 1e-3
 """Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
 
+MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
+"""Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another one is that
+cannot be told from it."""
+
 CHUNK = 64
 """Points treated at once; bounds the memory."""
 
@@ -72,6 +76,25 @@ def _apertures(sweep: xr.Dataset) -> list[_Aperture]:
     """The transmitters and the receivers of a sweep."""
     shortest = 2.0 * np.pi / float(wavenumber(sweep)[-1])
     return [_Aperture.of(position, shortest) for position in antenna_positions(sweep)]
+
+
+def grating_lobe(sweep: xr.Dataset) -> float:
+    """The largest lobe of the receivers that is told from the main one, relative to it; zero where there is none.
+
+    A ghost that stands where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main
+    one, as of antennas more than a wavelength apart, cannot be told from it.
+    """
+    aperture = _apertures(sweep)[1]
+    k = float(wavenumber(sweep).mean())
+    offset = aperture.position - aperture.centre
+    along = offset @ np.linalg.svd(offset, full_matrices=False)[2][0]
+    length = float(np.ptp(along)) * k / (2.0 * np.pi)  # in wavelengths
+    if aperture.places < 2 or length < 1.0:
+        return 0.0
+    apart = np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.25 / length)
+    level = np.abs(np.exp(1j * k * np.outer(apart, along)) @ aperture.weight) / aperture.weight.sum()
+    lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
+    return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
 
 
 def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:

@@ -12,12 +12,12 @@ from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.view import View
-from mirrorfold.tree.directions import direction_ratio
+from mirrorfold.tree.directions import direction_ratio, grating_lobe
 from mirrorfold.tree.wrapped import wrapping_ratio
 
-SMALLEST_DIRECTION_RATIO = 0.7
-"""True echoes have ratios near one, mixed ones far below a half. Grating lobes of an array that misses every third
-antenna have a half: its transmitters send half as much there as to the thing itself."""
+SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
+"""True echoes have ratios near one, those of glints of faces somewhat less, mixed ones far below a half. Where antennas
+are missing, ghosts of grating lobes have the ratio of the lobe: a half, if every third one is. Then this times more."""
 
 LARGEST_WRAPPING_RATIO = 1.15
 """Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
@@ -41,7 +41,8 @@ def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known |
     late = _once_a_cell(wrapping_ratio, echoes, sweep, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
     rest = echoes.take(~late)
-    mixed[~late] = _once_a_cell(direction_ratio, rest, sweep, view, known) < SMALLEST_DIRECTION_RATIO
+    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(sweep))
+    mixed[~late] = _once_a_cell(direction_ratio, rest, sweep, view, known) < least
     return np.where(late, LATE, np.where(mixed, MIXED, ""))
 
 
