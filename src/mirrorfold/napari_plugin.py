@@ -14,9 +14,9 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
-from mirrorfold.common.points import shown_points
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import plan_view
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.io import load
 
 Layer = tuple[Any, dict[str, Any], str]

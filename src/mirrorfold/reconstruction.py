@@ -44,7 +44,7 @@ from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.tree.assignment import Found, assign_echoes
+from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import MIXED, Known, known_ghosts, misplaced
@@ -304,6 +304,8 @@ def find_tree(
             explanation[index[new]] = explain(echoes.take(new))
         stays = explanation[index] == ""
         if stays.all():
+            if settings.opaque:  # it hides what is behind it, as any object does
+                explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
             left_out = explanation != ""
             return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
         index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
@@ -337,7 +339,7 @@ def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
     """Where echoes of a Reconstruction stood that came from elsewhere, (n, 2) [m], and why; None if there are none."""
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "explanation" in objects:
-        objects = objects.isel(point=objects["explanation"].values != "")
+        objects = objects.isel(point=~np.isin(objects["explanation"].values.astype(str), ("", ITSELF)))
         place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
     else:  # as files of earlier versions tell
         place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])

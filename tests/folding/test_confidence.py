@@ -11,13 +11,13 @@ from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.common.points import shown_points
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.errors import InputError
 from mirrorfold.folding import fold_back
 from mirrorfold.folding.confidence import errors, judged
 from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
 
@@ -118,5 +118,5 @@ def test_files_of_earlier_versions_show_all_their_points(image):
 
 @pytest.mark.parametrize("least", [-0.1, 1.5, float("nan"), "half"])
 def test_what_is_no_probability_is_refused(image, least):
-    with pytest.raises(InputError, match=r"min_confidence is .*from 0 to 1"):
+    with pytest.raises(InputError, match=r"min_confidence is .*at least 0 and up to 1"):
         shown_points(mf.fold(image), least)

@@ -13,8 +13,8 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.cli.schema import check
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.common.points import shown_points
 from mirrorfold.folding.frames import frame_count, join_frames
+from mirrorfold.folding.shown import shown_points
 
 X, Y = np.arange(-0.7, 1.7, 0.02), np.arange(0.3, 2.7, 0.02)
 WALL = np.array([[0.9, 0.9], [0.3, 1.9]])

@@ -12,7 +12,7 @@ import pytest
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.points import shown_points
+from mirrorfold.folding.shown import shown_points
 
 
 @pytest.fixture(scope="module")

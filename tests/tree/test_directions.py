@@ -12,7 +12,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions
-from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, direction_ratio
+from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, direction_ratio, grating_lobe
 from mirrorfold.tree.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
 from mirrorfold.tree.wrapped import wrapping_ratio
 
@@ -233,3 +233,32 @@ def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
             levels.append(abs(np.sum(weight * sweep["s"].values.astype(complex) * phase)))
         expected.append(levels[-1] / max(levels))
     assert_allclose(direction_ratio(sweep, view, np.full(3, RANGE), u), expected, rtol=error)
+
+
+def thinned(missing):
+    """Elements half a wavelength apart, without every so manieth."""
+    places = line(90, pitch=0.5 * WAVELENGTH)
+    return places[np.arange(90) % missing != missing - 1] if missing else places
+
+
+@pytest.mark.parametrize(("missing", "lobe"), [(None, 0.0), (3, 0.5)])
+def test_the_lobes_of_missing_antennas_are_known(missing, lobe):
+    """Two of three antennas: the phases of two neighbours are a third of a turn apart in the direction of the lobe."""
+    antennas = thinned(missing)
+    found = grating_lobe(sweep_of(antennas, antennas, (at(0.0), at(0.0))))
+    assert found == pytest.approx(lobe, abs=0.06)
+
+
+def test_a_lobe_as_high_as_the_main_one_accuses_nobody():
+    antennas = line(40, pitch=1.5 * WAVELENGTH)
+    assert grating_lobe(sweep_of(antennas, antennas, (at(0.0), at(0.0)))) < 0.1
+
+
+@pytest.mark.parametrize("missing", [None, 3])
+def test_the_ghost_in_a_grating_lobe_is_left_out_and_the_echo_stays(missing):
+    antennas = thinned(missing)
+    sweep, view = sweep_of(antennas, antennas, (at(-0.3), at(-0.3))), view_of(antennas, antennas)
+    ghost = -0.3 + 2.0 / 3.0  # of places three half wavelengths apart
+    found = misplaced(echoes_at(view, np.array([-0.3, ghost])), sweep, view)
+    assert found[0] == ""
+    assert missing is None or found[1] == MIXED

@@ -14,6 +14,7 @@ import mirrorfold as mf
 from mirrorfold.common.geometry import cross2, reflect, segment_normal
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.mirror_tree import led_astray
 
 NOISE = 0.01
 
@@ -160,7 +161,8 @@ def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
     lines = [node.line for node in tree.walk() if node.line is not None]
     random = np.random.default_rng(0)
     true, *_ = folded(lines)
-    strays = []
+    strays, seen = [], []
+    place = lines[-1].center + np.array([0.1, 0.3])
     for _ in range(2000):
         moved = []
         for line in lines:
@@ -174,8 +176,13 @@ def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
         step = found[1] - found[0]
         angle = np.degrees(np.arcsin(cross2(along, step) / np.linalg.norm(step)))
         strays.append((angle, cross2(along, found.mean(axis=0) - true.mean(axis=0))))
+        seen.append(place)
+        for line in reversed(moved):
+            seen[-1] = line.reflection(seen[-1])
     assert_allclose(np.std(strays, axis=0), tree.errors()[(0, 0, 0)], rtol=0.1)
     assert tree.errors()[(0,)] == (lines[0].angle_error, lines[0].offset_error)
+    # And so do those of what is seen by way of them all.
+    assert_allclose(np.cov(np.transpose(seen)), led_astray(place[None], lines)[0], rtol=0.1, atol=1e-3 * np.var(seen))
 
 
 def folded(lines):

@@ -9,8 +9,8 @@ from scipy.constants import speed_of_light
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
-from mirrorfold.common.points import shown_points
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.wrapped import wrapping_ratio

@@ -46,8 +46,8 @@ class Rule:
         checked where the step uses the value, because only there its size is known.
     choices : tuple of str
         The names that it may have; empty for numbers.
-    lowest, above, below : float, optional
-        Bounds of a number: not less than `lowest`, strictly above `above`, strictly below `below`.
+    lowest, highest, above, below : float, optional
+        Bounds of a number: from `lowest` to `highest`, strictly above `above`, strictly below `below`.
     whole : bool
         Whether the number must be whole.
     option : bool
@@ -61,6 +61,7 @@ class Rule:
     kind: str = ""
     choices: tuple[str, ...] = ()
     lowest: float | None = None
+    highest: float | None = None
     above: float | None = None
     below: float | None = None
     whole: bool = False
@@ -92,6 +93,7 @@ class Rule:
         return (
             isfinite(number)
             and (self.lowest is None or number >= self.lowest)
+            and (self.highest is None or number <= self.highest)
             and (self.above is None or number > self.above)
             and (self.below is None or number < self.below)
             and (not self.whole or number.is_integer())
@@ -104,7 +106,12 @@ class Rule:
             what += f" [{self.unit}]"
         bounds = [
             f"{words} {bound:g}"
-            for words, bound in (("of at least", self.lowest), ("above", self.above), ("below", self.below))
+            for words, bound in (
+                ("of at least", self.lowest),
+                ("up to", self.highest),
+                ("above", self.above),
+                ("below", self.below),
+            )
             if bound is not None
         ]
         return " ".join([what, " and ".join(bounds)]).rstrip()

@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import reference
 from mirrorfold.common.geometry import segment_normal
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.finding import see
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import plan_view
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.io.netcdf import check_image, check_reconstruction
 from mirrorfold.reconstruction import initial_image
 from mirrorfold.scoring.mirrors import Face, mirror_errors

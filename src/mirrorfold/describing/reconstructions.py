@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
 from mirrorfold.folding.frames import frame_count
+from mirrorfold.folding.shown import shown_points
 
 
 class MirrorFacts(Record):

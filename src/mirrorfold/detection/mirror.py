@@ -115,6 +115,19 @@ class Mirror(ABC):
         """The map from what is seen in the mirror to where it stands."""
         return Isometry.reflection(self.center, self.normal)
 
+    def strays(self, places: Array) -> Array:
+        """Covariance (n, d, d) [m^2] by which places (n, d) on the mirror, or turned with it, follow its own errors.
+
+        Images of places move by twice as much. A mirror that was given is taken to stand where it was drawn.
+        """
+        offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
+        square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
+        total = np.repeat(square[None], len(places), axis=0)
+        for tangent in self.tangents:
+            turn = np.outer(offset @ tangent, self.normal) + np.outer(offset @ self.normal, tangent)
+            total += angle**2 * np.einsum("ni,nj->nij", turn, turn)
+        return total
+
     def beside(self, points: Array) -> Array:
         """Signed distance [m] of points (..., d), positive on the side of `normal`."""
         return signed_distance(points, self.center, self.normal)

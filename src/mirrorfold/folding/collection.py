@@ -16,8 +16,7 @@ from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import itself
+from mirrorfold.tree.assignment import ITSELF, Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
@@ -68,19 +67,17 @@ def collect(
 
 def _remark(found: Found, settings: FoldSettings) -> str:
     """Why there is no mirror; or in which the radar sees itself."""
-    echoes, sight, folds = found.echoes, found.sight, found.tree.folds()
     if not found.tree.mirrors:
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
-        why = wanted if echoes.strong.any() else "no echo stands out of noise and side lobes"
+        why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
         return f"no mirror was found: {why}; the scene is shown unfolded"
-    through = sight.seen_through(echoes.range, echoes.direction)
-    said = []
-    for index, chain in enumerate(sight.chain):
-        shown = echoes.take((through == index) & echoes.strong & echoes.visible)
-        if chain and (own := itself(sight.view, shown, folds[chain])).any():
-            away, name = float(np.median(shown.range[own])), "/".join(map(str, chain))
-            said.append(f"the radar sees itself in mirror {name}, {away:.3g} m away, and leaves this out")
-    return "; ".join(said)
+    own = found.elsewhere.take(found.explanation == ITSELF)
+    through = found.sight.seen_through(own.range, own.direction)
+    return "; ".join(
+        f"the radar sees itself in mirror {chain_name(found.sight.chain[index])}, "
+        f"{np.median(own.range[through == index]):.3g} m away, and leaves this out"
+        for index in np.unique(through)
+    )
 
 
 def _objects(points: Points) -> xr.Dataset:

@@ -15,12 +15,11 @@ from scipy.special import expit
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
-from mirrorfold.common.types import Array, Chain, Index, Names
-from mirrorfold.detection.mirror import Mirror
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.view import View
 from mirrorfold.folding.points import Points
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.mirror_tree import MirrorTree, led_astray
 
 TRUE_CELLS = 1.5
 """A point is true where something stands this close to it, in resolution cells."""
@@ -120,40 +119,18 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     variance = (OWN_ERROR * view.range_cell) ** 2 * along
     variance += ((OWN_ERROR * view.cross_cell(points.initial)) ** 2)[:, None, None] * across
     led = np.zeros_like(variance)
-    for node in tree.walk():
-        if node.line is None:
-            continue
-        mirror, name = node.line, chain_name(node.chain)
-        on_it = points.mirror == name
-        flat = np.eye(dimensions) - np.outer(mirror.normal, mirror.normal)
-        variance[on_it] = flat @ variance[on_it] @ flat + _moved(mirror, points.initial[on_it])
-        behind = np.flatnonzero((points.chain == name) | np.char.startswith(points.chain, f"{name}/"))
-        moved = 4.0 * _moved(mirror, points.initial[behind])
-        # Before the mirrors in front of it turn it over.
-        undone = folds[node.chain[:-1]].linear
-        led[behind] += undone @ moved @ undone.T
-    turned = np.stack([folds[chain].linear for chain in _chains(points.chain)]) if len(points.chain) else variance
-    total = turned @ variance @ turned.swapaxes(1, 2) + led
+    ways = tree.ways()
+    for chain, way in ways.items():
+        if way:
+            on_it, mirror = points.mirror == chain_name(chain), way[-1]
+            flat = np.eye(dimensions) - np.outer(mirror.normal, mirror.normal)
+            variance[on_it] = flat @ variance[on_it] @ flat + mirror.strays(points.initial[on_it])
+    for chain, way in ways.items():
+        seen, turn = points.chain == chain_name(chain), folds[chain].linear
+        variance[seen] = turn @ variance[seen] @ turn.T
+        led[seen] = led_astray(points.initial[seen], way)
     astray = np.sqrt(np.trace(led, axis1=1, axis2=2)) / np.asarray(view.cell(range_))
-    return np.sqrt(np.einsum("nii->ni", total)), astray
-
-
-def _moved(mirror: Mirror, places: Array) -> Array:
-    """Covariance (n, d, d) [m^2] of places that go with a mirror whose offset and angles are known to their errors.
-
-    A mirror that was given is taken to stand where it was drawn.
-    """
-    offset, turned = places - mirror.center, np.nan_to_num(np.radians(mirror.angle_error))
-    square = np.nan_to_num(mirror.offset_error) ** 2 * np.outer(mirror.normal, mirror.normal)
-    total = np.repeat(square[None], len(places), axis=0)
-    for tangent in mirror.tangents:
-        turn = np.outer(offset @ tangent, mirror.normal) + np.outer(offset @ mirror.normal, tangent)
-        total += turned**2 * np.einsum("ni,nj->nij", turn, turn)
-    return total
-
-
-def _chains(names: Names) -> list[Chain]:
-    return [tuple(map(int, name.split("/"))) if name else () for name in names.tolist()]
+    return np.sqrt(np.einsum("nii->ni", variance + led)), astray
 
 
 def _with_ghosts(points: Points, found: Found) -> Points:

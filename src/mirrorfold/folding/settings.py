@@ -62,6 +62,7 @@ class FoldSettings(Settings):
         "Least confidence of points that are drawn, scored and exported; the others stay in the file.",
         kind="float",
         lowest=0.0,
+        highest=1.0,
     )
     copies: bool = setting(
         True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from mirrorfold.errors import InputError
 
@@ -125,17 +125,11 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     return write(obj, _path("save", path))
 
 
-def export(
-    obj: xr.DataTree | xr.DataArray,
-    path: str | Path,
-    *,
-    what: Literal["points", "mirrors"] = "points",
-    min_confidence: float | None = None,
-) -> Path:
+def export(obj: xr.DataTree | xr.DataArray, path: str | Path, **settings: Any) -> Path:
     """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.export`."""
     from mirrorfold.io import exports
 
-    return exports.export(obj, path, what=what, min_confidence=min_confidence)
+    return exports.export(obj, path, **settings)
 
 
 def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:

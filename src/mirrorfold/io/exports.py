@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.chains import mirror_chains
-from mirrorfold.common.points import confident
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.shown import confident
 from mirrorfold.io import plans, vtk
 from mirrorfold.io.clouds import WRITERS, cloud_file, notes
 from mirrorfold.io.files import check_output, written_whole

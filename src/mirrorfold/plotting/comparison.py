@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
-from mirrorfold.common.points import shown_points
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,

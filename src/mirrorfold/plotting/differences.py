@@ -9,8 +9,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from mirrorfold.common.decibels import decibels
-from mirrorfold.common.points import shown_points
 from mirrorfold.describing.comparison import Changes, checked_pair, find_changes
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import COLOUR_MAP, mirrors

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, decibels
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,

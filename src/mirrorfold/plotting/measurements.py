@@ -14,10 +14,10 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import axes_or_new, expect_reconstruction
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 

@@ -10,9 +10,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from mirrorfold.common.points import shown_points
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import frame_count
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import axes_or_new, draw_radar, in_metres, mirror_lines, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import image

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import COLOURS
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres
 
 if TYPE_CHECKING:

@@ -19,10 +19,10 @@ from mirrorfold import __version__
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
 from mirrorfold.common.plans import FloorPlan
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
 from mirrorfold.describing.settings import attribute_words, recorded_settings
+from mirrorfold.folding.shown import shown_points
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene

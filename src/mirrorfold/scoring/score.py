@@ -14,10 +14,10 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.points import shown_points
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.shown import shown_points
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import BOUNCES
 from mirrorfold.scoring import floor_plans

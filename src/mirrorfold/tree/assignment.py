@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry
-from mirrorfold.common.types import Chain, Names
+from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
+
+ITSELF = "is the radar itself, seen in a mirror"
 
 
 class Found(NamedTuple):
@@ -27,7 +29,7 @@ class Found(NamedTuple):
     sight : LinesOfSight
         With the chains of the mirrors.
     elsewhere : Echoes
-        Those that do not come from where the image shows them, and were left out.
+        Those that are no things where the image shows them, and were left out.
     explanation : (n,) array of str
         Why each of them was.
     """
@@ -69,3 +71,13 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
 
     root = node(ROOT, (), Isometry.identity(sight.view.dimensions))
     return root, replace(sight, chain=tuple(chains))
+
+
+def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
+    """Which of the echoes that are seen by way of mirrors are the radar's own antennas, (n,)."""
+    found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
+    through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), NOBODY)
+    for index, chain in enumerate(sight.chain):
+        if chain and (seen := through == index).any():
+            found[seen] = itself(sight.view, echoes.take(seen), folds[chain])
+    return found

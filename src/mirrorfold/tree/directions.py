@@ -31,8 +31,8 @@ MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 """Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another one is that
 cannot be told from it."""
 
-CHUNK = 64
-"""Points treated at once; bounds the memory."""
+CHUNK, LOBE_SAMPLES = 64, 1_000_000
+"""Points, and phases of lobes, treated at once; bounds the memory."""
 
 
 def _phasors(phase: Array) -> NDArray[np.complex64]:
@@ -91,8 +91,10 @@ def grating_lobe(sweep: xr.Dataset) -> float:
     length = float(np.ptp(along)) * k / (2.0 * np.pi)  # in wavelengths
     if aperture.places < 2 or length < 1.0:
         return 0.0
-    apart = np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.25 / length)
-    level = np.abs(np.exp(1j * k * np.outer(apart, along)) @ aperture.weight) / aperture.weight.sum()
+    apart = np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length)
+    parts = np.array_split(apart, 1 + apart.size * along.size // LOBE_SAMPLES)  # bounds the memory
+    level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ aperture.weight) for part in parts])
+    level /= aperture.weight.sum()
     lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
     return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.svg import tree_card
-from mirrorfold.common.types import Chain
+from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirror import Mirror
 
@@ -61,6 +61,14 @@ class MirrorTree:
                 result[node.chain] = result[node.chain[:-1]] @ node.line.reflection
         return result
 
+    def ways(self) -> dict[Chain, tuple[Mirror, ...]]:
+        """For the chain of every node of this root, the mirrors on the way to it, its own last."""
+        result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
+        for node in self.walk():
+            if node.line is not None:
+                result[node.chain] = (*result[node.chain[:-1]], node.line)
+        return result
+
     def errors(self) -> dict[Chain, tuple[float, float]]:
         """Standard errors of every mirror at its true place: of its direction [degree], and of its position [m].
 
@@ -68,15 +76,13 @@ class MirrorTree:
         errors of all mirrors on the way add to a mirror's own, as independent ones do.
         """
         result: dict[Chain, tuple[float, float]] = {}
-
-        def walk(node: MirrorTree, way: tuple[Mirror, ...]) -> None:
-            if node.line is not None:
-                result[node.chain] = _folded_errors(node.line, way)
-                way = (*way, node.line)
-            for mirror in node.mirrors:
-                walk(mirror, way)
-
-        walk(self, ())
+        for chain, (*way, line) in ((chain, way) for chain, way in self.ways().items() if way):
+            angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
+            covariance, normal = led_astray(line.center[None], way)[0], line.normal
+            for mirror in reversed(way):
+                normal = mirror.reflection.linear @ normal
+            offset = line.offset_error**2 + float(normal @ covariance @ normal)
+            result[chain] = float(np.sqrt(angle)), float(np.sqrt(offset))
         return result
 
     def to_json(self) -> str:
@@ -108,15 +114,14 @@ class MirrorTree:
         return "\n".join(rows)
 
 
-def _folded_errors(line: Mirror, way: tuple[Mirror, ...]) -> tuple[float, float]:
-    """Those of a mirror seen by way of others, the first on the way first."""
-    angle, offset = line.angle_error**2, line.offset_error**2
-    center, normal = line.center, line.normal
-    for mirror in reversed(way):  # each is a ghost by way of those before it, and takes its own away first
-        aside = center - mirror.center
-        lever = float(np.linalg.norm(aside - (aside @ normal) * normal))
-        angle += (2.0 * mirror.angle_error) ** 2
-        offset += (2.0 * mirror.offset_error * float(mirror.normal @ normal)) ** 2
-        offset += (2.0 * np.radians(mirror.angle_error) * lever) ** 2
-        center, normal = mirror.reflection(center), mirror.reflection.linear @ normal
-    return float(np.sqrt(angle)), float(np.sqrt(offset))
+def led_astray(places: Array, way: Sequence[Mirror]) -> Array:
+    """Covariance (n, d, d) [m^2] of where mirrors, the first on the way first, show places (n, d) of the image to be.
+
+    Each mirror is a ghost by way of those before it, and takes its own away first.
+    """
+    covariance = np.zeros((*places.shape, places.shape[1]))
+    for mirror in reversed(way):
+        turn = mirror.reflection.linear
+        covariance = turn @ covariance @ turn.T + 4.0 * mirror.strays(places)
+        places = mirror.reflection(places)
+    return covariance

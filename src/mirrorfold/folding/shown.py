@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown
-from mirrorfold.errors import InputError
+from mirrorfold.folding.settings import FoldSettings
 
 
 def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
@@ -22,13 +20,9 @@ def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = Non
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if min_confidence is None:
         min_confidence = float(reconstruction.attrs.get("fold_min_confidence", 0.0))
-    elif not _is_probability(min_confidence):
-        raise InputError(f"min_confidence is {shown(min_confidence)}, expected a probability from 0 to 1")
+    else:
+        FoldSettings.rules()["min_confidence"].check("min_confidence", min_confidence)
     return objects.isel(point=objects["confidence"].values >= min_confidence) if min_confidence > 0.0 else objects
-
-
-def _is_probability(value: object) -> bool:
-    return isinstance(value, int | float | np.number) and 0.0 <= float(value) <= 1.0
 
 
 def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
