@@ -25,9 +25,6 @@ three of four echoes are followed by less than -30 dB at whatever delay."""
 FEWEST = 3
 """Strong echoes, apart from each other, that can tell it: of two, one may well stand behind the other twice."""
 
-STANDS_OUT = 10.0 ** (10.0 / 20.0)
-"""A copy is so much stronger than what follows the echoes at most delays: speckle seldom is 10 dB over its median."""
-
 SAME_CELLS = 1.5
 """Up to so many range cells behind an echo, it is the same one: its main lobe, and the next echo's."""
 
@@ -100,10 +97,7 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
     ratio = np.where(told, amplitude[after * told, column] / (times * amplitude[row, column]), np.nan)
     each = np.stack([_quantile(ratio[:, some], 0.5) for some in groups], axis=1)
     known = np.count_nonzero(np.isfinite(each), axis=1) >= FEWEST
-    if known.any():
-        follows = _quantile(each[known], 1.0 - FOLLOWED)
-        # What follows at whatever delay, such as noise and the floor of a picture, is no copy.
-        level[delay[known]] = np.where(follows > STANDS_OUT * np.median(follows), follows, 0.0)
+    level[delay[known]] = _quantile(each[known], 1.0 - FOLLOWED)
     return level
 
 
