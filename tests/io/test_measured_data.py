@@ -157,8 +157,10 @@ def test_the_aluminium_block_shows_its_notch_and_its_back_wall(shared_data):
     assert notch_y == pytest.approx(20e-3, abs=0.5e-3)
 
 
-def test_files_of_a_known_kind_need_no_mapping(shared_data):
+def test_files_of_a_known_kind_need_no_mapping(shared_data, tmp_path, monkeypatch):
     """Their variables are those of one mapping that comes along: they are loaded as if it had been named."""
+    (tmp_path / "arim").mkdir()  # whatever lies beside
+    monkeypatch.chdir(tmp_path)
     path = shared_data / "arim/contact_notch_aluminium.mat"
     found = mf.load(path)
     xr.testing.assert_identical(found, mf.import_data(path, mapping="arim"))

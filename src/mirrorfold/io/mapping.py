@@ -344,7 +344,7 @@ class Mapping(Strict):
 
 
 def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
-    """A mapping from a file, from a dict of the same form, or one that comes along, by its name.
+    """A mapping from a file, from a dict of the same form, or by name one that comes along, whatever lies beside.
 
     Raises
     ------
@@ -356,7 +356,7 @@ def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
     if isinstance(mapping, dict):
         return validated(Mapping, mapping, "mapping")
     path = Path(mapping)
-    if not path.exists() and not path.suffix and str(mapping) in shipped():
+    if str(mapping) in shipped():
         path = Path(str(files("mirrorfold").joinpath("io", "mappings", f"{mapping}.toml")))
     elif not path.exists():
         known = ", ".join(shipped())
