@@ -93,10 +93,10 @@ def _kind(name: str, value: Any) -> dict[str, Any]:
     if value is None or (rule.unit != "dB" and not value > 0.0):
         return {"kind": "number"}
     lowest, highest = (value - LEVEL_SPAN, value + LEVEL_SPAN) if rule.unit == "dB" else (0.0, LARGEST_FACTOR * value)
+    lowest = lowest if rule.lowest is None else max(lowest, rule.lowest)
+    highest = highest if rule.highest is None else min(highest, rule.highest)
     step = _round_step((highest - lowest) / SLIDER_STEPS)
     lowest, highest = (round(step * round(end / step), 12) for end in (lowest, highest))
-    if rule.lowest is not None:
-        lowest = max(lowest, rule.lowest)
     if rule.above is not None:
         lowest = max(lowest, rule.above + step)
     if rule.below is not None:
