@@ -29,17 +29,26 @@ from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.common.types import Array
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.folding import PRESETS, fold_back
-from mirrorfold.folding.confidence import TRUE_CELLS, WEIGHTS, errors, evidence, judged, kinds
+from mirrorfold.folding.confidence import (
+    TRUE_CELLS,
+    WEIGHTS,
+    WEIGHTS_MEASURED,
+    errors,
+    evidence,
+    judged,
+    kinds,
+    measured,
+)
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring import floor_plans
-from mirrorfold.tree.misplaced import misplaced
+from mirrorfold.tree.misplaced import confocal, misplaced
 
 BINS = 10
 
 
 class Points(NamedTuple):
-    """Points of one engine: their evidence (n, 4), kinds, mirrors on the way, confidence, and whether they are true."""
+    """Points of one engine: their evidence (n, 5), kinds, mirrors on the way, confidence, and whether they are true."""
 
     engine: str
     evidence: Array
@@ -57,7 +66,7 @@ def points_of(task: Task) -> Points:
     echoes = find_echoes(view)
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, explain=partial(misplaced, sweep=sweep, view=view, known={}))
-    points = fold_back(found.tree)
+    points = measured(fold_back(found.tree), partial(confocal, sweep=sweep, view=view, known={}))
     count = len(points.position)
     confidence = judged(points, found).confidence[:count]
     _, astray = errors(points, found.tree, view)
@@ -67,13 +76,13 @@ def points_of(task: Task) -> Points:
     return Points(task.family.engine, *given)
 
 
-def fitted(sets: list[Points]) -> dict[str, list[float]]:
-    """The weights that make the truth most likely, by kind; engines weigh alike."""
+def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
+    """The weights of so much of the evidence that make the truth most likely, by kind; engines weigh alike."""
     engines = sorted({points.engine for points in sets})
 
-    def loss(weights: Array, parts: list[tuple[Array, Array]]) -> float:
+    def loss(weights: Array, parts: list[tuple[Array, Array]], spread: Array) -> float:
         odds = [(evidence @ weights) * np.where(true, -1.0, 1.0) for evidence, true in parts]
-        return float(sum(np.mean(np.logaddexp(0.0, each)) for each in odds) + 1e-3 * np.sum(weights[1:] ** 2))
+        return float(sum(np.mean(np.logaddexp(0.0, each)) for each in odds) + 1e-3 * np.sum((weights * spread) ** 2))
 
     found = {}
     for kind, name in enumerate(WEIGHTS):
@@ -82,9 +91,11 @@ def fitted(sets: list[Points]) -> dict[str, list[float]]:
             chosen = [(p.evidence[p.kind == kind], p.true[p.kind == kind]) for p in sets if p.engine == engine]
             evidence_, true = map(np.concatenate, zip(*chosen, strict=True))
             if true.size:
-                parts.append((evidence_, true))
-        found[name] = np.round(minimize(loss, np.zeros(4), args=(parts,)).x, 2).tolist() if parts else []
-    return found
+                parts.append((np.nan_to_num(evidence_[:, :columns]), true))
+        if parts:
+            spread = np.std(np.concatenate([evidence_ for evidence_, _ in parts]), axis=0)
+            found[name] = np.round(minimize(loss, np.zeros(columns), args=(parts, spread)).x, 2).tolist()
+    return {**(WEIGHTS if columns == 4 else WEIGHTS_MEASURED), **found}
 
 
 def calibration_error(confidence: Array, true: Array) -> float:
@@ -102,8 +113,9 @@ def table(sets: list[Points], name: str, weights: dict[str, list[float]] | None 
         own = [points for points in sets if points.engine == engine]
         kind, bounces, confidence, true = (np.concatenate([points[i] for points in own]) for i in (2, 3, 4, 5))
         if weights is not None:
-            rows = np.array([weights[each] or WEIGHTS[each] for each in WEIGHTS])[kind]
-            confidence = expit(np.sum(np.concatenate([points.evidence for points in own]) * rows, axis=1))
+            rows = np.array(list(weights.values()))[kind]
+            given_ = np.concatenate([points.evidence for points in own])[:, : rows.shape[1]]
+            confidence = expit(np.sum(np.nan_to_num(given_) * rows, axis=1))
         for count in np.unique(bounces):
             p, t = confidence[bounces == count], true[bounces == count]
             kept = p >= 0.5
@@ -136,11 +148,12 @@ def main() -> None:
 
     console = Console()
     fit, judge = collected(given.fit), collected(given.judge)
-    weights = fitted(fit)
-    for kind, values in weights.items():
-        console.print(f"{kind}: {values}, now {list(WEIGHTS[kind])}")
     console.print(table(judge, f"as it stands, seeds {given.judge}"))
-    console.print(table(judge, f"with these weights, seeds {given.judge}", weights))
+    for name, now in (("of the image alone", WEIGHTS), ("with the sweep", WEIGHTS_MEASURED)):
+        weights = fitted(fit, len(now["on mirrors"]))
+        for kind, values in weights.items():
+            console.print(f"{name}, {kind}: {values}, now {list(now[kind])}")
+        console.print(table(judge, f"with these weights {name}, seeds {given.judge}", weights))
 
 
 if __name__ == "__main__":

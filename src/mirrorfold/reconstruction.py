@@ -13,7 +13,7 @@ changes, in `find_tree`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, MutableMapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -28,10 +28,14 @@ from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Mask, Names, Progress
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.plan_mirrors import mirrors_of_plan
+from mirrorfold.detection.shadows import beyond_shadows
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
@@ -47,7 +51,7 @@ from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.lines_of_sight import ROOT
-from mirrorfold.tree.misplaced import MIXED, Known, known_ghosts, misplaced
+from mirrorfold.tree.misplaced import MIXED, Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
@@ -163,6 +167,7 @@ class FoldPlan:
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
         self._ghosts = known_places(image) if isinstance(image, xr.DataTree) and sweep is None else None
+        self._shares = known_shares(image) if isinstance(image, xr.DataTree) and sweep is None else None
         # One antenna hears an echo from where it sent it to.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
@@ -226,16 +231,20 @@ class FoldPlan:
         if mirrors is not None and settings.opaque:
             echoes, walls = self._shown_walls(chosen, settings)
         elsewhere: Callable[[Echoes], Names] | None = None
+        share: Callable[[Array, Array], Array] | None = None
         if isinstance(view, ImageView) and not settings.published:
             if self._sweep is not None:
                 elsewhere = partial(misplaced, sweep=self._sweep, view=view, known=self._tested)
+                share = partial(confocal, sweep=self._sweep, view=view, known=self._tested)
             elif self._ghosts is not None:
                 elsewhere = partial(known_ghosts, view=view, places=self._ghosts[0], explanation=self._ghosts[1])
+            if self._shares is not None:
+                share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
         report(2, 3)
         points = fold_back(found.tree)
         if not settings.published:
-            points = judged(points, found)
+            points = judged(points, found, share)
         result = collect(self.image, found, points, settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
@@ -326,13 +335,28 @@ def _agreed(
         if (
             known is None and settings.opaque and (own := order.itself()).any()
         ):  # the antennas are opaque, but no mirror of the scene
-            kept = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
-            order = order_mirrors(kept, view, echoes, settings, walls)
+            mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
+            order = order_mirrors(mirrors, view, echoes, settings, walls)
+        if known is None and tested and settings.opaque and isinstance(view, ImageView):
+            mirrors = completed(mirrors, order, view, echoes, settings)
+            order = order_mirrors(mirrors, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break
         echoes = seen
     return order, seen
+
+
+def completed(
+    mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, settings: FoldSettings
+) -> list[Mirror]:
+    """The mirrors with what objects hide of them, and with those that the radar sees edge-on."""
+    clear = order.sight.cover.clear
+    loose = echoes.take(order.face == ROOT)  # rows of their own stay such
+    longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
+    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
+    shortest = settings.minimum_length or 0.0
+    return [*longer, *edge_on([mirror for mirror in direct if isinstance(mirror, LineMirror)], view, echoes, shortest)]
 
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
@@ -345,6 +369,15 @@ def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
         place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
         why = np.full(len(place), MIXED)
     return (place.astype(float), why.astype(str)) if len(place) else None
+
+
+def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
+    """Where it was measured how much of the energy of echoes came back the way it went, (n, 2) [m], and the shares."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "confocal" not in objects:
+        return None
+    measured = objects.isel(point=np.isfinite(objects["confocal"].values))
+    return np.column_stack([measured["x_initial"], measured["y_initial"]]), measured["confocal"].values.astype(float)
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

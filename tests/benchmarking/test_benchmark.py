@@ -256,6 +256,15 @@ def test_a_family_in_space_is_scanned_and_judged(monkeypatch):
     assert found.figures["f_all"].mean > 0.0
 
 
+def test_errors_that_nobody_knows_are_no_fault_of_a_reconstruction(reconstruction, image):
+    unknown = reconstruction.copy()
+    for group, name in (("objects", "x_error"), ("mirrors", "folded_angle_error")):
+        table = unknown[group].to_dataset(inherit=False)
+        some = next(column for column in table.variables.values() if column.ndim == 1)
+        unknown[group] = xr.DataTree(table.assign({name: (some.dims, np.full(some.shape, np.nan))}))
+    assert as_reconstruction(unknown, image) is unknown
+
+
 def test_a_reconstruction_that_is_not_finite_is_no_result(reconstruction, image):
     assert as_reconstruction(reconstruction, image) is reconstruction
     objects = reconstruction["objects"].to_dataset(inherit=False)

@@ -12,7 +12,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions
-from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, direction_ratio, grating_lobe
+from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
 from mirrorfold.tree.wrapped import wrapping_ratio
 
@@ -262,3 +262,43 @@ def test_the_ghost_in_a_grating_lobe_is_left_out_and_the_echo_stays(missing):
     found = misplaced(echoes_at(view, np.array([-0.3, ghost])), sweep, view)
     assert found[0] == ""
     assert missing is None or found[1] == MIXED
+
+
+class TestConfocalShare:
+    """What returns the way it went, and what leaves and arrives anyhow."""
+
+    tx, rx = line(41, 0.5e-3), line(41, 0.5e-3, (0.0, 5e-3, 0.0))
+
+    def share(self, *paths, u=0.1):
+        sweep = sweep_of(self.tx, self.rx, *paths)
+        return float(confocal_share(sweep, view_of(self.tx, self.rx), np.array([RANGE]), np.array([u]))[0])
+
+    def rough(self, seed, spread=0.3, count=60):
+        """Directions of things all about an echo, at its range."""
+        return [at(sine) for sine in 0.1 + spread * (np.random.default_rng(seed).random(count) - 0.5)]
+
+    def test_a_point_and_a_rough_surface_send_all_back(self):
+        assert self.share((at(0.1), at(0.1))) > 0.9
+        assert np.mean([self.share(*((place, place) for place in self.rough(seed))) for seed in range(8)]) > 0.85
+
+    def test_of_what_leaves_and_arrives_anyhow_nothing_comes_back_the_way_it_went(self):
+        anyhow = [list(zip(self.rough(2 * seed), self.rough(2 * seed + 1), strict=True)) for seed in range(8)]
+        assert np.mean([self.share(*paths) for paths in anyhow]) < 0.35
+
+    def test_it_is_as_large_as_the_share_of_the_energy(self):
+        """Both together: their energies add."""
+        shares = []
+        for seed in range(12):
+            once = [(place, place) for place in self.rough(3 * seed)]
+            anyhow = list(zip(self.rough(3 * seed + 1), self.rough(3 * seed + 2), strict=True))
+            shares.append(self.share(*once, *anyhow))
+        # Of paths that leave and arrive anyhow, a beam holds fewer than of those to where it looks.
+        assert 0.5 < np.mean(shares) < 0.97
+        assert np.mean(shares) < np.mean([self.share(*((p, p) for p in self.rough(3 * seed))) for seed in range(12)])
+
+    def test_one_antenna_or_an_echo_too_near_tells_nothing(self):
+        sweep = sweep_of(self.tx, self.rx[:1], (at(0.1), at(0.1)))
+        assert np.isnan(confocal_share(sweep, view_of(self.tx, self.rx), np.array([RANGE]), np.array([0.1]))).all()
+        near = 3.0 * float(np.ptp(self.tx[:, 0]))
+        sweep = sweep_of(self.tx, self.rx, (at(0.1, near), at(0.1, near)))
+        assert np.isnan(confocal_share(sweep, view_of(self.tx, self.rx), np.array([near]), np.array([0.1]))).all()

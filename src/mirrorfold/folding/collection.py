@@ -101,6 +101,7 @@ def _objects(points: Points) -> xr.Dataset:
         "chain": ("point", points.chain, {"long_name": "indices of the mirrors from the root"}),
         "surface": ("point", surface, {"long_name": "object, or face of a mirror"}),
         "confidence": ("point", points.confidence.astype(np.float32), {"long_name": confidence}),
+        "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
         "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
     }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.

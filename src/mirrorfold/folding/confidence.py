@@ -1,12 +1,13 @@
 """How likely it is that something stands where a point says, and how well its place is known.
 
-An echo of multiple scattering is weak and lonely, and what was folded by mirrors that are not known well enough lands
-somewhere else. How much each of these says was fitted to scenes whose truth is known (logistic regression: Cox,
-J. R. Stat. Soc. B 20, 1958).
+An echo of multiple scattering is weak and lonely, and of its energy not all comes back the way it went; and what was
+folded by mirrors that are not known well enough lands somewhere else. How much each of these says was fitted to scenes
+whose truth is known (logistic regression: Cox, J. R. Stat. Soc. B 20, 1958).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -30,6 +31,10 @@ NEIGHBOUR_CELLS = 2.5
 MOST_EXCESS_DB, MOST_ASTRAY = 20.0, 4.0
 """More than this level over the threshold, or this many cells astray, say no more."""
 
+LEAST_SHARE = 0.7
+"""A smaller share of energy that came back the way it went says no more: what arrives from elsewhere at the same range
+lowers that of a true echo, too."""
+
 WEIGHTS = {
     "in line of sight": (-1.9, 0.02, 1.7, 0.0),
     "behind mirrors": (-2.45, 0.12, 1.27, -1.8),
@@ -39,6 +44,13 @@ WEIGHTS = {
 faces of mirrors: of these none was false in ray scenes, and one in fifty is allowed for. Fitted by
 `benchmarks/confidence.py`, where ray scenes, of four radars, and full waves weigh alike."""
 
+WEIGHTS_MEASURED = {
+    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1),
+    "behind mirrors": (-18.6, 0.09, 1.31, -2.9, 19.9),
+    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0),
+}
+"""The same where the sweep has told how much of the energy came back the way it went."""
+
 EXPLAINED = 0.1
 """Probability of a point whose echo is explained otherwise: the share of them that stand at a surface by chance."""
 
@@ -46,7 +58,11 @@ OWN_ERROR = 0.3
 """Standard error of an echo's own place, in resolution cells along and across the line of sight."""
 
 
-def judged(points: Points, found: Found) -> Points:
+Shares = Callable[[Array, Array], Array]
+"""`confocal_share` of echoes by their positions (n, d) [m] in the image and amplitudes (n,)."""
+
+
+def judged(points: Points, found: Found, shares: Shares | None = None) -> Points:
     """The points with their confidence and standard errors, and those whose echoes come from elsewhere.
 
     Parameters
@@ -55,10 +71,18 @@ def judged(points: Points, found: Found) -> Points:
         As `fold_back` returns them.
     found : Found
         What they came from.
+    shares : callable, optional
+        Measures how much of the energy of objects' echoes came back the way it went.
     """
     view = found.sight.view
+    if shares is not None:
+        points = measured(points, shares)
     error, astray = errors(points, found.tree, view)
-    odds = np.sum(evidence(points, view, astray) * np.array(list(WEIGHTS.values()))[kinds(points)], axis=1)
+    given = evidence(points, view, astray)
+    known = np.isfinite(given[:, -1])
+    kind = kinds(points)
+    seen, with_share = (np.array(list(weights.values()))[kind] for weights in (WEIGHTS, WEIGHTS_MEASURED))
+    odds = np.where(known, np.sum(np.nan_to_num(given) * with_share, axis=1), np.sum(given[:, :-1] * seen, axis=1))
     points = replace(points, error=error, confidence=expit(odds))
     # What is seen in a mirror is no likelier than the mirror.
     for node in found.tree.walk():
@@ -67,6 +91,14 @@ def judged(points: Points, found: Found) -> Points:
             behind = (points.chain == name) | np.char.startswith(points.chain, f"{name}/")
             points.confidence[behind] *= mirror_confidence(points, name)
     return _with_ghosts(points, found)
+
+
+def measured(points: Points, shares: Shares) -> Points:
+    """The points with the shares of the objects among them; faces of mirrors, strong and straight, need none."""
+    objects = points.mirror == ""
+    share = np.full(len(points.initial), np.nan)
+    share[objects] = shares(points.initial[objects], points.amplitude[objects])
+    return replace(points, confocal=share)
 
 
 def kinds(points: Points) -> Index:
@@ -81,27 +113,37 @@ def mirror_confidence(points: Points, mirror: str) -> float:
 
 
 def evidence(points: Points, view: View, astray: Array) -> Array:
-    """What speaks for and against each point, (n, 4).
+    """What speaks for and against each point, (n, 5).
 
     One; the level over what had to be exceeded [dB]; the logarithm to base 2 of the number of resolution cells nearby
-    in which others of the same kind stand; and how far astray mirrors may have led it, in resolution cells.
+    in which others of the same kind stand; how far astray mirrors may have led it, in resolution cells; and the share
+    of the energy in those cells that came back the way it went, NaN where that is not known.
     """
-    cells, count = view.in_cells(points.initial), np.ones(len(points.initial))
+    cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
     for each in range(kind.max(initial=-1) + 1):
         own = kind == each
-        count[own] = _neighbours(cells[own])
+        count[own], share[own] = _neighbours(cells[own], share[own])
     excess = to_db(points.amplitude / np.maximum(points.exceeded, np.finfo(float).tiny))
     return np.column_stack([
-        np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count), np.minimum(astray, MOST_ASTRAY)
+        np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count), np.minimum(astray, MOST_ASTRAY),
+        np.maximum(share, LEAST_SHARE),
     ])  # fmt: skip
 
 
-def _neighbours(cells: Array) -> Array:
-    """In how many resolution cells nearby others stand, itself included, by their places in cells (n, d)."""
+def _neighbours(cells: Array, share: Array) -> tuple[Array, Array]:
+    """In how many resolution cells nearby others stand, itself included, by their places in cells (n, d); and the mean
+    of the shares (n,) in those where it is known.
+    """
     filled, which = np.unique(np.rint(cells), axis=0, return_inverse=True)
-    count = cKDTree(filled).query_ball_point(filled, NEIGHBOUR_CELLS, return_length=True)
-    return np.asarray(count, dtype=float)[which.ravel()]
+    which, near = which.ravel(), cKDTree(filled).query_ball_point(filled, NEIGHBOUR_CELLS)
+    known = np.isfinite(share)
+    number = np.bincount(which[known], minlength=len(filled))
+    total = np.bincount(which[known], weights=share[known], minlength=len(filled))
+    with np.errstate(invalid="ignore"):
+        each = total / number
+    mean = np.array([np.mean(each[some][number[some] > 0]) if number[some].any() else np.nan for some in near])
+    return np.array([len(some) for some in near], dtype=float)[which], mean[which]
 
 
 def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
@@ -140,6 +182,6 @@ def _with_ghosts(points: Points, found: Found) -> Points:
     ghosts = Points(
         echoes.position, echoes.position, echoes.amplitude, np.maximum(echoes.noise, echoes.limit),
         np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
-        np.full_like(echoes.position, np.nan), found.explanation,
+        np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
     )  # fmt: skip
     return Points(*(np.concatenate([getattr(both, item.name) for both in (points, ghosts)]) for item in fields(points)))

@@ -42,6 +42,9 @@ class Points:
         Standard errors of the position; zero until it is judged.
     explanation : (n,) array of str
         Why the echo does not come from where the image shows it; empty for those that do.
+    confocal : (n,) array
+        Share of its energy that came back the way it went, see `mirrorfold.tree.directions.confocal_share`; NaN where
+        that is not known.
     """
 
     position: Array
@@ -54,6 +57,7 @@ class Points:
     confidence: Array
     error: Array
     explanation: Names
+    confocal: Array
 
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
@@ -71,8 +75,9 @@ def fold_back(tree: MirrorTree) -> Points:
             level = echoes.amplitude, np.maximum(echoes.noise, echoes.limit)
             parts.append((folds[chain](echoes.position), echoes.position, *level, bounces, *names))
     position, initial, amplitude, exceeded, bounces, chains, mirrors = map(np.concatenate, zip(*parts, strict=True))
+    named = chains.astype(str), mirrors.astype(str)
     usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
-    return Points(position, initial, amplitude, exceeded, bounces, chains.astype(str), mirrors.astype(str), *usual)
+    return Points(position, initial, amplitude, exceeded, bounces, *named, *usual, np.full_like(amplitude, np.nan))
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:

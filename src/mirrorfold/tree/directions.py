@@ -31,6 +31,20 @@ MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 """Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another one is that
 cannot be told from it."""
 
+OFFSETS = np.arange(-3, 4)
+"""Directions around an echo in which its energy leaves and arrives, in resolution cells."""
+
+_BETWEEN, _MIDDLE = np.abs(np.subtract.outer(OFFSETS, OFFSETS)), np.abs(np.add.outer(OFFSETS, OFFSETS)) / 2.0
+SAME, APART = (_MIDDLE <= 2.0) & (_BETWEEN == 0), (_MIDDLE <= 2.0) & (_BETWEEN >= 1) & (_BETWEEN <= 3)
+"""Those in which it comes back the way it went, and those in which it does not; their middles are near the echo."""
+
+NEAREST_LENGTHS = 4.0
+"""Nearer than so many lengths of the aperture, its two ends look at an echo from directions 14 degrees apart,
+and what is a little out of focus seems to arrive from elsewhere."""
+
+LARGEST_OWN = 0.6
+"""Beams that share more than this with those a cell or more away do not tell what comes back from where."""
+
 CHUNK, LOBE_SAMPLES = 64, 1_000_000
 """Points, and phases of lobes, treated at once; bounds the memory."""
 
@@ -113,14 +127,80 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     InputError
         If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
+    if min(aperture.places for aperture in _apertures(sweep)) < 2:
+        return np.ones(range_.size)
+    # Steps of half the beam width of the receivers.
+    beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
+    ring = np.broadcast_to(np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1), (range_.size, 2 * beams + 1))
+    level = _bistatic(sweep, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
+    return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
+
+
+def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """Share of the energy about echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
+
+    What scatters once, at one place, returns from the direction in which it was sent; what scatters at several things
+    on its way leaves towards one and arrives from another. With B as in `direction_ratio` and its intensity taken over
+    the directions around an echo, let D be the mean where both directions are the same, and A that where they are one
+    to three resolution cells apart. A radar's own beams give A = h D to what scatters once, with h < 1, and A = D to
+    what leaves and arrives anyhow, so that of the two the first has the share ``(1 - A / D) / (1 - h)``. This is the
+    common-midpoint profile of the focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys. Rev. X 10,
+    021048, 2020). NaN where the apertures cannot tell, or an echo is too near.
+
+    Raises
+    ------
+    InputError
+        As `direction_ratio`.
+    """
+    own = _beams_alone(sweep, view)
+    if own > LARGEST_OWN:
+        return np.full(range_.size, np.nan)
+    most = LARGEST_SINE - OFFSETS[-1] * view.u_cell
+    around = np.clip(u, -most, most)[:, None] + OFFSETS * view.u_cell
+    power = _bistatic(sweep, view, range_, around, around) ** 2
+    same, apart = power[:, SAME].mean(axis=1), power[:, APART].mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((1.0 - apart / same) / (1.0 - own), 0.0, 1.0)
+    lengths = [np.linalg.norm(np.ptp(aperture.position, axis=0)) for aperture in _apertures(sweep)]
+    return np.where(range_ >= NEAREST_LENGTHS * max(lengths), share, np.nan)
+
+
+def _beams_alone(sweep: xr.Dataset, view: ImageView) -> float:
+    """What the beams of both apertures, apart, share of a rough surface: h of `confocal_share`, at most one.
+
+    The surface sends each direction back with a random phase of its own, so that intensities add.
+    """
+    k, reach = float(wavenumber(sweep).mean()), 2.0 * float(OFFSETS[-1]) * view.u_cell
+    sides = _apertures(sweep)
+    if min(aperture.places for aperture in sides) < 2:
+        return 1.0
+    step = view.u_cell / 8.0
+    sine = np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1) * step
+    beams = []
+    for aperture in sides:
+        offset = aperture.position - aperture.centre
+        along = offset @ np.linalg.svd(offset, full_matrices=False)[2][0]
+        beams.append(np.abs(np.exp(1j * k * np.outer(sine, along)) @ aperture.weight) ** 2)
+    shared = np.convolve(beams[0], beams[1])
+    apart = np.abs(np.subtract.outer(OFFSETS, OFFSETS))[APART] * round(view.u_cell / step)
+    middle = shared.size // 2
+    return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
+
+
+def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, heard: Array) -> Array:
+    """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
     data = sweep["s"]
     if data.dims != ("frequency", "tx", "rx"):
         wanted = "expected (frequency, tx, rx); choose one frame or polarization"
         raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
     k = wavenumber(sweep)
     tx, rx = _apertures(sweep)
-    if min(tx.places, rx.places) < 2:
-        return np.ones(range_.size)
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
     taper = np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2
@@ -130,42 +210,41 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     size = k.size // groups
     first_of_group = np.arange(0, k.size, size)
     dk = float(k[-1] - k[0]) / max(k.size - 1, 1)
-    # Steps of half the beam width of the receivers.
-    beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
-    ring = np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1)
+    signal = data.values.swapaxes(1, 2)
 
     def places(range_: Array, u: Array) -> Array:
         """Positions (..., 3) [m] at the radar's height."""
         plan = view.to_points(range_, u)
         return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
 
-    ratio = np.empty(range_.size)
+    level = np.empty((range_.size, heard.shape[1], sent.shape[1]))
     # Each group counts with its middle frequency.
     k_middle = float(k[0]) + 0.5 * (size - 1) * dk
-    for first in range(0, range_.size, CHUNK):
-        part = slice(first, first + CHUNK)
+    at_once = max(CHUNK // sent.shape[1], 1)
+    for first in range(0, range_.size, at_once):
+        part = slice(first, first + at_once)
+        r = np.repeat(range_[part], sent.shape[1])
         # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
-        path = cdist(tx.position, places(range_[part], u[part])) + range_[part]
+        path = cdist(tx.position, places(r, sent[part].ravel())) + r
         send = np.empty((k.size, *path.shape), dtype=np.complex64)
         send[0], send[1:] = tx.weight[:, None] * _phasors(k[0] * path), _phasors(dk * path)
         np.cumprod(send, axis=0, out=send)
         send *= taper[:, None, None]
-        heard = np.empty((k.size, len(rx.position), path.shape[1]), dtype=np.complex64)
-        products(data.values.swapaxes(1, 2), send, out=heard)
-        field = np.add.reduceat(heard, first_of_group, axis=0) * rx.weight[:, None].astype(np.float32)
+        arrives = np.empty((k.size, len(rx.position), path.shape[1]), dtype=np.complex64)
+        products(signal, send, out=arrives)
+        field = np.add.reduceat(arrives, first_of_group, axis=0) * rx.weight[:, None].astype(np.float32)
+        field = field.reshape(*field.shape[:2], -1, sent.shape[1])
 
         def listen(point: int, first: int = first, field: NDArray[np.complex64] = field) -> None:
-            """|sum over groups and receivers of field exp(j k path)| for all directions, the last its own."""
-            r = range_[first + point]
-            directions = np.append(ring, u[first + point])
+            """|sum over groups and receivers of field exp(j k path)| for all directions."""
+            r, directions = range_[first + point], heard[first + point]
             path = cdist(places(np.full(directions.size, r), directions), rx.position) - r
             value, turn, total = _phasors(k_middle * path), _phasors(size * dk * path), 0.0
             for group in field[:, :, point]:
                 total = total + value @ group
                 value *= turn
-            level = np.abs(total)
-            ratio[first + point] = level[-1] / max(level.max(), np.finfo(float).tiny)
+            level[first + point] = np.abs(total)
 
         with one_thread():
-            for_each(listen, range(path.shape[1]))
-    return ratio
+            for_each(listen, range(field.shape[2]))
+    return level

@@ -12,7 +12,7 @@ from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.view import View
-from mirrorfold.tree.directions import direction_ratio, grating_lobe
+from mirrorfold.tree.directions import confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.wrapped import wrapping_ratio
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
@@ -38,11 +38,11 @@ def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known |
     `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
     """
     known = {} if known is None else known
-    late = _once_a_cell(wrapping_ratio, echoes, sweep, view, known) > LARGEST_WRAPPING_RATIO
+    late = _once_a_cell(wrapping_ratio, *_seen(echoes), sweep, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
     rest = echoes.take(~late)
     least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(sweep))
-    mixed[~late] = _once_a_cell(direction_ratio, rest, sweep, view, known) < least
+    mixed[~late] = _once_a_cell(direction_ratio, *_seen(rest), sweep, view, known) < least
     return np.where(late, LATE, np.where(mixed, MIXED, ""))
 
 
@@ -52,18 +52,35 @@ def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) 
     return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
 
 
-def _once_a_cell(measure: Measure, echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
-    """What `measure` says of each echo, (n,): measured once in each resolution cell, at its brightest echo."""
-    if not len(echoes):
+def confocal(position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
+    """`confocal_share` of echoes at positions (n, 2) [m] of the image, measured once in each resolution cell, (n,)."""
+    return _once_a_cell(confocal_share, position, amplitude, sweep, view, known)
+
+
+def known_confocal(position: Array, amplitude: Array, view: ImageView, places: Array, share: Array) -> Array:
+    """The same from what was measured before, at places (m, 2) [m], (n,); NaN elsewhere."""
+    if not len(places):
+        return np.full(len(position), np.nan)
+    distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(position))
+    return np.where(distance <= GHOST_CELLS, share[nearest], np.nan)
+
+
+def _seen(echoes: Echoes) -> tuple[Array, Array]:
+    return echoes.position, echoes.amplitude
+
+
+def _once_a_cell(
+    measure: Measure, position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known
+) -> Array:
+    """What `measure` says of echoes, (n,): measured once in each resolution cell, at its brightest echo."""
+    if not len(position):
         return np.zeros(0)
-    _, u = view.to_polar(echoes.position)
-    cells = view.in_cells(echoes.position).T.astype(np.intp)
+    range_, u = view.to_polar(position)
+    cells = view.in_cells(position).T.astype(np.intp)
     cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
-    order = np.lexsort([-echoes.amplitude, cell])
+    order = np.lexsort([-amplitude, cell])
     brightest = order[np.unique(cell[order], return_index=True)[1]]
-    where = [
-        (measure, r, sine) for r, sine in zip(echoes.range[brightest].tolist(), u[brightest].tolist(), strict=True)
-    ]
+    where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
     if new := [place for place in where if place not in known]:
         range_, sine = np.array([place[1:] for place in new]).T
         known |= dict(zip(new, measure(sweep, view, range_, sine).tolist(), strict=True))

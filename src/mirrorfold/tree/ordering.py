@@ -124,11 +124,12 @@ def _ordered(
         cover = Cover.of(echoes.take(hides), view)
         if walls is not None:
             cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
-    for row, mirror in zip(crossing, mirrors, strict=True):
+    shown = crossing.copy()
+    for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
     # The mirror through which most of each is seen.
-    before = [_last_before(index, crossing)[1] - ROOT for index in range(len(mirrors))]
+    before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
     parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
     seen = np.flatnonzero([b.size for b in before])
     # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.

@@ -1,0 +1,127 @@
+"""Step 2 in the floor plan, once more: mirrors that the radar sees edge-on.
+
+A wall along which the radar looks sends little back, and its echoes make no row; but no wall reflects more. What it
+shows of another wall passes for a wall of its own. The two are mirror images of each other, so that the mirror between
+them lies on one of the two lines that halve their angle, and there the image holds a faint line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from operator import itemgetter
+
+import numpy as np
+
+from mirrorfold.common.geometry import unit
+from mirrorfold.common.types import Array
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.line_mirror import SPACING, LineMirror
+
+LARGEST_GRAZING_DEG = 45.0
+"""Walls that all lines of sight meet at less than this. What faces the radar more is found by itself."""
+
+SMALLEST_TURN_DEG = 2.0
+"""Lines that are more parallel than this cross too far away to tell the mirror between them."""
+
+SEEN_TWICE = 0.75
+"""Share of a mirror's image that must lie on the wall itself, as far as the radar sees that, too."""
+
+CONTRAST = 5.0
+"""Median amplitude along the faint line over those of lines beside it. In full waves and in ray scenes it was 15 or
+more at such walls, and at most 2.3 on lines that halve the angle of two walls by chance."""
+
+ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
+"""Where amplitudes are compared, in resolution cells across the line; on either side."""
+
+SAMPLES = 32
+"""Lines of sight to a mirror."""
+
+
+def edge_on(mirrors: Sequence[LineMirror], view: ImageView, echoes: Echoes, shortest: float) -> list[LineMirror]:
+    """Mirrors seen edge-on that make one of the mirrors an image of another.
+
+    Parameters
+    ----------
+    mirrors : sequence of LineMirror
+        Those in line of sight.
+    view : ImageView
+    echoes : Echoes
+    shortest : float [m]
+        Least length of a mirror.
+
+    Returns
+    -------
+    list of LineMirror
+        As long as what they show tells, at most one for each image, that on the clearest line.
+    """
+    found: list[LineMirror] = []
+    for image in mirrors:
+        tried: list[tuple[float, LineMirror | None]] = [
+            (_contrast(between, view), between)
+            for wall in mirrors
+            if wall is not image
+            for between in _between(wall, image, view)
+            if between.length >= shortest
+        ]
+        contrast, best = max(tried, key=itemgetter(0), default=(0.0, None))
+        if best is not None and contrast >= CONTRAST:
+            _, own, across = best.near(view, echoes)
+            on_it = echoes.take(own & (np.abs(best.beside(echoes.position)) <= across))
+            found.append(replace(best, fill=best.filled(view, on_it)))
+    return found
+
+
+def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineMirror]:
+    """The mirrors, none to two, in which the radar would see the wall where it sees the image."""
+    sides = np.stack([wall.direction, -image.direction], axis=1)
+    if abs(np.linalg.det(sides)) < np.sin(np.radians(SMALLEST_TURN_DEG)):
+        return []
+    crossing = wall.start + np.linalg.solve(sides, image.start - wall.start)[0] * wall.direction
+    places = image.start + np.linspace(0.0, image.length, SAMPLES)[:, None] * image.direction
+    sight = places - view.radar
+    found = []
+    for sign in (1.0, -1.0):
+        along = unit(wall.direction + sign * image.direction)
+        normal = np.array([-along[1], along[0]])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (crossing - view.radar) @ normal / (sight @ normal)  # of the way to the image
+        in_front = (share > 0.0) & ((1.0 - share) * np.linalg.norm(sight, axis=1) > 2.0 * view.range_cell)
+        grazing = np.abs(sight @ normal) < np.sin(np.radians(LARGEST_GRAZING_DEG)) * np.linalg.norm(sight, axis=1)
+        if not (in_front & grazing).all():
+            continue
+        seen = wall.along(places - 2.0 * ((places - crossing) @ normal)[:, None] * normal)
+        if np.mean((seen >= 0.0) & (seen <= wall.length)) >= SEEN_TWICE:
+            first, last = view.radar + share[[0, -1], None] * sight[[0, -1]]
+            found.append(_judged(LineMirror(first, last), wall, image, crossing, view))
+    return found
+
+
+def _judged(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array, view: ImageView) -> LineMirror:
+    """The mirror with its strength, and with its standard errors, which are those of what it lies between.
+
+    It turns by the mean of what the other two turn; and moved by d it moves the image by ``2 d``, of which the lines
+    tell what is square to them.
+    """
+    angle = 0.5 * float(np.hypot(wall.angle_error, image.angle_error))
+    across = float(np.abs(mirror.normal @ wall.normal))  # not zero: the lines are not parallel
+    moved = 0.5 * float(np.hypot(wall.offset_error, image.offset_error)) / across
+    turned = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
+    strength = float(np.median(_levels(mirror, view, ON_LINE)))
+    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, turned)), strength=strength)
+
+
+def _contrast(mirror: LineMirror, view: ImageView) -> float:
+    """The median amplitude along a line over that beside it, on its brighter side."""
+    beside = [float(np.median(_levels(mirror, view, [side * cells for cells in BESIDE]))) for side in (-1.0, 1.0)]
+    return mirror.strength / max([*beside, float(np.finfo(float).tiny)])
+
+
+def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
+    """Amplitudes along a line, so many resolution cells beside it."""
+    count = max(8, int(mirror.length / (SPACING * view.range_cell)))
+    places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
+    across = np.outer(view.extent(places, mirror.normal), cells)
+    points = places[:, None] + across[..., None] * mirror.normal
+    return np.sqrt(np.maximum(view.power_at(*view.to_polar(points)), 0.0))

@@ -1,0 +1,60 @@
+"""Mirrors that the radar sees edge-on, found by what they show of another wall."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import diffuse, radar_image, together
+
+from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.detection.edge_on import edge_on
+from mirrorfold.detection.finding import find_echoes, find_mirrors, see
+from mirrorfold.detection.line_mirror import LineMirror
+
+FAR = np.array([[-0.5, 1.5], [0.5, 1.45]])
+SIDE = np.array([[-0.24, 0.4], [-0.31, 0.8]])
+"""A far wall across the view, and a wall along which the radar at the origin looks."""
+
+SHORTEST = 0.15
+
+
+def scene(*more, side_level=0.02):
+    """The radar's view of the far wall, of its image in the side wall, and of the side wall itself, hardly visible."""
+    normal = segment_normal(*SIDE)
+    image = [reflect(np.array([place]), SIDE[0], normal)[0] for place in (FAR[0] + 0.3 * (FAR[1] - FAR[0]), FAR[1])]
+    position, amplitude = diffuse(*SIDE, seed=3)
+    parts = diffuse(*FAR, seed=1), diffuse(*image, seed=2), (position, side_level * np.asarray(amplitude)), *more
+    view = see(radar_image(*together(*parts), np.linspace(-1.4, 1.0, 241), np.linspace(0.25, 1.9, 166)))
+    echoes = find_echoes(view)
+    return view, echoes, find_mirrors(view, echoes, minimum_length=SHORTEST)
+
+
+def angle_deg(mirror, true):
+    """Between a mirror and the true one."""
+    return np.degrees(np.arccos(min(1.0, abs(mirror.normal @ segment_normal(*true)))))
+
+
+def test_a_side_wall_is_found_by_the_image_in_it():
+    view, echoes, mirrors = scene()
+    assert all(angle_deg(mirror, SIDE) > 5.0 for mirror in mirrors)  # its own echoes are too faint
+    (found,) = edge_on(mirrors, view, echoes, SHORTEST)
+    assert angle_deg(found, SIDE) < 0.15
+    assert abs(found.beside(SIDE.mean(axis=0))) < 2e-3
+    # It is as long as the directions in which it shows the far wall.
+    assert found.length == pytest.approx(np.linalg.norm(SIDE[1] - SIDE[0]), abs=0.1)
+    assert found.angle_error < 0.2
+    assert 0.0 < found.offset_error < 2e-3
+
+
+def test_where_no_faint_line_halves_the_angle_of_two_walls_there_is_no_mirror():
+    """They may well be the two walls of a room's corner."""
+    view, echoes, mirrors = scene(side_level=0.0)
+    assert len(mirrors) == 2
+    assert edge_on(mirrors, view, echoes, SHORTEST) == []
+
+
+def test_one_wall_has_no_image():
+    view, echoes, mirrors = scene()
+    assert edge_on(mirrors[:1], view, echoes, SHORTEST) == []
+    parallel = LineMirror(*(mirrors[0].ends + np.array([0.0, 0.1])))
+    assert edge_on([mirrors[0], parallel], view, echoes, SHORTEST) == []

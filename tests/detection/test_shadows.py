@@ -1,0 +1,59 @@
+"""A wall behind an object goes on where the object's shadow ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import diffuse, radar_image, together
+
+from mirrorfold.detection.finding import find_echoes, see
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.shadows import beyond_shadows
+
+START, END = np.array([-0.5, 1.4]), np.array([0.5, 1.3])
+GAP = 0.42, 0.62
+"""The wall, and from which share of its length to which it is hidden."""
+
+
+def at(share):
+    return START + share * (END - START)
+
+
+def seen(end=1.0):
+    """The view and the echoes of the wall, without what is hidden."""
+    parts = diffuse(START, at(GAP[0]), seed=1), diffuse(at(GAP[1]), at(end), seed=2)
+    view = see(radar_image(*together(*parts), np.linspace(-0.9, 0.9, 181), np.linspace(0.8, 1.8, 101)))
+    return view, find_echoes(view)
+
+
+def hidden(view, first=GAP[0], last=GAP[1]):
+    """What tells which echoes are clear: all but those in the directions between two places of the wall."""
+    left, right = (view.column(view.to_polar(at(share)[None])[1])[0] for share in (first, last))
+    return lambda range_, direction, amplitude: (direction < left) | (direction > right)
+
+
+def all_clear(range_, direction, amplitude):
+    return np.ones(np.shape(range_), dtype=bool)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_a_wall_goes_on_behind_an_object(swap):
+    view, echoes = seen()
+    part = LineMirror(at(GAP[0]), START) if swap else LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, hidden(view))
+    assert np.linalg.norm((longer.start if swap else longer.end) - END) < 0.05
+    assert np.abs(longer.beside(part.ends)).max() < 1e-12  # its line stays
+
+
+def test_a_gap_that_nothing_hides_is_the_end_of_a_wall():
+    view, echoes = seen()
+    part = LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, all_clear)
+    assert longer.length == pytest.approx(part.length, abs=0.05)
+
+
+def test_a_lone_echo_beyond_the_shadow_is_no_wall():
+    view, echoes = seen(end=GAP[1] + 0.005)
+    part = LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, hidden(view))
+    assert longer.length == pytest.approx(part.length, abs=0.05)
