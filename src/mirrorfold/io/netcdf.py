@@ -20,7 +20,7 @@ import xarray as xr
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
-from mirrorfold.io.readers.hdf5 import check_survived
+from mirrorfold.io.readers.hdf5 import check_netcdf
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
@@ -50,7 +50,7 @@ def is_foreign(path: Path) -> bool:
             return True
     if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
         return False
-    check_survived(path)
+    check_netcdf(path)
     try:
         with h5py.File(path, "r") as content:
             if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
@@ -111,9 +111,11 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         If the file is missing or broken.
     """
     _check_is_hdf5(path)
-    check_survived(path)
+    check_netcdf(path)
     try:
         content = _read_groups(path, only)
+        for node in content.subtree:
+            node.to_dataset()  # sizes that contradict each other are noticed now
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
@@ -255,6 +257,8 @@ def _check_is_hdf5(path: Path) -> None:
         raise InputError(f"{path}: does not exist; give the path of a netCDF file")
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the path of a netCDF file in it")
+    if not path.is_file():  # opening a pipe would wait for ever
+        raise InputError(f"{path}: is no file but a device, a pipe or a socket; give the path of a netCDF file")
     try:
         path.open("rb").close()
     except OSError as error:
