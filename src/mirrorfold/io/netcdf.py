@@ -18,9 +18,11 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.readers.hdf5 import check_netcdf
+from mirrorfold.io.steady import SteadyFile
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
@@ -131,6 +133,8 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     ------
     InputError
         If the object is none of these or not valid, or nothing can be written there.
+    OSError
+        If the disk is full or fails; what was there before stays.
     """
     if isinstance(obj, xr.DataTree):
         content = check_reconstruction(obj)
@@ -142,13 +146,22 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     else:
         raise InputError(f"save: got a {type(obj).__name__}, expected a sweep, an image or a reconstruction")
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
+    encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
     with written_whole(path) as temporary:
-        content.to_netcdf(
-            temporary,
-            engine=ENGINE,
-            encoding={node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree},
-        )
+        check_room(temporary, _least_size(content))
+        with held_signals(), SteadyFile(temporary) as file:
+            content.to_netcdf(file, engine=ENGINE, encoding=encoding)
     return path
+
+
+def _least_size(content: xr.DataTree) -> int:
+    """Bytes that complex samples take, which are not compressed; the rest may shrink to nearly nothing."""
+    return sum(
+        variable.nbytes
+        for node in content.subtree
+        for variable in node.to_dataset(inherit=False).variables.values()
+        if variable.dtype.kind == "c"
+    )
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
