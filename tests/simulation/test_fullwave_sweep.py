@@ -157,6 +157,24 @@ def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_p
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs POSIX signals")
+def test_a_closed_terminal_ends_all_processes_without_a_word_too_many(scene_file, tmp_path):
+    """All processes of a terminal hear of its end, workers and Python's own helpers too."""
+    results = tmp_path / "sweep.nc.frequencies"
+    command = ["simulate", str(scene_file), "--solver", "fullwave", "-o", str(tmp_path / "sweep.nc"), "--workers", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "mirrorfold", *command], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGHUP)
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 129
+    assert said == f"mirrorfold: interrupted; what is done is kept in {results}, --resume goes on\n"
+    assert len(list(results.glob("*.npy"))) >= 2
+
+
+@pytest.mark.slow
 def test_resumption_solves_only_what_is_missing(scene_file, uninterrupted, tmp_path, monkeypatch):
     mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done")
     for index in (0, 7, 12):

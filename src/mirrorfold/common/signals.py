@@ -68,3 +68,20 @@ def leave_to_parent() -> None:
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def start_tracker() -> None:
+    """Start the process that Python tidies up with after workers, before there are any.
+
+    It ignores Ctrl-C and SIGTERM, but would die of a closed terminal too early and have others complain of it. A signal
+    that is blocked while a process starts stays blocked in it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        return
+    from multiprocessing import resource_tracker
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.leftovers import remove_leftovers, temporary_prefix
-from mirrorfold.common.signals import leave_to_parent
+from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -73,6 +73,7 @@ def _in_processes(
     with tempfile.TemporaryDirectory(prefix=temporary_prefix()) as folder:
         path = Path(folder) / "system.pickle"
         path.write_bytes(pickle.dumps(system))
+        start_tracker()
         pool = ProcessPoolExecutor(
             min(workers, max(1, len(todo))),
             mp_context=multiprocessing.get_context("spawn"),
