@@ -203,18 +203,18 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
     except BrokenPipeError:  # the reader of our output has gone, for example `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except MemoryError as error:
-        return _complain(error, "there is not enough memory; use fewer pixels or a smaller sweep", FAILED)
-    except OSError as error:
-        return _complain(error, _sentence(error), FAILED)
+    except (MemoryError, OSError) as error:
+        return _complain(error, machine_trouble(error), FAILED)
     except Exception as error:  # the promise of one plain line holds for our own mistakes too
         found = f"{type(error).__name__}: {error}"
         return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
     return DONE
 
 
-def _sentence(error: OSError) -> str:
-    """What the machine could not do."""
+def machine_trouble(error: OSError | MemoryError) -> str:
+    """What the machine could not do, in one sentence."""
+    if isinstance(error, MemoryError):
+        return "there is not enough memory; use fewer pixels or a smaller sweep"
     if error.strerror is None or error.filename is None:
         return f"reading or writing failed: {error}"
     full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -237,8 +237,8 @@ def check_room(path: Path, size: int) -> None:
     OSError
         With what is needed and what is free.
     """
-    free = shutil.disk_usage(path.parent).free
-    if size > free:
+    total, _, free = shutil.disk_usage(path.parent)
+    if total and size > free:  # some network disks know of no size at all
         raise OSError(errno.ENOSPC, f"needs {size / 1e9:.3g} GB of disk, and {free / 1e9:.3g} GB are free", str(path))
 
 
