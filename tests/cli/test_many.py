@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,24 @@ def test_an_interrupted_command_says_what_is_done(folder, capsys, monkeypatch):
     assert main(["reconstruct", "a.nc", "b.nc", "-o", "out", *GRID]) == 130
     assert "1 of 2 sweeps are done, in out" in capsys.readouterr().err
     assert (folder / "out/a/report.html").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), "there is not enough memory"),
+        (OSError(28, "No space left on device", "out/a/x"), r"out/a/x: cannot be read .*\(No space .*make room"),
+    ],
+)
+def test_trouble_of_the_machine_is_a_sentence_in_the_summary_too(folder, capsys, monkeypatch, error, words):
+    def fail(sweep, **given):
+        raise error
+
+    monkeypatch.setattr(mf, "reconstruct", fail)
+    assert main(["reconstruct", "a.nc", "b.nc", "-o", "out", *GRID, "--json"]) == 2
+    found = check("reconstruct", capsys.readouterr().out)
+    assert all(re.match(words, result.error) for result in found.results)
 
 
 def test_files_of_one_name_get_the_names_of_their_folders(folder):

@@ -262,7 +262,7 @@ def test_a_failed_write_leaves_what_was_there(sweep, tmp_path, monkeypatch):
     before = path.read_bytes()
 
     def fail(self, temporary, **options):
-        temporary.write_bytes(b"half of a file")
+        temporary.write(b"half of a file")
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(xr.DataTree, "to_netcdf", fail)

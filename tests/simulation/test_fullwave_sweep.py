@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from dataclasses import replace
@@ -23,6 +24,7 @@ from mirrorfold.simulation.fullwave import sweep as fullwave
 from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.sweep import check_resources, longest_strong_echo
+from mirrorfold.simulation.fullwave.tasks import solve_frequencies
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*strong echoes")
 
@@ -121,12 +123,14 @@ def test_dask_cluster_of_two_workers_gives_the_same_bytes(scene_file, uninterrup
 
 
 @pytest.mark.slow
-def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_path, capsys):
+def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_path, capsys, monkeypatch):
     out = tmp_path / "sweep.nc"
     results = tmp_path / "sweep.nc.frequencies"
     command = ["simulate", str(scene_file), "--solver", "fullwave", "-o", str(out), "--workers", "1"]
     in_two = [sys.executable, "-m", "mirrorfold", *command[:-1], "2"]
-    process = subprocess.Popen(in_two, stderr=subprocess.DEVNULL)
+    place = tmp_path / "tmp"
+    place.mkdir()
+    process = subprocess.Popen(in_two, stderr=subprocess.DEVNULL, env=os.environ | {"TMPDIR": str(place)})
     while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
         time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
@@ -134,6 +138,12 @@ def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_p
     kept = {path.name: path.stat().st_mtime_ns for path in results.glob("*.npy")}
     assert 2 <= len(kept) < 13
     assert not out.exists()
+    # What the workers were given goes when the next ones are given something.
+    assert len(list(place.iterdir())) == 1
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    assert list(solve_frequencies(None, None, [], direct=False, workers=2, scheduler=None)) == []
+    assert list(place.iterdir()) == []
+    monkeypatch.undo()
     # Without --resume the results are not thrown away, and other settings do not go on with them.
     assert main(command) == 2
     assert "resume it, or remove the folder" in capsys.readouterr().err
@@ -144,6 +154,24 @@ def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_p
     assert main([*command, "--resume"]) == 0
     np.testing.assert_array_equal(mf.load(out)["s"].values.view(np.uint64), uninterrupted.view(np.uint64))
     assert not results.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs POSIX signals")
+def test_a_closed_terminal_ends_all_processes_without_a_word_too_many(scene_file, tmp_path):
+    """All processes of a terminal hear of its end, workers and Python's own helpers too."""
+    results = tmp_path / "sweep.nc.frequencies"
+    command = ["simulate", str(scene_file), "--solver", "fullwave", "-o", str(tmp_path / "sweep.nc"), "--workers", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "mirrorfold", *command], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGHUP)
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 129
+    assert said == f"mirrorfold: interrupted; what is done is kept in {results}, --resume goes on\n"
+    assert len(list(results.glob("*.npy"))) >= 2
 
 
 @pytest.mark.slow

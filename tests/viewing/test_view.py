@@ -112,6 +112,20 @@ def test_what_is_saved_is_what_the_api_and_its_command_compute(file, view, monke
 
 
 @pytest.mark.slow
+def test_mirrors_are_not_saved_without_what_they_fold(file, monkeypatch):
+    def full(result, path):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("mirrorfold.viewing.session.save", full)
+    with served(file) as server:
+        mirrors = lines_of(server.session.state["document"])[:1]
+        status, answer = call(server, "/api/save", {"mirrors": mirrors.tolist(), "name": "mine.nc"})
+    assert status == 500
+    assert str(file.parent / "mine.nc") in answer["message"]
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+@pytest.mark.slow
 def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mf.save(sweep, "sweep.nc")

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from mirrorfold import __version__
 from mirrorfold.benchmarking.scenes import Line
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import check_output, written_whole
 
 FILE = "scenes.jsonl"
 """Its name in the folder of a benchmark."""
@@ -66,8 +66,9 @@ def open_results(path: Path) -> dict[Key, Line]:
     Raises
     ------
     InputError
-        If the file is none of a benchmark, or of another version of this program.
+        If the file is none of a benchmark, or of another version of this program, or cannot be written.
     """
+    check_output(path)
     found = read_lines(path)
     others = {line.version for line in found.values()} - {__version__}
     if others:
@@ -82,12 +83,11 @@ def open_results(path: Path) -> dict[Key, Line]:
 
 
 def append(path: Path, lines: Iterable[Line]) -> None:
-    """Write lines at the end of the file, all at once, so that an interruption cannot divide one."""
-    handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    try:
-        os.write(handle, "".join(map(_text, lines)).encode())
-    finally:
-        os.close(handle)
+    """Write lines at the end of the file, at once and to the disk; only what is killed meanwhile may divide one."""
+    with path.open("ab") as file:
+        file.write("".join(map(_text, lines)).encode())
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _text(line: Line) -> str:

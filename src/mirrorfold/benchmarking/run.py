@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -19,6 +18,7 @@ from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.families import FAMILIES, Family, Radar, family_named, radar_named, radars_of
@@ -175,6 +175,7 @@ def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
         return
     # Started anew, not forked: the threads of Numba do not survive a fork.
     threads = max(1, cpu_count() // jobs)
+    start_tracker()
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(threads,))
     try:
         for future in as_completed([pool.submit(judge, task) for task in tasks]):
@@ -196,6 +197,6 @@ def _start(threads: int) -> None:
     import numba
     from threadpoolctl import threadpool_limits
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_to_parent()
     numba.set_num_threads(min(threads, numba.get_num_threads()))
     threadpool_limits(threads)

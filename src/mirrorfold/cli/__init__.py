@@ -2,11 +2,13 @@
 
 Nothing heavy is imported here, so that help and complaints come at once; `program` knows the modules of the verbs. Each
 verb reads its input, calls the function of the same name in `mirrorfold`, writes the result, and reports it.
-Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted.
+Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted by
+Ctrl-C, 143 by SIGTERM, 129 by SIGHUP.
 """
 
 from __future__ import annotations
 
+import errno
 import gc
 import json
 import os
@@ -18,9 +20,13 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from mirrorfold import __version__
+from mirrorfold.common.signals import ended_as_by_ctrl_c
 from mirrorfold.errors import InputError
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+SIGNALLED = 128
+"""The exit code of what a signal ends is higher by its number; that of Ctrl-C is 2."""
 
 
 class Verb(NamedTuple):
@@ -176,6 +182,12 @@ def _run(arguments: list[str]) -> int:
 
 def _attempt(arguments: list[str]) -> int:
     """Run one verb, and say in one line how it failed; returns the exit code."""
+    with ended_as_by_ctrl_c() as signals:
+        return _attempt_until(signals, arguments)
+
+
+def _attempt_until(signals: list[int], arguments: list[str]) -> int:
+    """The same, while the signals that come are listed."""
     try:
         from mirrorfold.cli.program import run
 
@@ -186,18 +198,28 @@ def _attempt(arguments: list[str]) -> int:
     except InputError as error:
         return _complain(error, str(error), WRONG_INPUT)
     except KeyboardInterrupt as error:
-        return _complain(error, str(error) or "interrupted; nothing was written", INTERRUPTED)
+        code = SIGNALLED + signals[0] if signals else INTERRUPTED
+        return _complain(error, str(error) or "interrupted; nothing was written", code)
     except BrokenPipeError:  # the reader of our output has gone, for example `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except MemoryError as error:
-        return _complain(error, "there is not enough memory; use fewer pixels or a smaller sweep", FAILED)
-    except OSError as error:
-        return _complain(error, f"reading or writing failed: {error}", FAILED)
+    except (MemoryError, OSError) as error:
+        return _complain(error, machine_trouble(error), FAILED)
     except Exception as error:  # the promise of one plain line holds for our own mistakes too
         found = f"{type(error).__name__}: {error}"
         return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
     return DONE
+
+
+def machine_trouble(error: OSError | MemoryError) -> str:
+    """What the machine could not do, in one sentence."""
+    if isinstance(error, MemoryError):
+        return "there is not enough memory; use fewer pixels or a smaller sweep"
+    if error.strerror is None or error.filename is None:
+        return f"reading or writing failed: {error}"
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    remedy = "; make room, or choose another place" if full else ""
+    return f"{error.filename}: cannot be read or written ({error.strerror}){remedy}"
 
 
 held_notes: ContextVar[list[str] | None] = ContextVar("held_notes", default=None)

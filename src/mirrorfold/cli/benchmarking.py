@@ -99,7 +99,7 @@ def benchmark(
         raise InputError("--output is missing; give the folder for the results, for example -o out")
     from mirrorfold.benchmarking.results import FILE
     from mirrorfold.benchmarking.tables import TABLES, write_tables
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import directory_written_whole
 
     names = (*TABLES, PICTURE)
     output_directory(output, names=names)
@@ -120,9 +120,9 @@ def benchmark(
         raise KeyboardInterrupt(
             f"interrupted; {steps[0]} of {steps[1]} scenes are done, in {output}; the same command goes on from there"
         ) from None
-    write_tables(result, output)
-    with written_whole(output / PICTURE) as temporary:
-        mf.plot.benchmark(result).savefig(temporary)
+    with directory_written_whole(output, replaces=names) as directory:
+        write_tables(result, directory)
+        mf.plot.benchmark(result).savefig(directory / PICTURE)
     files = [output / name for name in (FILE, *names)]
     show_result(result, files, show_benchmark, json=json)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import mirrorfold as mf
+from mirrorfold.cli import machine_trouble
 from mirrorfold.cli.terminal import show_json, show_summary
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
@@ -60,10 +61,9 @@ def reconstruct_many(
         try:
             reconstruction, files = work(path, output / name)
         except (InputError, OSError, MemoryError) as error:  # the other sweeps are none the worse for it
-            print(f"mirrorfold: {error}", file=sys.stderr)
-            results.append(
-                SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=str(error), files=[])
-            )
+            said = str(error) if isinstance(error, InputError) else machine_trouble(error)
+            print(f"mirrorfold: {said}", file=sys.stderr)
+            results.append(SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=said, files=[]))
             continue
         except KeyboardInterrupt as interruption:
             done = f"{sum(not result.error for result in results)} of {len(sweeps)} sweeps are done, in {output}"

@@ -226,6 +226,6 @@ def _reconstruct_file(
         with progress(f"reconstructing {path.name}") as report:
             reconstruction = mf.reconstruct(measured, mirrors=mirrors, progress=report, **kept, **given)
         reconstruction.attrs["command"] = command.get()
-        with directory_written_whole(output) as directory:
+        with directory_written_whole(output, replaces=NAMES) as directory:
             results = write_results(reconstruction, directory, plan=plan)
     return reconstruction, [output / name for name in results]

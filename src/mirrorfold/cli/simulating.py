@@ -17,7 +17,6 @@ from mirrorfold.cli.results import (
     REPORT,
     SPACE,
     available_cores,
-    remove_directory,
     write_json,
     write_results,
 )
@@ -31,6 +30,7 @@ from mirrorfold.cli.terminal import (
     show_score,
 )
 from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.common.leftovers import remove
 from mirrorfold.errors import InputError
 
 DEMO_SCENES = {
@@ -66,9 +66,10 @@ def demo(
     from mirrorfold.io.files import directory_written_whole
 
     file = DEMO_SCENES[scene]
-    output_directory(out, names=(file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json"))
+    names = (file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json")
+    output_directory(out, names=names)
     text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
-    with directory_written_whole(out) as directory:
+    with directory_written_whole(out, replaces=names) as directory:
         (directory / file).write_text(text, encoding="utf-8")
         truth = mf.load_scene(directory / file)
         snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None
@@ -183,5 +184,5 @@ def simulate(
         raise
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
-        remove_directory(results)
+        remove(results)
     show_result(mf.info(sweep, diagnose=False), [output], json=json)

@@ -21,6 +21,7 @@ import numba
 import numpy as np
 import scipy.fft
 
+from mirrorfold.common.leftovers import remove_leftovers, temporary_name
 from mirrorfold.focusing import exact_kernels, line_kernels, phasor, range_tables
 from mirrorfold.focusing.interpolation import triangular_kernel
 from mirrorfold.focusing.range_tables import TERMS, spectral_weights
@@ -91,7 +92,8 @@ def machine() -> Machine:
     found = measure()
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(f".{os.getpid()}")
+        remove_leftovers(path.parent)
+        partial = path.with_name(temporary_name())
         partial.write_text(json.dumps({"of": _identity(), **asdict(found)}))
         partial.replace(path)
     return found

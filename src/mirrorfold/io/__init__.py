@@ -119,6 +119,8 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     ------
     InputError
         If the object is none of these or not valid, or nothing can be written there.
+    OSError
+        If the disk is full or fails.
     """
     from mirrorfold.io.netcdf import write
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
+from mirrorfold.common.leftovers import leftovers, remove, temporary_name
+from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 
 clobber: ContextVar[bool] = ContextVar("clobber", default=True)
@@ -41,7 +42,9 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the path of the file to write")
     target = _followed(path)
-    if target.exists() and not target.is_file():
+    if target.is_symlink():
+        raise InputError(f"{path}: is a link that leads to itself; give the path of a file")
+    if path.exists() and not path.is_file():
         raise InputError(f"{path}: is a device, a pipe or a socket, and would be replaced; give the path of a file")
     _check_parent(path)
     if target != path:
@@ -84,6 +87,8 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
 def written_whole(path: str | Path) -> Iterator[Path]:
     """A temporary path to write to, renamed to `path` when the block ends well and removed when it does not.
 
+    What was written is on the disk, not in its cache, before it gets its name.
+
     Parameters
     ----------
     path : path
@@ -97,29 +102,43 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     ------
     InputError
         If nothing can be written there.
+    OSError
+        If the disk is full or fails; what was there before stays.
     """
     path = _followed(check_output(path))
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    clean_up(path.parent)
+    temporary = path.with_name(temporary_name(path.suffix))
     try:
         temporary.touch(exist_ok=False)
         temporary.unlink()
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        raise _unwritable(path, error) from None
     try:
         yield temporary
+        _sync(temporary)
+        check_output(path)  # a device or a pipe may have come since
         os.replace(temporary, path)
+        _sync(path.parent)
+    except OSError as error:
+        raise _named(error, temporary, path) from None
     finally:
         temporary.unlink(missing_ok=True)
 
 
 @contextmanager
-def directory_written_whole(path: str | Path) -> Iterator[Path]:
-    """A temporary directory to write files to; they move to `path` when the block ends well.
+def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -> Iterator[Path]:
+    """A temporary directory to write files to; they move to `path` when the block ends well, and replace what is there.
+
+    New files are never found beside old ones, whenever the process ends: once the new ones are complete and on the
+    disk, the temporary directory is renamed to say so; then the old ones are removed; then the new ones move. If the
+    process is killed meanwhile, the next one that writes to `path` goes on with that.
 
     Parameters
     ----------
     path : path
         Of the directory. It is made if need be; when the block fails, nothing is made and nothing changes.
+    replaces : list of str
+        Names of files that belong to older results, and go even if there are no new ones of these names.
 
     Yields
     ------
@@ -130,26 +149,144 @@ def directory_written_whole(path: str | Path) -> Iterator[Path]:
     ------
     InputError
         If nothing can be written there.
+    OSError
+        If the disk is full or fails; what was there before stays.
     """
     path = _followed(check_output_directory(path, names=()).absolute())
     place = path if path.exists() else path.parent
-    temporary = place / f".{path.name}.{secrets.token_hex(4)}"
+    clean_up(place)
+    temporary = place / temporary_name()
     try:
         temporary.mkdir()
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        raise _unwritable(path, error) from None
     try:
         yield temporary
-        if not path.exists():
-            temporary.rename(path)
-            return
         files = sorted(temporary.iterdir())
-        for file in files:
-            check_output(path / file.name)
-        for file in files:
-            _move(file, path / file.name)
+        _sync_all(files)
+        if not path.exists():
+            _sync(temporary)
+            temporary.rename(path)
+            _sync(path.parent)
+            return
+        old = {*replaces, *(file.name for file in files)}
+        for name in old:
+            check_output(path / name)
+        (temporary / OLD_FILES).write_text("\n".join(sorted(old)), encoding="utf-8")
+        _sync(temporary / OLD_FILES)
+        _sync(temporary)
+        complete = temporary.rename(path / (temporary.name + COMPLETE))
+    except OSError as error:
+        raise _named(error, temporary, path) from None
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        remove(temporary)
+    _replace_files(complete)
+
+
+COMPLETE = ".complete"
+"""Suffix of a temporary directory whose files wait to replace others."""
+
+OLD_FILES = ".replaces"
+"""The file in it that names the others."""
+
+
+def clean_up(folder: Path) -> None:
+    """Finish or remove what killed processes have left in a folder."""
+    for path in leftovers(folder):
+        if path.suffix == COMPLETE:
+            with suppress(OSError, InputError):  # what is in its way there is no matter of the file to be written now
+                _replace_files(path)
+        else:
+            remove(path)
+
+
+def _replace_files(complete: Path) -> None:
+    """Remove the old files of the directory around this one, then move the files of this one there.
+
+    The list of the old files goes with the last of them: whoever goes on later must not take new files for old ones.
+    """
+    listed = complete / OLD_FILES
+    with held_signals(), suppress(FileNotFoundError):  # another process may be faster
+        if listed.exists():
+            for name in listed.read_text(encoding="utf-8").splitlines():
+                _followed(complete.parent / Path(name).name).unlink(missing_ok=True)
+            _sync(complete.parent)
+            listed.unlink()
+            _sync(complete)
+        for file in sorted(complete.iterdir()):
+            _move(file, complete.parent / file.name)
+        _sync(complete.parent)
+    remove(complete)
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""How a system says that a disk, or the user's share of it, is full."""
+
+
+def check_room(path: Path, size: int) -> None:
+    """Refuse to begin a file that is larger than what is free.
+
+    Parameters
+    ----------
+    path : path
+        In a directory that is there.
+    size : int [bytes]
+
+    Raises
+    ------
+    OSError
+        With what is needed and what is free.
+    """
+    total, _, free = shutil.disk_usage(path.parent)
+    if total and size > free:  # some network disks know of no size at all
+        raise OSError(errno.ENOSPC, f"needs {size / 1e9:.3g} GB of disk, and {free / 1e9:.3g} GB are free", str(path))
+
+
+def _unwritable(path: Path, error: OSError) -> Exception:
+    """What to raise where not even an empty file can be made: a full disk is no mistake of the input."""
+    if error.errno in FULL:
+        return OSError(error.errno, error.strerror, str(path))
+    return InputError(f"{path}: cannot be written ({error.strerror}); choose another place")
+
+
+def _named(error: OSError, temporary: Path, path: Path) -> OSError:
+    """The error with the name that the user knows, in place of the temporary one."""
+    name = str(error.filename or temporary)
+    if error.errno is None or not name.startswith(str(temporary)):
+        return error
+    return OSError(error.errno, error.strerror, name.replace(str(temporary), str(path)))
+
+
+def _sync_all(files: Sequence[Path]) -> None:
+    """Wait until files are on the disk: a scan of thousands waits for all that the system writes, once."""
+    if len(files) > MANY and hasattr(os, "sync"):
+        os.sync()
+        return
+    for file in files:
+        _sync(file)
+
+
+MANY = 100
+"""Files, each of which takes milliseconds to wait for."""
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk.
+
+    Raises
+    ------
+    OSError
+        If the disk fails; of folders, some file systems know no such request.
+    """
+    folder = path.is_dir()
+    if folder and os.name != "posix":
+        return
+    handle = os.open(path, os.O_RDONLY if folder else os.O_RDWR)
+    try:
+        with suppress(OSError) if folder else nullcontext():
+            os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _followed(path: Path) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,9 @@ from typing import Any
 import xarray as xr
 
 from mirrorfold import __version__
+from mirrorfold.common.leftovers import remove
 from mirrorfold.errors import InputError
+from mirrorfold.io.files import written_whole
 from mirrorfold.io.netcdf import read, write
 
 MARK = "frames.sha256"
@@ -57,7 +58,9 @@ class FrameFolder(MutableMapping[int, xr.DataTree]):
 
     def __setitem__(self, frame: int, reconstruction: xr.DataTree) -> None:
         self.folder.mkdir(exist_ok=True)
-        (self.folder / MARK).write_text(self._fingerprint)
+        if not (self.folder / MARK).exists():
+            with written_whole(self.folder / MARK) as temporary:
+                temporary.write_text(self._fingerprint)
         write(reconstruction, self._path(frame))
 
     def __delitem__(self, frame: int) -> None:
@@ -71,7 +74,7 @@ class FrameFolder(MutableMapping[int, xr.DataTree]):
 
     def remove(self) -> None:
         """Remove all frames, once the recording is written."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove(self.folder)
 
     def _path(self, frame: int) -> Path:
         return self.folder / f"{frame:06d}.nc"

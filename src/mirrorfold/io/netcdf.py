@@ -18,9 +18,11 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import written_whole
-from mirrorfold.io.readers.hdf5 import check_survived
+from mirrorfold.io.files import check_room, written_whole
+from mirrorfold.io.readers.hdf5 import check_netcdf
+from mirrorfold.io.steady import SteadyFile
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
@@ -50,7 +52,7 @@ def is_foreign(path: Path) -> bool:
             return True
     if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
         return False
-    check_survived(path)
+    check_netcdf(path)
     try:
         with h5py.File(path, "r") as content:
             if "mirrorfold_kind" in content.attrs or {"s", "image"} & set(content):
@@ -111,9 +113,11 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         If the file is missing or broken.
     """
     _check_is_hdf5(path)
-    check_survived(path)
+    check_netcdf(path)
     try:
         content = _read_groups(path, only)
+        for node in content.subtree:
+            node.to_dataset()  # sizes that contradict each other are noticed now
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
@@ -129,6 +133,8 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     ------
     InputError
         If the object is none of these or not valid, or nothing can be written there.
+    OSError
+        If the disk is full or fails; what was there before stays.
     """
     if isinstance(obj, xr.DataTree):
         content = check_reconstruction(obj)
@@ -140,13 +146,22 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     else:
         raise InputError(f"save: got a {type(obj).__name__}, expected a sweep, an image or a reconstruction")
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
+    encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
     with written_whole(path) as temporary:
-        content.to_netcdf(
-            temporary,
-            engine=ENGINE,
-            encoding={node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree},
-        )
+        check_room(temporary, _least_size(content))
+        with held_signals(), SteadyFile(temporary) as file:
+            content.to_netcdf(file, engine=ENGINE, encoding=encoding)
     return path
+
+
+def _least_size(content: xr.DataTree) -> int:
+    """Bytes that complex samples take, which are not compressed; the rest may shrink to nearly nothing."""
+    return sum(
+        variable.nbytes
+        for node in content.subtree
+        for variable in node.to_dataset(inherit=False).variables.values()
+        if variable.dtype.kind == "c"
+    )
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
@@ -255,6 +270,8 @@ def _check_is_hdf5(path: Path) -> None:
         raise InputError(f"{path}: does not exist; give the path of a netCDF file")
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the path of a netCDF file in it")
+    if not path.is_file():  # opening a pipe would wait for ever
+        raise InputError(f"{path}: is no file but a device, a pipe or a socket; give the path of a netCDF file")
     try:
         path.open("rb").close()
     except OSError as error:

@@ -23,7 +23,7 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, FoldSettings
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
-from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.files import check_output, directory_written_whole
 from mirrorfold.reconstruction import FoldPlan, fold, initial_image
 from mirrorfold.reporting.document import mirror_rows, shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
@@ -242,12 +242,12 @@ class Session:
         files = [output] if lines is None else [output, mirrors]
         with self._lock:
             result = self._plan.fold(**self._arguments(settings, lines))
-            if lines is not None:
-                with written_whole(mirrors) as temporary:
-                    write_mirrors(lines, temporary)
             command = self.command(settings, None if lines is None else mirrors, output)
             result.attrs["command"] = command
-            save(result, output)
+            with directory_written_whole(output.parent) as folder:
+                if lines is not None:
+                    write_mirrors(lines, folder / mirrors.name)
+                save(result, folder / output.name)
         return {"files": [str(file) for file in files], "command": command}
 
     def command(self, settings: dict[str, Any], mirrors: Path | None, output: Path) -> str:

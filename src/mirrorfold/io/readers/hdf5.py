@@ -136,22 +136,38 @@ def prepare() -> None:
     _library.start()
 
 
-def check_survived(path: Path) -> None:
-    """Refuse a file that would take down, or never release, whoever opens it with the library.
+def check_netcdf(path: Path) -> None:
+    """Refuse a file before the library opens it here: every netCDF-4 file passes this gate.
 
     Raises
     ------
     InputError
-        If it did so in the other process; damage that the library notices is no matter here.
+        If the file would take down, or never release, whoever opens it; if it shows data of other files, by external
+        links, external storage or virtual arrays; if its groups are no tree; if it is damaged.
     """
     state = path.stat()
-    _check_survived(str(path.absolute()), state.st_mtime_ns, state.st_size)
+    answer = _checked(str(path.absolute()), state.st_mtime_ns, state.st_size)
+    _check_answer(path, answer)
 
 
 @lru_cache(maxsize=16)
-def _check_survived(path: str, changed: int, size: int) -> None:
-    """The same, once for a file as long as it does not change."""
-    _library.ask({"path": path, "survive": True})
+def _checked(path: str, changed: int, size: int) -> dict[str, Any]:
+    """What the other process says of a netCDF file, asked once as long as the file does not change."""
+    return _library.ask({"path": path, "netcdf": True})[0]
+
+
+def _check_answer(path: Path, answer: dict[str, Any]) -> None:
+    """Refuse what the other process refuses.
+
+    Raises
+    ------
+    InputError
+        In its words.
+    """
+    if "refused" in answer:
+        raise InputError(f"{path}: {answer['refused']}")
+    if "damaged" in answer:
+        raise InputError(f"{path}: is damaged or no HDF5 file ({answer['damaged']}); copy or export it again")
 
 
 def read(path: Path) -> Contents:
@@ -161,10 +177,7 @@ def read(path: Path) -> Contents:
     """
     path = Path(path)
     answer, _ = _library.ask({"path": str(path.absolute())})
-    if "refused" in answer:
-        raise InputError(f"{path}: {answer['refused']}")
-    if "damaged" in answer:
-        raise InputError(f"{path}: is damaged or no HDF5 file ({answer['damaged']}); copy or export it again")
+    _check_answer(path, answer)
     variables: dict[str, Variable] = {}
     for entry in answer["arrays"]:
         variable = _variable(path, entry, matlab=bool(answer["matlab"] or entry["matlab"]))

@@ -1,8 +1,8 @@
-"""The process that opens HDF5 files of others: a damaged one may crash or hang the library, and takes only it along.
+"""The process that opens HDF5 files first: a damaged one may crash or hang the library, and takes only it along.
 
 It is asked by one JSON object in a line of its input - ``{"path": ..., "name": ...}`` for an array, without a name for
-what the file holds, ``{"path": ..., "survive": true}`` for nothing but its survival - and answers with one in a line of
-its output, followed by the bytes of the array.
+what the file holds, ``{"path": ..., "netcdf": true}`` for whether it may be opened as netCDF - and answers with one in
+a line of its output, followed by the bytes of the array.
 """
 
 from __future__ import annotations
@@ -30,35 +30,23 @@ UNITS = ("units", "unit", "long_name")
 """Attributes of arrays that matter."""
 
 
+class RefusedError(Exception):
+    """What is in a file must not be read; the sentence says why."""
+
+
 def survey(path: str) -> dict[str, Any]:
-    """What a file holds: its arrays with shape, type, names of axes and size on disk, and its attributes.
-
-    The answer has the entry `refused` instead where the file refers to other files.
-    """
-    links: list[str] = []
-    foreign: list[str] = []
-
-    def note(name: bytes, info: Any) -> None:  # called from within the library: it must neither raise nor stop
-        own = info.type in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT)
-        (links if own else foreign).append(_text(name))
-
+    """What a file holds: its arrays with shape, type, names of axes and size on disk, and its attributes."""
     with open(path, "rb") as raw:
         matlab = raw.read(19) == b"MATLAB 7.3 MAT-file"
     found = []
     with h5py.File(path, "r") as file:
-        file.id.links.visit(note, info=True)
-        if foreign:
-            return {"refused": f"its entry {foreign[0]!r} is a link to another file; copy the data into one file"}
-        if len(links) > MOST_OBJECTS:
-            return {"refused": f"holds more than {MOST_OBJECTS} objects; split it, or export what was measured"}
-        for name in links:
+        for name in own_links(file):
             if file.get(name, getlink=True).__class__ is not h5py.HardLink:
                 continue
             item = file[name]
             if not isinstance(item, h5py.Dataset):
                 continue
-            if item.external or item.is_virtual:
-                return {"refused": f"the values of {name!r} lie in another file; copy the data into one file"}
+            check_own_values(name, item)
             described = _described(name, item)
             if described is not None:
                 found.append(described)
@@ -67,23 +55,78 @@ def survey(path: str) -> dict[str, Any]:
     return {"matlab": matlab, "arrays": found, "attrs": attrs}
 
 
-def survive(path: str) -> None:
-    """Touch all that whoever reads a file touches, small arrays included; what cannot be read is no matter here."""
-    links: list[bytes] = []
+def check_netcdf(path: str) -> None:
+    """Touch all that whoever reads a netCDF file touches, small arrays included, as far as it can be read.
+
+    Raises
+    ------
+    RefusedError
+        If it refers to other files, or its groups are no tree, which those who walk through them might never leave.
+    """
     with h5py.File(path, "r") as file:
         for key in file.attrs:
             _attr(file.attrs, key)
-        file.id.links.visit(links.append)
-        for name in links[:MOST_OBJECTS]:
+        groups = {h5py.h5o.get_info(file.id).addr}
+        for name in own_links(file):
+            item = None
             with suppress(Exception):
                 item = file[name]
-                for key in item.attrs:
-                    _attr(item.attrs, key)
-                if isinstance(item, h5py.Dataset) and item.size is not None:
-                    if item.size * item.dtype.itemsize <= SMALL_BYTES:
-                        item[()]
-                    elif item.chunks is not None:
-                        item.id.get_num_chunks()
+            if isinstance(item, h5py.Group):
+                place = h5py.h5o.get_info(item.id).addr
+                if place in groups:
+                    raise RefusedError(f"its group {name!r} is there under another name too; copy its data")
+                groups.add(place)
+            if isinstance(item, h5py.Dataset):
+                check_own_values(name, item)
+                with suppress(Exception):
+                    _touch(item)
+
+
+def own_links(file: h5py.File) -> list[str]:
+    """The names of all that is in a file.
+
+    Raises
+    ------
+    RefusedError
+        If one of them leads to another file, or there are too many.
+    """
+    links: list[str] = []
+    foreign: list[str] = []
+
+    def note(name: bytes, info: Any) -> None:  # called from within the library: it must neither raise nor stop
+        own = info.type in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT)
+        (links if own else foreign).append(_text(name))
+
+    file.id.links.visit(note, info=True)
+    if foreign:
+        raise RefusedError(f"its entry {foreign[0]!r} is a link to another file; copy the data into one file")
+    if len(links) > MOST_OBJECTS:
+        raise RefusedError(f"holds more than {MOST_OBJECTS} objects; split it, or export what was measured")
+    return links
+
+
+def check_own_values(name: str, dataset: h5py.Dataset) -> None:
+    """Refuse an array whose values the library would fetch from elsewhere: any file that the user may read.
+
+    Raises
+    ------
+    RefusedError
+        With the name of the array.
+    """
+    if dataset.external or dataset.is_virtual:
+        raise RefusedError(f"the values of {name!r} lie in another file; copy the data into one file")
+
+
+def _touch(dataset: h5py.Dataset) -> None:
+    """Read the attributes of an array, and its values if it is small."""
+    for key in dataset.attrs:
+        _attr(dataset.attrs, key)
+    if dataset.size is None:
+        return
+    if dataset.size * dataset.dtype.itemsize <= SMALL_BYTES:
+        dataset[()]
+    elif dataset.chunks is not None:
+        dataset.id.get_num_chunks()
 
 
 def _described(name: str, dataset: h5py.Dataset) -> dict[str, Any] | None:
@@ -137,8 +180,8 @@ def serve() -> None:
     for line in questions:
         asked, body = json.loads(line), np.empty(0, np.uint8)
         try:
-            if "survive" in asked:
-                survive(asked["path"])
+            if "netcdf" in asked:
+                check_netcdf(asked["path"])
                 answer = {}
             elif "name" not in asked:
                 answer = survey(asked["path"])
@@ -147,6 +190,8 @@ def serve() -> None:
                     values = np.ascontiguousarray(file[asked["name"]][()])
                 body = values.reshape(-1).view(np.uint8)
                 answer = {"bytes": nbytes(values.shape, values.dtype.itemsize)}
+        except RefusedError as refusal:
+            answer = {"refused": str(refusal)}
         except Exception as error:  # h5py reports damage by exceptions of many types
             answer, body = {"damaged": " ".join(str(error).split())[:200] or type(error).__name__}, body[:0]
         answers.write(json.dumps(answer).encode() + b"\n")

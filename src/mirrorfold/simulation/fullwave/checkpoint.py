@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.leftovers import remove
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.fullwave.solver import System
 
@@ -65,7 +65,7 @@ class Checkpoint:
 
     def remove(self) -> None:
         """Remove all results, once the sweep is written."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove(self.folder)
 
     def remove_if_empty(self) -> None:
         """Remove the folder if no frequency is done."""

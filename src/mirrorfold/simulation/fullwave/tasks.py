@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
-import signal
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -17,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.leftovers import remove_leftovers, temporary_prefix
+from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -68,9 +69,11 @@ def _in_processes(
 ) -> Iterator[tuple[int, Complex]]:
     """By worker processes, each with a copy of the system."""
     # By way of a file: the parent would wait for ever for a worker that ends before it has read a large argument.
-    with tempfile.TemporaryDirectory(prefix="mirrorfold-") as folder:
+    remove_leftovers(Path(tempfile.gettempdir()))
+    with tempfile.TemporaryDirectory(prefix=temporary_prefix()) as folder:
         path = Path(folder) / "system.pickle"
         path.write_bytes(pickle.dumps(system))
+        start_tracker()
         pool = ProcessPoolExecutor(
             min(workers, max(1, len(todo))),
             mp_context=multiprocessing.get_context("spawn"),
@@ -98,7 +101,7 @@ def _start_worker(path: Path) -> None:
     """Take over the system, and end when the parent does, however abruptly."""
     global _system
     _system = pickle.loads(path.read_bytes())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interruption is the parent's to handle
+    leave_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
