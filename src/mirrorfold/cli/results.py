@@ -30,13 +30,6 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def remove_directory(path: Path) -> None:
-    """Remove a directory with all that is in it."""
-    import shutil
-
-    shutil.rmtree(path, ignore_errors=True)
-
-
 def read(path: Path, *expected: str) -> Any:
     """A file that must hold a sweep, an image or a reconstruction, whichever of them is expected.
 

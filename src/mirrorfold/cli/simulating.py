@@ -17,7 +17,6 @@ from mirrorfold.cli.results import (
     REPORT,
     SPACE,
     available_cores,
-    remove_directory,
     write_json,
     write_results,
 )
@@ -183,5 +182,7 @@ def simulate(
         raise
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
-        remove_directory(results)
+        from mirrorfold.simulation.fullwave.checkpoint import remove_results
+
+        remove_results(results)
     show_result(mf.info(sweep, diagnose=False), [output], json=json)
