@@ -30,6 +30,12 @@ def available_memory() -> float:
     return max(0.0, min([_of_machine(), _of_address_space(), *_of_groups()]))
 
 
+def used_memory() -> float:
+    """Memory [bytes] that this process holds; zero where the system does not tell."""
+    held = 1024.0 * _number(PROC / "self/status", "VmRSS:")
+    return held if held < float("inf") else 0.0
+
+
 def check_room(nbytes: float, what: str, remedy: str) -> None:
     """Refuse what does not fit into the memory, before it is begun.
 
