@@ -131,3 +131,36 @@ def test_under_a_hard_limit_the_image_is_made_nevertheless(echoes, tmp_path):
     strips, error = done.stdout.split()
     assert int(strips) > 1
     assert float(error) <= TOLERANCE
+
+
+MEASURED = """
+import sys
+from pathlib import Path
+import numpy as np
+import mirrorfold as mf
+from mirrorfold.common.memory import PROC, _number
+sweep = mf.load(sys.argv[1])
+tiny = sweep.isel(frequency=slice(0, 21), tx=slice(0, 3), rx=slice(0, 3)).copy(deep=True)
+mf.focus(tiny, x=np.linspace(-0.1, 0.1, 30), y=np.linspace(0.3, 0.5, 30), tolerance=1e-3)  # loads the exact kernels
+Path("/proc/self/clear_refs").write_text("5")  # the peak counts from here on
+before = _number(PROC / "self/status", "VmRSS:")
+found = mf.focusing.choose_algorithm(sweep, tolerance=1e-3)
+mf.focus(sweep, tolerance=1e-3)
+print(1e9 * found.memory_gb - sweep["s"].nbytes, 1024.0 * (_number(PROC / "self/status", "VmHWM:") - before))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elements", "frequencies"), [(81, 201), (121, 401)])
+def test_the_memory_that_is_forecast_is_taken(tmp_path, elements, frequencies):
+    if not sys.platform.startswith("linux"):
+        pytest.skip("the peak of a process can be counted anew on Linux alone")
+    position = np.outer(0.5e-3 * (np.arange(elements) - (elements - 1) / 2), [1.0, 0.0, 0.0])
+    frequency = np.linspace(290e9, 300e9, frequencies)
+    s = np.random.default_rng(0).standard_normal((frequencies, elements, 2 * elements)).astype(np.float32)
+    sweep = mf.make_sweep(s.view(np.complex64), frequency=frequency, tx_position=position, rx_position=position)
+    path = mf.save(sweep, tmp_path / "sweep.nc")
+    done = subprocess.run([sys.executable, "-c", MEASURED, str(path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    forecast, taken = map(float, done.stdout.split())
+    assert taken == pytest.approx(forecast, rel=0.25)
