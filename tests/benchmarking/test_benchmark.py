@@ -18,7 +18,8 @@ import mirrorfold as mf
 from mirrorfold import benchmarking
 from mirrorfold.benchmarking import scenes
 from mirrorfold.benchmarking.methods import as_reconstruction, load_method
-from mirrorfold.benchmarking.results import read_lines
+from mirrorfold.benchmarking.results import _text, read_lines
+from mirrorfold.benchmarking.scenes import Line
 from mirrorfold.scenes.families import Family, Radar, draw, drawing
 from mirrorfold.scenes.families.parts import wall
 
@@ -164,11 +165,17 @@ def test_a_line_that_was_cut_off_is_made_again(tmp_path):
     assert len(read_lines(file)) == len(file.read_text().splitlines()) == 2
 
 
+def of_another_version(text):
+    items = json.loads(text)
+    items.pop("sha256")
+    return _text(Line(**{**items, "version": "0.0.1"}))
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda text: "{}\n" + text, "line 1 is no result of `mirrorfold benchmark`"),
-        (lambda text: text.replace(mf.__version__, "0.0.1"), "holds results of mirrorfold 0.0.1"),
+        (lambda text: "{}\n", "holds no whole result of `mirrorfold benchmark`"),
+        (of_another_version, "holds results of mirrorfold 0.0.1"),
     ],
 )
 def test_a_file_of_others_is_refused_and_left_alone(tmp_path, change, expected):
@@ -182,12 +189,49 @@ def test_a_file_of_others_is_refused_and_left_alone(tmp_path, change, expected):
     assert file.read_text() == before
 
 
+def test_a_result_that_has_changed_is_made_again_and_told_of(tmp_path):
+    whole = run("strongest", output=tmp_path)
+    file = tmp_path / "scenes.jsonl"
+    first, second = file.read_text().splitlines(keepends=True)
+    file.write_text(re.sub(r'"f_score_2cm": 0\.\d', '"f_score_2cm": 0.9', first, count=1) + second)
+    assert file.read_text() != first + second
+    with pytest.raises(mf.InputError, match="line 1 has changed since it was written"):
+        read_lines(file)
+    small_benchmark.calls.clear()
+    with pytest.warns(UserWarning, match="1 of 2 lines are damaged, and are made again"):
+        again = run("strongest", output=tmp_path)
+    assert small_benchmark.calls == ["strongest"]
+    assert again.results[0].figures == whole.results[0].figures
+
+
+def test_results_of_another_family_of_the_same_name_are_made_again(tmp_path):
+    run("strongest", output=tmp_path)
+    other = replace(WALL, make=lambda random, radar: [wall("wall", (0.0, 0.5), 0.0, 0.3)])
+    small_benchmark.calls.clear()
+    with pytest.warns(UserWarning, match="2 results are of other scenes"):
+        mixed = run("strongest", families=other, output=tmp_path)
+    assert small_benchmark.calls == ["strongest"] * 2
+    assert mixed.results[0].figures == run("strongest", families=other).results[0].figures
+
+
 def test_kept_sweeps_are_not_simulated_again(tmp_path, monkeypatch):
     first = run("strongest", seeds=[0], sweeps=tmp_path)
     monkeypatch.setattr(scenes, "simulate", None)
     assert run("strongest", seeds=[0], sweeps=tmp_path).results[0].figures == first.results[0].figures
     other = run("strongest", seeds=[0], sweeps=tmp_path, families=replace(WALL, snr_db=3.0))
     assert other.results[0].failures == 1  # with other noise it is another sweep
+
+
+def test_a_kept_sweep_that_is_damaged_is_simulated_again(tmp_path):
+    first = run("strongest", seeds=[0], sweeps=tmp_path)
+    [path] = tmp_path.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.warns(UserWarning, match="is damaged or was not written by a benchmark, and is simulated again"):
+        again = run("strongest", seeds=[0], sweeps=tmp_path)
+    assert again.results[0].failures == 0
+    assert again.results[0].figures == first.results[0].figures
+    assert isinstance(mf.load(path), xr.Dataset)
 
 
 @pytest.mark.slow

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.calibration.autofocus import entropy
+from mirrorfold.calibration.masking import find_bad
 from mirrorfold.calibration.reflectors import plate_paths, sphere_paths
 
 MICROMETRE = 1e-6
@@ -394,3 +397,15 @@ def test_a_removed_cable_moves_echoes_nearer_by_half_of_it():
     profile = np.abs(np.fft.ifft(shorter["s"].values[:, 0, 0], 4096))
     step = np.diff(shorter["frequency"].values).mean()
     assert profile.argmax() / 4096 * speed_of_light / (2 * step) == pytest.approx(0.7, abs=0.002)
+
+
+@pytest.mark.slow
+def test_looking_for_bad_samples_takes_less_than_another_sweep():
+    s = np.random.default_rng(0).standard_normal((400, 160, 320), dtype=np.float32).view(np.complex64)
+    sweep = xr.Dataset({"s": (("frequency", "tx", "rx"), s)})
+    tracemalloc.start()
+    try:
+        find_bad(sweep)
+        assert tracemalloc.get_traced_memory()[1] < 0.8 * s.nbytes
+    finally:
+        tracemalloc.stop()

@@ -160,10 +160,28 @@ def test_frames_of_other_settings_are_made_anew(recording, tmp_path, monkeypatch
     kept = FrameFolder(tmp_path / "f", [path], {"x": np.arange(3.0)})
     kept[0] = mf.fold(recording.isel(frame=0))
     assert list(FrameFolder(tmp_path / "f", [path], {"x": np.arange(3.0)})) == [0]
-    assert list(FrameFolder(tmp_path / "f", [path], {"x": np.arange(4.0)})) == []
+    with pytest.warns(UserWarning, match="of other inputs or settings; all are made anew"):
+        assert list(FrameFolder(tmp_path / "f", [path], {"x": np.arange(4.0)})) == []
     (tmp_path / "mine").mkdir()
     with pytest.raises(mf.InputError, match="in the way"):
         FrameFolder(tmp_path / "mine", [path], {})
+
+
+@pytest.mark.slow
+def test_a_frame_that_cannot_be_trusted_is_made_again(recording, folded, tmp_path):
+    from mirrorfold.io.frame_folder import FrameFolder
+
+    path = mf.save(recording, tmp_path / "recording.nc")
+    kept = FrameFolder(tmp_path / "f", [path], {})
+    for number in range(3):
+        kept[number] = on_disk(mf.pick_frame(folded, number), tmp_path / "one.nc")
+    assert_same(kept[1], on_disk(mf.pick_frame(folded, 1), tmp_path / "one.nc"))
+    flipped = bytearray((tmp_path / "f/00001.nc").read_bytes())
+    flipped[len(flipped) // 2] ^= 1
+    (tmp_path / "f/00001.nc").write_bytes(flipped)
+    (tmp_path / "f/00002.nc").write_bytes((tmp_path / "f/00000.nc").read_bytes())
+    with pytest.warns(UserWarning, match=r"00001\.nc, 00002\.nc cannot be trusted"):
+        assert list(FrameFolder(tmp_path / "f", [path], {})) == [0]
 
 
 @pytest.fixture

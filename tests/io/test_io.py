@@ -15,7 +15,7 @@ from profiles import examples
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
-from mirrorfold.io import load_geometry
+from mirrorfold.io import load_geometry, netcdf
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
 from mirrorfold.io.readers import hdf5
 
@@ -369,3 +369,16 @@ def test_frames_are_focused_to_a_file(tmp_path):
     assert image.sizes == {"frame": 3, "y": 1, "x": 5}
     one = mf.focus(sweep, x=image["x"].values, y=[0.1])
     np.testing.assert_allclose(image.values[0], one.values, atol=1e-4 * np.abs(one.values).max())
+
+
+def test_a_small_file_that_declares_gigabytes_is_refused_unread(sweep, tmp_path, monkeypatch):
+    """Chunks that were never written take no place in the file, and all of it in the memory."""
+    path = mf.save(sweep, tmp_path / "sweep.nc")
+    with h5py.File(path, "a") as file:
+        del file["s"]
+        file.create_dataset("s", (900, 640, 640), np.complex64, chunks=(10, 64, 64), compression="gzip")
+    assert path.stat().st_size < 100_000
+    monkeypatch.setattr(netcdf, "_read_groups", lambda *_: pytest.fail("the samples were read"))
+    for read in (mf.load, mf.info):
+        with pytest.raises(mf.InputError, match=r"would expand from \d+ bytes to 2.95e\+09"):
+            read(path)

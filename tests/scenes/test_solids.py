@@ -186,3 +186,13 @@ def test_the_mannequin_stands_and_looks_where_it_is_told():
     ahead = body.frame.linear @ [0.0, 1.0, 0.0]
     assert np.allclose(ahead, [1.0, 0.0, 0.0])
     assert np.allclose(body.frame(np.zeros(3)), [1.0, 2.0, -0.9])
+
+
+def test_a_mesh_that_would_fill_the_memory_is_refused_unread(tmp_path, monkeypatch):
+    path = tmp_path / "huge.stl"
+    with path.open("wb") as file:
+        file.truncate(1 << 40)  # takes no place on the disk
+    scene = parse_scene(content({"name": "huge", "kind": "mesh", "path": str(path)}))
+    monkeypatch.setattr(trimesh, "load", lambda *_, **__: pytest.fail("the mesh was read"))
+    with pytest.raises(mf.InputError, match=r"huge.stl: its triangles need about .* GB of memory, and .* GB are free"):
+        solids(scene)

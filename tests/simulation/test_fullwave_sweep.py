@@ -192,6 +192,71 @@ def test_resumption_solves_only_what_is_missing(scene_file, uninterrupted, tmp_p
     np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
 
 
+def spoil_middle(path):
+    """Flip the lowest bit of a byte amid the samples: a tiny error, which no later check would notice."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def cut_short(path):
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+def one_number(path):
+    np.save(path.with_suffix(".npy"), np.ones((1, 1), dtype=np.complex64))
+
+
+def of_its_neighbour(path):
+    path.write_bytes((path.parent / "00001.npy").read_bytes())
+
+
+def empty(path):
+    path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [spoil_middle, cut_short, one_number, of_its_neighbour, empty])
+def test_a_result_that_cannot_be_trusted_is_solved_again_and_told_of(tmp_path, monkeypatch, damage):
+    scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
+    whole = mf.simulate(scene, solver="fullwave", checkpoint=folder)["s"].values
+    damage(folder / "00002.npy")
+    solved = []
+    original = fullwave.solve_frequencies
+    monkeypatch.setattr(
+        fullwave, "solve_frequencies", lambda *given, **more: solved.extend(given[2]) or original(*given, **more)
+    )
+    with pytest.warns(UserWarning, match=r"00002\.npy cannot be trusted, damaged or of another run"):
+        again = mf.simulate(scene, solver="fullwave", checkpoint=folder, resume=True)["s"].values
+    assert solved == [2]
+    np.testing.assert_array_equal(again.view(np.uint64), whole.view(np.uint64))
+
+
+@pytest.mark.parametrize("mark", [None, "", "no fingerprint"])
+def test_results_of_another_scene_are_not_mixed_in_though_the_mark_is_lost(tmp_path, mark):
+    other = scene_of({**STRIP, "start": [-0.01, 0.06]}, points=3)
+    scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
+    mf.simulate(other, solver="fullwave", checkpoint=folder)
+    (folder / "sweep.sha256").unlink()
+    if mark is not None:
+        (folder / "sweep.sha256").write_text(mark)
+    with pytest.raises(InputError, match="holds the results of an unfinished sweep"):
+        mf.simulate(scene, solver="fullwave", checkpoint=folder)
+    with pytest.warns(UserWarning, match="00000.npy, 00001.npy, 00002.npy cannot be trusted"):
+        s = mf.simulate(scene, solver="fullwave", checkpoint=folder, resume=True)["s"].values
+    np.testing.assert_array_equal(s.view(np.uint64), mf.simulate(scene, solver="fullwave")["s"].values.view(np.uint64))
+
+
+def test_the_folder_of_results_loses_nothing_of_others(tmp_path, scene_file, capsys):
+    """What lies in a folder that is given for the results stays, whether the work fails or ends well."""
+    folder = tmp_path / "sweep.nc.frequencies"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    command = ["simulate", str(scene_file), "--solver", "fullwave", "--workers", "1", "-o", str(tmp_path / "sweep.nc")]
+    assert main([*command, "--scheduler", "nonsense"]) == 2
+    assert main(command) == 0
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
 def test_dry_run_estimates_and_writes_nothing(scene_file, tmp_path, capsys):
     assert main(["simulate", str(scene_file), "--solver", "fullwave", "--dry-run", "--json", "--workers", "2"]) == 0
     found = json.loads(capsys.readouterr().out)

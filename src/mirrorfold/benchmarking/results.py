@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from mirrorfold import __version__
 from mirrorfold.benchmarking.scenes import Line
@@ -16,6 +19,9 @@ from mirrorfold.io.files import check_output, written_whole
 
 FILE = "scenes.jsonl"
 """Its name in the folder of a benchmark."""
+
+DIGEST = "sha256"
+"""Last item of a line: the digest of all others."""
 
 Key = tuple[str, str, int, str]
 
@@ -30,32 +36,30 @@ def key(line: Line) -> Key:
 def read_lines(path: Path) -> dict[Key, Line]:
     """The lines of a file, the last of each scene and method; none where there is no file.
 
-    A last line that is not whole is left out: the run that wrote it was killed.
+    A last line that is not whole is left out: the run that wrote it was killed. Lines without a digest are believed.
 
     Raises
     ------
     InputError
-        If another line is none of a benchmark, or the file cannot be read.
+        If another line is none of a benchmark or has changed since it was written, or the file cannot be read.
     """
-    try:
-        written = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); expected the lines of a benchmark") from None
     found = {}
-    lines = written.split("\n")
-    for number, text in enumerate(lines, 1):
+    texts = _texts(path)
+    for number, text in enumerate(texts, 1):
         if not text.strip():
             continue
-        try:
-            line = _LINE.validate_json(text)
-        except ValidationError:
-            if number == len(lines):
-                continue
+        line, sealed = _parsed(text)
+        if line is None and number == len(texts):
+            continue
+        if line is None:
             raise InputError(
                 f"{path}: line {number} is no result of `mirrorfold benchmark`; give another folder, or remove the file"
-            ) from None
+            )
+        if sealed is False:
+            raise InputError(
+                f"{path}: line {number} has changed since it was written; remove it, or run the benchmark again, which "
+                "replaces it"
+            )
         found[key(line)] = line
     return found
 
@@ -63,23 +67,42 @@ def read_lines(path: Path) -> dict[Key, Line]:
 def open_results(path: Path) -> dict[Key, Line]:
     """The lines that a run may go on from, in a file that ends with a whole line.
 
+    Lines that are damaged, or have changed since they were written, are left out, with a warning.
+
     Raises
     ------
     InputError
-        If the file is none of a benchmark, or of another version of this program, or cannot be written.
+        If no line of the file is whole and of a benchmark, one is of another version of this program, or it
+        cannot be written.
     """
     check_output(path)
-    found = read_lines(path)
+    parsed = [_parsed(text) for text in _texts(path) if text.strip()]
+    found = {key(line): line for line, sealed in parsed if line is not None and sealed}
+    if parsed and not found:
+        raise InputError(f"{path}: holds no whole result of `mirrorfold benchmark`; give another folder, or remove it")
     others = {line.version for line in found.values()} - {__version__}
     if others:
         raise InputError(
             f"{path}: holds results of mirrorfold {', '.join(sorted(others))}, and this is {__version__}; "
             "give another folder"
         )
+    bad = sum(not sealed for _, sealed in parsed)
+    if bad:
+        warnings.warn(f"{path}: {bad} of {len(parsed)} lines are damaged, and are made again", stacklevel=2)
     if path.exists():
         with written_whole(path) as temporary:
             temporary.write_text("".join(_text(line) for line in found.values()), encoding="utf-8")
     return found
+
+
+def _texts(path: Path) -> list[str]:
+    """The lines of a file; none where there is no file."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").split("\n")
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error}); expected the lines of a benchmark") from None
 
 
 def append(path: Path, lines: Iterable[Line]) -> None:
@@ -91,4 +114,20 @@ def append(path: Path, lines: Iterable[Line]) -> None:
 
 
 def _text(line: Line) -> str:
-    return json.dumps(line) + "\n"
+    """A line of the file, with the digest of the rest of it as its last item."""
+    return json.dumps({**line, DIGEST: _digest(line)}) + "\n"
+
+
+def _parsed(text: str) -> tuple[Line | None, bool | None]:
+    """A line, None where it is none of a benchmark, and whether its digest fits; None where it has no digest."""
+    try:
+        items = json.loads(text)
+        digest = items.pop(DIGEST, None)
+        line = _LINE.validate_json(json.dumps(items))
+    except (ValueError, AttributeError, TypeError):  # pydantic's errors are ValueErrors
+        return None, False
+    return line, None if digest is None else digest == _digest(items)
+
+
+def _digest(items: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(items).encode()).hexdigest()

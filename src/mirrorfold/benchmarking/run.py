@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from multiprocessing import active_children, get_context
@@ -15,13 +17,13 @@ import numpy as np
 
 from mirrorfold.benchmarking.methods import load_method
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
-from mirrorfold.benchmarking.scenes import Line, Task, judge
+from mirrorfold.benchmarking.scenes import Line, Task, judge, scene_digest
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.families import FAMILIES, Family, Radar, family_named, radar_named, radars_of
+from mirrorfold.scenes.families import FAMILIES, Family, Radar, draw, family_named, radar_named, radars_of
 
 if TYPE_CHECKING:
     from mirrorfold.common.types import Progress
@@ -86,7 +88,7 @@ def benchmark(
             Path(folder).mkdir(parents=True, exist_ok=True)
     file = None if output is None else Path(output) / FILE
     done: dict[Key, Line] = {} if file is None else open_results(file)
-    succeeded = {name for name, line in done.items() if line.error is None}
+    succeeded = _succeeded(tasks, done)
     wanted = [(task, method) for task in tasks for method in task.methods]
     kept = Path(sweeps) if sweeps is not None else None
     todo = []
@@ -162,6 +164,27 @@ def _radars(family: Family, chosen: list[Radar] | None) -> list[Radar]:
             f"{', '.join(radar.name for radar in radars_of(family))}"
         )
     return able
+
+
+def _succeeded(tasks: list[Task], done: dict[Key, Line]) -> set[Key]:
+    """What need not be done again; what was done on another scene of the same name and seed is told of, and is not."""
+    found, other = set(), 0
+    for task in tasks:
+        keys = {_key(task, method) for method in task.methods}
+        scored = {name for name in keys & done.keys() if done[name].error is None}
+        if scored:
+            digest = None
+            with suppress(Exception):  # a family that raises is told of when its scene is tried
+                digest = scene_digest(task, draw(task.family, task.seed, radar=task.radar))
+            same = {name for name in scored if done[name].scene == digest}
+            found |= same
+            other += len(scored - same)
+    if other:
+        warnings.warn(
+            f"benchmark: {other} results are of other scenes, families or radars of the same name; they are made again",
+            stacklevel=3,
+        )
+    return found
 
 
 def _key(task: Task, method: str) -> Key:

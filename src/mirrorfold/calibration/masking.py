@@ -121,7 +121,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     undefined = ~finite[~gap].all(axis=0)
     if not finite.all():
         s = np.where(finite, s, 0.0)
-    some = s[~gap][_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]
+    some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
     dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
@@ -130,8 +130,11 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     if frequencies.any():
         s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
     clipped = np.zeros(s.shape[1:], dtype=int)
-    for part in (np.abs(s.real), np.abs(s.imag)):
-        clipped += np.count_nonzero(part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0)
+    for n in range(s.shape[1]):  # a copy of all samples would not fit where the sweep hardly does
+        for part in (np.abs(s[:, n].real), np.abs(s[:, n].imag)):
+            clipped[n] = clipped[n] + np.count_nonzero(
+                part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0
+            )
     saturated = ~dead & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:

@@ -59,15 +59,21 @@ def parse_grid(**axes: str | None) -> dict[str, Any]:
     return {name: parse_axis(text, name) for name, text in axes.items() if text is not None}
 
 
+AXIS_BYTES = 24.0
+"""Memory of each coordinate of an axis while it is made."""
+
+
 def parse_axis(text: str, name: str) -> Any:
     """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
 
     Raises
     ------
     InputError
-        If the text is not one number or three, or the steps do not lead from START to STOP.
+        If the text is not one number or three, the steps do not lead from START to STOP, or there are too many.
     """
     import numpy as np
+
+    from mirrorfold.common.memory import check_room
 
     form = "START:STOP:STEP in metres or with units, for example -2:2:0.005 or -2m:2m:5mm"
     numbers = parse_numbers(text, name, form, "length")
@@ -78,7 +84,9 @@ def parse_axis(text: str, name: str) -> Any:
     start, stop, step = numbers
     if not (np.isfinite([start, stop, step]).all() and step > 0 and stop > start):
         raise InputError(f"--{name} is {text!r}, expected finite numbers with STOP above START and a STEP above zero")
-    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
+    steps = np.floor((stop - start) / step + 1e-9)
+    check_room(AXIS_BYTES * (steps + 1.0), f"--{name} is {text!r}: its {steps + 1.0:.3g} pixels", "give a larger step")
+    return start + step * np.arange(int(steps) + 1)
 
 
 def write_results(

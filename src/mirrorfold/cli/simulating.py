@@ -30,7 +30,6 @@ from mirrorfold.cli.terminal import (
     show_score,
 )
 from mirrorfold.cli.writing import output_directory, output_file
-from mirrorfold.common.leftovers import remove
 from mirrorfold.errors import InputError
 
 DEMO_SCENES = {
@@ -184,5 +183,7 @@ def simulate(
         raise
     mf.save(sweep.assign_attrs(command=command.get()), output)
     if solver == "fullwave":
-        remove(results)
+        from mirrorfold.simulation.fullwave.checkpoint import remove_results
+
+        remove_results(results)
     show_result(mf.info(sweep, diagnose=False), [output], json=json)

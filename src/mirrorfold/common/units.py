@@ -20,6 +20,7 @@ KINDS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "min": 60.0},
     "angle": {"degree": 1.0, "radian": 57.29577951308232, "mrad": 0.05729577951308232},
     "speed": {"m/s": 1.0, "km/s": 1e3, "mm/us": 1e3},
+    "memory": {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30},
     "number": {},
 }
 """By the kind of quantity: what a number in a unit has to be multiplied with, for Hz, m, s, degree or m/s."""
@@ -73,7 +74,7 @@ def parse_quantity(text: str, kind: str) -> float:
     Parameters
     ----------
     text : str
-    kind : {"frequency", "length", "time", "angle", "speed"}
+    kind : {"frequency", "length", "time", "angle", "speed", "memory"}
 
     Raises
     ------
@@ -151,6 +152,7 @@ Length = Annotated[float, Quantity("length")]
 Time = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Speed = Annotated[float, Quantity("speed")]
+Memory = Annotated[float, Quantity("memory")]
 
-QUANTITIES = {"Hz": Frequency, "m": Length, "s": Time, "degree": Angle, "m/s": Speed}
+QUANTITIES = {"Hz": Frequency, "m": Length, "s": Time, "degree": Angle, "m/s": Speed, "B": Memory}
 """The types by the unit that a number without one is in."""

@@ -14,6 +14,7 @@ from mirrorfold.focusing.choice import FastPlan, Option, options
 from mirrorfold.focusing.lattice import UnsuitedError
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.focusing.strips import room_for_tables, table_bytes
 
 
 class PlanCache:
@@ -83,7 +84,8 @@ def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
     Returns
     -------
     PlanCache
-        To be given to `focus` as `plans`. Without a plan where the sum over all pairs is as fast.
+        To be given to `focus` as `plans`. Without a plan where the sum over all pairs is as fast, or where the memory
+        does not hold the plan of the whole image.
 
     Raises
     ------
@@ -95,7 +97,8 @@ def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
         warnings.simplefilter("ignore")
         problem = make_problem(check_measurement(geometry), settings).in_wavelengths
     best = plans.options(problem, float(settings.tolerance))[0]
-    if best.fast:
+    room = room_for_tables(problem, 1, settings.memory_limit, samples_held=False)
+    if best.fast and table_bytes(problem, best) <= room:
         with suppress(UnsuitedError):
             plans.plan(best, problem)
     return plans

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.memory import available_memory
+from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
@@ -25,6 +25,9 @@ from mirrorfold.sweep import (
     wave_speed,
     wavenumber,
 )
+
+IMAGE_COPIES = 3
+"""Arrays of the size of the image that focusing holds at once."""
 
 NEAREST_PIXEL = 1e-3
 """Distance of a pixel from an antenna, in wavelengths, under which it stands on it."""
@@ -101,10 +104,14 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
 
     Ranges count from the radar; where the scene has a centre, by half of them to either side of it.
     """
+    check_room(
+        IMAGE_COPIES * 8.0 * problem.pixels + TABLE_BYTES,
+        f"an image of {problem.pixels} pixels and its tables",
+        "ask for fewer pixels",
+    )
     axes = (problem.x, problem.y, problem.z)
     antennas = np.unique(np.concatenate([problem.tx, problem.rx]), axis=0)
-    gaps = [np.abs(antennas[:, n, None] - axis[None, :]) for n, axis in enumerate(axes)]
-    nearest = np.sqrt(sum(gap.min(axis=1) ** 2 for gap in gaps))
+    nearest = np.sqrt(sum(_gap(antennas[:, n], axis) ** 2 for n, axis in enumerate(axes)))
     wavelength = 2.0 * np.pi / float(problem.k[-1])
     if nearest.min() < NEAREST_PIXEL * wavelength:
         spot = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
@@ -126,10 +133,11 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
             "also stands nearer by that range",
             stacklevel=5,  # the line of whoever called `focus` or `FocusPlan`
         )
-    needed = 3 * 8 * problem.pixels + TABLE_BYTES
-    free = available_memory()
-    if needed > free:
-        raise InputError(
-            f"an image of {problem.pixels} pixels needs about {needed / 2**30:.3g} GiB of memory and "
-            f"{free / 2**30:.3g} GiB are free; ask for fewer pixels"
-        )
+
+
+def _gap(places: Array, axis: Array) -> Array:
+    """How far each place is from the nearest of the coordinates of an axis, (n,) [m]."""
+    rising = np.sort(axis)
+    after = np.searchsorted(rising, places)
+    before, after = (np.clip(n, 0, rising.size - 1) for n in (after - 1, after))
+    return np.asarray(np.minimum(np.abs(places - rising[before]), np.abs(places - rising[after])))

@@ -27,6 +27,7 @@ from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.range_profiles import PADDING
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.focusing.strips import SAMPLE_COPIES, divide, room_for_tables, samples_bytes, table_bytes
 from mirrorfold.sweep import ambiguous_range, is_raster
 
 FEWEST_PAIR_PIXELS = 1e8
@@ -168,14 +169,27 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         problem = make_problem(at_chosen_speed(check_measurement(geometry), settings), settings)
-    return explain(problem, float(settings.tolerance), frames, [f"{warning.message}." for warning in caught])
+    room = room_for_tables(problem, frames, settings.memory_limit, samples_held="s" in geometry)
+    return explain(problem, float(settings.tolerance), frames, [f"{warning.message}." for warning in caught], room)
 
 
-def explain(problem: Problem, tolerance: float, frames: int = 1, remarks: Sequence[str] = ()) -> Choice:
-    """The choice for a problem, in words and numbers."""
+def explain(
+    problem: Problem,
+    tolerance: float,
+    frames: int = 1,
+    remarks: Sequence[str] = (),
+    room: float = float("inf"),
+) -> Choice:
+    """The choice for a problem, in words and numbers; `room` is for tables, buffers and proof [bytes]."""
     weighed = _weighed(problem, tolerance, frames)
     chosen = next(option for option, why in weighed if not why)
     proof = proof_cost(problem)
+    tables, seconds, said = table_bytes(problem, chosen), (chosen.cost + proof).seconds(frames), list(remarks)
+    if tables > room:
+        strips = divide(problem, lambda part: options(part, tolerance, frames), room)
+        tables = max(table_bytes(strip.problem, strip.option) for strip in strips)
+        seconds = sum((strip.option.cost + proof_cost(strip.problem)).seconds(frames) for strip in strips)
+        said.append(f"The memory does not hold the tables of the whole image: it is made in {len(strips)} strips.")
     facts = []
     for option, why in weighed:
         known = option.cost.frame < float("inf")
@@ -193,19 +207,19 @@ def explain(problem: Problem, tolerance: float, frames: int = 1, remarks: Sequen
                 memory_gb=option.cost.nbytes / GIGABYTE if known else None,
             )
         )
-    samples = 8.0 * problem.pairs * problem.k.size
     axes = {"z": problem.z, "y": problem.y, "x": problem.x}
     return Choice(
         kind="choice",
         algorithm=chosen.algorithm,
-        focusing_s=(chosen.cost + proof).seconds(frames),
-        memory_gb=(chosen.cost.nbytes + samples + 8.0 * problem.pixels * frames + proof.nbytes) / GIGABYTE,
+        focusing_s=seconds,
+        memory_gb=(tables + (SAMPLE_COPIES + frames - 1) * samples_bytes(problem) + 8.0 * problem.pixels * frames)
+        / GIGABYTE,
         dimensions={name: int(axis.size) for name, axis in axes.items()},
         extent={name: [float(axis[0]), float(axis[-1])] for name, axis in axes.items()},
         pixels=problem.pixels,
         tolerance=tolerance,
         options=facts,
-        remarks=list(remarks),
+        remarks=said,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,11 @@ from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.focusing.strips import Strip, divide, room_for_tables
 from mirrorfold.sweep import is_raster
+
+SMALLEST = float(np.finfo(np.float32).tiny)
+"""In place of the norm of an image of nothing."""
 
 CHECKED_FRAMES = 8
 """Of a sweep with more frames, as many are compared with the direct sum, evenly chosen."""
@@ -60,7 +65,8 @@ def focus(
         is the volume (range, azimuth, elevation), or with x, y and z its amplitude (z, y, x). Among its attrs:
         `radar_position`, `ambiguous_range` [m], `frequency_start`, `frequency_stop`, `frequency_step` [Hz],
         `wave_speed` [m/s]; of an array also `algorithm` ("polar", "factorized" or "exact", see `FocusPlan`) and
-        `error`, the relative L2 error that was measured, the largest where there are frames.
+        `error`, the relative L2 error that was measured, the largest where there are frames. Where the memory does not
+        hold the tables of the whole image it is made in `strips`, which may go by different algorithms.
 
     Raises
     ------
@@ -85,15 +91,17 @@ def focus(
     frames = np.ascontiguousarray(values, dtype=np.complex64).reshape(-1, *problem.data_shape)
     start = time.perf_counter()
     tolerance = float(settings.tolerance)
-    images, error, algorithm = _focus_frames(
-        problem.in_wavelengths, frames, tolerance, plan_cache if plans is None else plans, progress
-    )
+    plans = plan_cache if plans is None else plans
+    room = plans.nbytes + room_for_tables(problem, len(frames), settings.memory_limit, samples_held=True)
+    images, error, algorithms, strips = _focus_strips(problem.in_wavelengths, frames, tolerance, plans, room, progress)
     seconds = time.perf_counter() - start
     if settings.normalization != "none":
         images *= (_ranges(problem) ** RANGE_POWERS[settings.normalization]).astype(np.float32)
     images = images.reshape(*(sweep.sizes[d] for d in leading), *problem.shape)
     labels = Labels(sweep, problem, settings, leading)
-    attrs = {"algorithm": algorithm, "error": error}
+    attrs = {"algorithm": " and ".join(sorted(algorithms)), "error": error}
+    if strips > 1:
+        attrs["strips"] = strips
     if len(frames) > 1:
         attrs["frames_per_second"] = len(frames) / seconds
     return labels.image(images, attrs)
@@ -103,6 +111,8 @@ def _focus_raster(sweep: xr.Dataset, settings: FocusSettings, progress: Progress
     """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given."""
     if settings.apodization is not None:
         raise InputError("apodization: a raster scan has no elements to weigh; leave it out")
+    if settings.memory_limit is not None:
+        raise InputError("memory_limit: a raster scan is imaged whole, beam by beam, and not in strips; leave it out")
     x, y, z = settings.x, settings.y, settings.z
     given = [axis is not None for axis in (x, y, z)]
     if any(given) and not all(given):
@@ -117,16 +127,96 @@ def _focus_raster(sweep: xr.Dataset, settings: FocusSettings, progress: Progress
     return volume if x is None or y is None or z is None else to_voxels(volume, x=x, y=y, z=z)
 
 
+def _focus_strips(
+    problem: Problem,
+    frames: NDArray[np.complex64],
+    tolerance: float,
+    plans: PlanCache,
+    room: float,
+    progress: Progress | None,
+) -> tuple[NDArray[np.complex64], float, set[str], int]:
+    """Images (frames, z, y, x), made in as few strips as the room for tables [bytes] allows.
+
+    Returns
+    -------
+    images : array
+    error : float
+        Relative L2 error of the whole, from those of the strips and their powers.
+    algorithms : set of str
+    strips : int
+        How many there are.
+
+    Raises
+    ------
+    InputError
+        If the tolerance or the memory cannot be kept to.
+    """
+    strips = divide(problem, lambda part: plans.options(part, tolerance, len(frames)), room)
+    if len(strips) == 1:
+        images, error, algorithm = _focus_frames(problem, frames, tolerance, plans, room, progress)
+        algorithms = {algorithm}
+    else:
+        warnings.warn(
+            f"the memory does not hold the tables of the whole image: it is made in {len(strips)} strips, which takes "
+            "longer",
+            stacklevel=5,
+        )
+        images, error, algorithms = _joined(problem, strips, frames, tolerance, plans, room, progress)
+    if error > tolerance:
+        raise InputError(
+            f"tolerance is {tolerance:g} and the image's error {error:.2g}: its echoes cancel below what single "
+            "precision holds; ask for a larger tolerance, or remove the strong echoes that cancel"
+        )
+    return images, error, algorithms, len(strips)
+
+
+def _joined(
+    problem: Problem,
+    strips: list[Strip],
+    frames: NDArray[np.complex64],
+    tolerance: float,
+    plans: PlanCache,
+    room: float,
+    progress: Progress | None,
+) -> tuple[NDArray[np.complex64], float, set[str]]:
+    """Images, error and algorithms of all strips together."""
+    count = len(strips)
+    images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
+    norms, errors, ways = np.zeros(count), np.full(count, np.inf), [""] * count
+    # How exact a strip must be follows from its power and that of the whole, so that at first any error will do.
+    goals = np.full(count, np.inf)
+    for again in (False, True):
+        for n, strip in enumerate(strips):
+            if again and (errors[n] <= goals[n] or ways[n] == "exact"):
+                continue
+            plans.clear()  # of the tables of the strip before
+            part, errors[n], ways[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
+            images[:, *strip.rows] = part
+            norms[n] = np.linalg.norm(part)
+            if progress is not None and not again:
+                progress(n + 1, count)
+        errors[norms == 0.0] = 0.0
+        whole = max(float(np.linalg.norm(norms)), SMALLEST)
+        goals = tolerance * whole / np.sqrt(count) / np.maximum(norms, SMALLEST)
+    plans.clear()
+    return images, float(np.linalg.norm(errors * norms)) / whole, set(ways)
+
+
 def _focus_frames(
     problem: Problem,
     frames: NDArray[np.complex64],
     tolerance: float,
     plans: PlanCache,
+    room: float,
     progress: Progress | None,
+    goal: float | None = None,
 ) -> tuple[NDArray[np.complex64], float, str]:
-    """Images (frames, z, y, x) with the largest measured error and the algorithm used."""
+    """Images (frames, z, y, x) with the largest measured error and the algorithm used; the fast path must keep to the
+    goal, by default the tolerance.
+    """
+    goal = tolerance if goal is None else goal
     inner = progress if len(frames) == 1 else None
-    proven = prove(problem, tolerance, frames[0], plans, len(frames), inner)
+    proven = prove(problem, tolerance, frames[0], plans, len(frames), inner, room, goal)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
     plan = None if proven is None else proven.plan
@@ -137,18 +227,13 @@ def _focus_frames(
         images[n] = plan(s) if plan is not None else focus_exact(problem, s, EXACT_SHARE * tolerance, inner)
         if n in checked and np.any(s):
             error = measured_error(problem, images[n], s, seed=n)
-            if error > tolerance and plan is not None:
+            if error > goal and plan is not None:
                 plan = None
                 images[n] = focus_exact(problem, s, EXACT_SHARE * tolerance)
                 error = measured_error(problem, images[n], s, seed=n)
             worst = max(worst, error)
         if progress is not None and len(frames) > 1:
             progress(n + 1, len(frames))
-    if worst > tolerance:
-        raise InputError(
-            f"tolerance is {tolerance:g} and the image's error {worst:.2g}: its echoes cancel below what single "
-            "precision holds; ask for a larger tolerance, or remove the strong echoes that cancel"
-        )
     return images, worst, "exact" if plan is None else plan.algorithm
 
 

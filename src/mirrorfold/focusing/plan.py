@@ -25,7 +25,7 @@ FRAMES = 20
 """Images that a plan is thought to be made for: building it may take as long as so many of them save."""
 
 
-@takes(FocusSettings, without=("normalization",))
+@takes(FocusSettings, without=("normalization", "memory_limit"))
 class FocusPlan:
     """Everything about an imaging task that does not depend on the data, ready to run frame by frame.
 

@@ -13,6 +13,7 @@ from mirrorfold.focusing.caching import PlanCache
 from mirrorfold.focusing.choice import FastPlan, lay_out, pays
 from mirrorfold.focusing.lattice import UnsuitedError
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.focusing.strips import table_bytes
 
 REFINEMENTS = 3
 """Tries at a finer tolerance each before the exact kernel takes over."""
@@ -36,6 +37,8 @@ def prove(
     plans: PlanCache,
     frames: int = 1,
     progress: Progress | None = None,
+    room: float = float("inf"),
+    goal: float | None = None,
 ) -> Proven | None:
     """The fastest plan that images `s` within the tolerance; None where the exact kernel must do it.
 
@@ -50,22 +53,30 @@ def prove(
     frames : int
         Images that will be made.
     progress : callable (done, total), optional
+    room : float [bytes]
+        For tables, buffers and the proof.
+    goal : float, optional
+        Error to accept, where it is not the tolerance: of a part of an image, whose share in the error of the whole
+        follows from its power.
     """
+    goal = tolerance if goal is None else goal
     *fast, exact = plans.options(problem, tolerance, frames)
     for option in fast:
         assert option.fast is not None
         for _ in range(REFINEMENTS):
+            if table_bytes(problem, option) > room:
+                break
             try:
                 plan = plans.plan(option, problem)
             except UnsuitedError:
                 break
             image = plan(s, progress)
             error = measured_error(problem, image, s)
-            if error <= SAMPLING_MARGIN * tolerance:
+            if error <= SAMPLING_MARGIN * goal:
                 plans.settle(problem, tolerance, frames, option)
                 return Proven(plan, image, error)
             try:
-                option = lay_out(option.fast, problem, option.tolerance * min(0.5, 0.5 * tolerance / error))
+                option = lay_out(option.fast, problem, option.tolerance * min(0.5, 0.5 * goal / error))
             except UnsuitedError:
                 break
             if not pays(option, exact, frames):

@@ -37,7 +37,7 @@ PADDING = 2
 """Samples per range cell c/(2B): the amplitude, unlike the complex profile, has twice its bandwidth."""
 
 
-@takes(FocusSettings, without=("x", "y", "z", "tolerance", "apodization"))
+@takes(FocusSettings, without=("x", "y", "z", "tolerance", "apodization", "memory_limit"))
 def focus_raster(
     sweep: xr.Dataset,
     *,

@@ -74,3 +74,11 @@ class FocusSettings(Settings):
         '"beam".',
         choices=tuple(dict.fromkeys((*IMAGE_NORMALIZATIONS, *VOLUME_NORMALIZATIONS))),
     )
+    memory_limit: float | None = setting(
+        None,
+        "Memory that the process may hold in all while it focuses: the image is made in strips where it must, to the "
+        "same tolerance. Default: what is free.",
+        unit="B",
+        kind="float",
+        above=0.0,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,8 @@ from typing import Any
 import xarray as xr
 
 from mirrorfold import __version__
-from mirrorfold.common.leftovers import remove
+from mirrorfold.common.parts import Parts
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import written_whole
 from mirrorfold.io.netcdf import read, write
 
 MARK = "frames.sha256"
@@ -25,11 +25,17 @@ class FrameFolder(MutableMapping[int, xr.DataTree]):
     Parameters
     ----------
     folder : path
-        Made when the first frame is done. Frames that were made of other inputs, or with other settings, are removed.
+        Made when the first frame is done. Frames that were made of other inputs, or with other settings, are removed,
+        with a warning; those that are damaged are warned of and made again.
     inputs : list of path
         Files that the frames are made from.
     settings : dict
         How they are made.
+
+    Raises
+    ------
+    InputError
+        If the folder holds something else.
     """
 
     def __init__(self, folder: Path, inputs: Sequence[Path], settings: Mapping[str, Any]) -> None:
@@ -39,42 +45,39 @@ class FrameFolder(MutableMapping[int, xr.DataTree]):
         for path in inputs:
             with path.open("rb") as file:
                 digest.update(hashlib.file_digest(file, "sha256").digest())
-        self._fingerprint = digest.hexdigest()
-        mark = folder / MARK
-        if not folder.exists():
-            return
-        if not mark.is_file():
+        self._parts = Parts(folder, digest.hexdigest(), MARK, ".nc")
+        if folder.exists() and not (folder / MARK).is_file():
             raise InputError(f"{folder}: is in the way of unfinished frames; remove it, or give another output")
-        if mark.read_text() != self._fingerprint:
+        if self._parts.fingerprint_found not in (None, self._parts.fingerprint):
+            warnings.warn(f"{folder}: its frames are of other inputs or settings; all are made anew", stacklevel=2)
             self.remove()
+        self._done = self._parts.verified()
 
     def __getitem__(self, frame: int) -> xr.DataTree:
-        path = self._path(frame)
-        if not path.exists():
+        if frame not in self._done:
             raise KeyError(frame)
-        found = read(path)
+        found = read(self._parts.path(frame))
         assert isinstance(found, xr.DataTree)  # nothing else is written here
         return found
 
     def __setitem__(self, frame: int, reconstruction: xr.DataTree) -> None:
-        self.folder.mkdir(exist_ok=True)
-        if not (self.folder / MARK).exists():
-            with written_whole(self.folder / MARK) as temporary:
-                temporary.write_text(self._fingerprint)
-        write(reconstruction, self._path(frame))
+        with self._parts.written(frame) as temporary:
+            write(reconstruction, temporary)
+        self._done.add(frame)
 
     def __delitem__(self, frame: int) -> None:
-        self._path(frame).unlink()
+        self._done.remove(frame)
+        self._parts.path(frame).unlink()
+
+    def __contains__(self, frame: object) -> bool:
+        return frame in self._done
 
     def __iter__(self) -> Iterator[int]:
-        return (int(path.stem) for path in sorted(self.folder.glob("[0-9]*.nc")))
+        return iter(sorted(self._done))
 
     def __len__(self) -> int:
-        return sum(1 for _ in self)
+        return len(self._done)
 
     def remove(self) -> None:
         """Remove all frames, once the recording is written."""
-        remove(self.folder)
-
-    def _path(self, frame: int) -> Path:
-        return self.folder / f"{frame:06d}.nc"
+        self._parts.remove()

@@ -21,6 +21,7 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_room, written_whole
+from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
 from mirrorfold.io.steady import SteadyFile
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
@@ -110,14 +111,17 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
     Raises
     ------
     InputError
-        If the file is missing or broken.
+        If the file is missing or broken, or its content would fill the memory.
     """
     _check_is_hdf5(path)
     check_netcdf(path)
     try:
+        _check_sizes(path, only)
         content = _read_groups(path, only)
         for node in content.subtree:
             node.to_dataset()  # sizes that contradict each other are noticed now
+    except InputError:
+        raise
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
@@ -278,6 +282,26 @@ def _check_is_hdf5(path: Path) -> None:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
     if not h5py.is_hdf5(path):
         raise InputError(f"{path}: is not a netCDF-4 file; {REMEDY}")
+
+
+def _check_sizes(path: Path, only: Collection[str] | None) -> None:
+    """Refuse content that would not fit into the memory, or that the file cannot hold, before any of it is read.
+
+    Raises
+    ------
+    InputError
+        With its size, and what there is.
+    """
+    sizes: dict[str, int] = {}
+
+    def count(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(item, h5py.Dataset) and (only is None or name in only):
+            sizes[name] = nbytes(item.shape or (), item.dtype.itemsize)
+
+    with h5py.File(path) as file:
+        file.visititems(count)
+    if sizes:
+        check_expansion(path, path.stat().st_size, sum(sizes.values()))
 
 
 def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
 
@@ -23,6 +24,12 @@ AnyAngle = Annotated[Finite, Quantity("angle")]
 """Numbers that a scene file may give with units."""
 
 STRICT = ConfigDict(extra="forbid")
+
+POSITION_BYTES = 72.0
+"""Memory of an antenna while the positions of its array are made."""
+
+STEP_BYTES = 16.0
+"""Memory of a frequency or an angle while the steps are made."""
 
 Point = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
 
@@ -69,8 +76,14 @@ class LinearArray:
             raise ValueError("direction must have a length above zero, for example [1, 0]")
         if any(index >= self.elements for index in self.missing):
             raise ValueError(f"missing names antenna {max(self.missing)}, but they count from 0 to {self.elements - 1}")
-        if not self.present.size:
+        if not self.count:
             raise ValueError("missing names every antenna; leave one at least")
+        check_room(POSITION_BYTES * self.elements, f"{self.elements} elements", "give fewer")
+
+    @property
+    def count(self) -> int:
+        """Number of the antennas that are there."""
+        return self.elements - len(set(self.missing))
 
     @property
     def present(self) -> NDArray[np.int64]:
@@ -110,6 +123,7 @@ class Band:
     def __post_init__(self) -> None:
         if not self.stop > self.start:
             raise ValueError(f"stop ({self.stop:g} Hz) must lie above start ({self.start:g} Hz)")
+        check_room(STEP_BYTES * self.points, f"{self.points} frequencies", "give fewer points")
 
     @property
     def frequency(self) -> Array:

@@ -11,9 +11,10 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
-from mirrorfold.scenes.arrays import STRICT, Coordinate, Finite, NonNegativeLength, PositiveLength
+from mirrorfold.scenes.arrays import STEP_BYTES, STRICT, Coordinate, Finite, NonNegativeLength, PositiveLength
 
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -39,6 +40,7 @@ class Steps:
     def __post_init__(self) -> None:
         if not self.stop > self.start:
             raise ValueError(f"stop ({self.stop:g} degrees) must lie above start ({self.start:g} degrees)")
+        check_room(STEP_BYTES * self.points, f"{self.points} angles", "give fewer points")
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -44,7 +44,7 @@ def check_extent(scene: Scene | Scene3D) -> None:
 def _check_samples(scene: Scene | Scene3D) -> None:
     """Refuse a sweep that does not fit into the memory."""
     if isinstance(scene, Scene):
-        counts = [len(places) for places in (scene.array.tx_position, scene.array.rx_position)]
+        counts = [array.count for array in (scene.array, scene.array.rx or scene.array)]
         what = f"{counts[0]} transmitters x {counts[1]} receivers"
     else:
         counts = [angles.size for angles in scene.scanner.angles]

@@ -93,7 +93,7 @@ def fullwave_field(
     warn_of_wrapped_echoes(scene)
     kept = None
     if checkpoint is not None:
-        kept = Checkpoint.open(checkpoint, fingerprint(system, frequency, direct=direct), resume=resume)
+        kept = Checkpoint(checkpoint, fingerprint(system, frequency, direct=direct), resume=resume)
     s = np.empty((frequency.size, len(system.tx), len(system.rx)), dtype=np.complex64)
     todo = []
     for index in range(frequency.size):
@@ -106,18 +106,13 @@ def fullwave_field(
         progress(frequency.size - len(todo), frequency.size)
     finished = frequency.size - len(todo)
     results = solve_frequencies(system, frequency, todo, direct=direct, workers=workers, scheduler=scheduler)
-    try:
-        for index, result in results:
-            s[index] = result
-            if kept:
-                kept.write(index, result)
-            finished += 1
-            if progress is not None:
-                progress(finished, frequency.size)
-    except BaseException:
+    for index, result in results:
+        s[index] = result
         if kept:
-            kept.remove_if_empty()
-        raise
+            kept.write(index, result)
+        finished += 1
+        if progress is not None:
+            progress(finished, frequency.size)
     facts: dict[str, float] = {"unknowns": cost.unknowns, "skeletons": cost.skeletons}
     if check_residual:
         with one_thread():

@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry, unit
+from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array, Index
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Box, Cylinder, Mannequin, Mesh, Panel, Patch, Scene3D, Sphere, Surface3D
 from mirrorfold.simulation.raster.caster import NOT_INSTALLED, Caster
 from mirrorfold.simulation.raster.mannequin import mannequin_mesh
+
+MESH_GROWTH = 18.0
+"""Memory of a mesh and of the tests of it over the size of its file: measured on binary STL, the densest format."""
 
 LARGEST_MESH = 100.0
 """A mesh that extends over more than this [m] was probably made in other units."""
@@ -172,6 +176,7 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
     """
     if not path.is_file():
         raise InputError(f"{path}: does not exist; give the path of an STL, OBJ or PLY file")
+    check_room(MESH_GROWTH * path.stat().st_size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
     try:
         mesh: Any = _trimesh().load(path, force="mesh")
     except Exception as error:  # trimesh raises whatever its many readers raise

@@ -362,6 +362,7 @@ class ScanEstimate(Record):
     frequencies: int
     beams: int
     sweep_bytes: int
+    memory_gb: float = fact("of the process")
     seconds: float
     remarks: list[str] = fact("sentences on what looks wrong")
 
@@ -384,10 +385,17 @@ def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> ScanEstimate:
         frequencies=scene.band.points,
         beams=int(beams),
         sweep_bytes=8 * beams * scene.band.points,
+        memory_gb=(PROCESS_BYTES + max(SCATTERER_BYTES * counts["scatterers"], 16.0 * beams * scene.band.points)) / 1e9,
         seconds=float(SECONDS_PER_SPREAD * lit + SECONDS_PER_FLOP * beams * size * np.log2(size)),
         remarks=[],
     )
 
+
+PROCESS_BYTES = 3.3e8
+"""Memory of a process with its libraries."""
+
+SCATTERER_BYTES = 220.0
+"""Memory of a scatterer while all are made, before there are samples; these are then held twice."""
 
 SECONDS_PER_SPREAD, SECONDS_PER_FLOP = 2.5e-8, 2e-9
 """One echo in one beam; one butterfly of the FFT: measured on one core of a small server."""
