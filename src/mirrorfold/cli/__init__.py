@@ -7,6 +7,7 @@ Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 1
 
 from __future__ import annotations
 
+import errno
 import gc
 import json
 import os
@@ -19,6 +20,9 @@ from typing import NamedTuple
 
 from mirrorfold import __version__
 from mirrorfold.errors import InputError
+
+NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
+"""What a path may be that is wrong in itself: too long, or a link in a circle."""
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -193,6 +197,8 @@ def _attempt(arguments: list[str]) -> int:
     except MemoryError as error:
         return _complain(error, "there is not enough memory; use fewer pixels or a smaller sweep", FAILED)
     except OSError as error:
+        if error.errno in NO_NAME:
+            return _complain(error, f"{error.filename}: cannot be a path ({error.strerror}); give another", WRONG_INPUT)
         return _complain(error, f"reading or writing failed: {error}", FAILED)
     except Exception as error:  # the promise of one plain line holds for our own mistakes too
         found = f"{type(error).__name__}: {error}"

@@ -17,6 +17,10 @@ clobber: ContextVar[bool] = ContextVar("clobber", default=True)
 """Whether files that are there may be overwritten; ``--no-clobber`` says no."""
 
 
+LONGEST_STEM = 40
+"""Characters of a file's name that its temporary name repeats; all of them could make that name too long."""
+
+
 def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixes: Sequence[str] = ()) -> Path:
     """The path, if a file can be written there.
 
@@ -35,7 +39,7 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
         If something else than a file is there (a folder, a device, a pipe), its directory is missing or read-only, it
         is one of the inputs, its name ends otherwise, or it is there and must not be overwritten.
     """
-    path = Path(path)
+    path = _check_name(path)
     if suffixes and path.suffix.lower() not in suffixes:
         raise InputError(f"{path}: has the suffix {path.suffix!r}, expected {' or '.join(suffixes)}; rename it")
     if path.is_dir():
@@ -69,7 +73,7 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
     InputError
         If the path is a file, cannot be made, or one of the files cannot be written (see `check_output`).
     """
-    path = Path(path)
+    path = _check_name(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file; give the path of a directory")
     _check_parent(_followed(path))
@@ -99,7 +103,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         If nothing can be written there.
     """
     path = _followed(check_output(path))
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    temporary = path.with_name(f".{path.stem[:LONGEST_STEM]}.{secrets.token_hex(4)}{path.suffix}")
     try:
         temporary.touch(exist_ok=False)
         temporary.unlink()
@@ -133,7 +137,7 @@ def directory_written_whole(path: str | Path) -> Iterator[Path]:
     """
     path = _followed(check_output_directory(path, names=()).absolute())
     place = path if path.exists() else path.parent
-    temporary = place / f".{path.name}.{secrets.token_hex(4)}"
+    temporary = place / f".{path.name[:LONGEST_STEM]}.{secrets.token_hex(4)}"
     try:
         temporary.mkdir()
     except OSError as error:
@@ -150,6 +154,18 @@ def directory_written_whole(path: str | Path) -> Iterator[Path]:
             _move(file, path / file.name)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _check_name(path: str | Path) -> Path:
+    """The path, or a refusal where no file can ever have it: its name is too long, or links lead in a circle."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass
+    except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be written ({reason}); give another name") from None
+    return Path(path)
 
 
 def _followed(path: Path) -> Path:
