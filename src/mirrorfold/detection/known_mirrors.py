@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
+from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.growing import evidence
@@ -121,6 +122,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     """
     mirrors: list[Mirror] = []
     for number, points in enumerate(places):
+        go_on()
         mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else LineMirror(*points)
         size, reach = float(np.ptp(points, axis=0).max()), float(view.range[-1])
         if size > LONGEST * reach:

@@ -43,7 +43,7 @@ def view(
     open_browser : bool
         Whether to open the page.
     announce : callable (address), optional
-        Told the address when the page can be had.
+        Told a link that works once when the page can be had.
 
     Raises
     ------
@@ -61,11 +61,11 @@ def view(
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
     with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
         if announce is not None:
-            announce(server.address)
+            announce(server.link())
         if open_browser:
             import webbrowser
 
-            webbrowser.open(server.address)
+            webbrowser.open(server.link())
         server.serve_forever(poll_interval=0.2)
 
 
