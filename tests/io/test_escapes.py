@@ -224,6 +224,17 @@ def test_columns_that_are_no_numbers(folder, capsys, place, values):
         assert "r.nc" in said
 
 
+@pytest.mark.parametrize(("file", "name", "scale"), [("s", "s", "axis"), ("i", "image", "x")])
+def test_dimensions_that_contradict_each_other(folder, capsys, file, name, scale):
+    with h5py.File(f"{file}.nc", "a") as content:
+        first = content[name].dims[0]
+        for old in list(first.values()):
+            first.detach_scale(old)
+        first.attach_scale(content[scale])
+    for verb in (["info", f"{file}.nc"], ["show", f"{file}.nc", "-o", "o.png"]):
+        refused(capsys, *verb, word="conflicting sizes for dimension")
+
+
 def test_what_lies_outside_is_named_but_not_shown(folder, capsys):
     (folder / "secret.csv").write_text("nobody:x:0:0\nnobody:x:1:1\n")
     inner = folder / "scan"

@@ -117,6 +117,8 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
     check_survived(path)
     try:
         content = _read_groups(path, only)
+        for node in content.subtree:
+            _ = node.to_dataset().sizes  # fails where dimensions contradict each other, which opening does not
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
