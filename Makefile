@@ -20,7 +20,13 @@ SHARED = --numprocesses $(JOBS) --dist loadfile
 QUICK := focus cost_model fullwave raster looking touchstone
 LONG := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
-.PHONY: help demo test test-quick test-timing test-nightly test-nojit lint bench bench-long docs clean
+# Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
+define INSTALLED
+$(UV) venv --quiet --clear --python '$(2)' $(1)
+$(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade --editable '.[test]'
+endef
+
+.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -40,6 +46,14 @@ test-quick: $(READY) ## run the tests that take no more than a second each
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
 	$(PYTHON) -m pytest $(SHARED) -m "not timing" --hypothesis-profile=nightly
+
+test-lowest: | $(UV_FILE) ## run the quick tests with the oldest versions that pyproject.toml allows, in .venv-lowest
+	$(call INSTALLED,.venv-lowest,3.11,lowest-direct)
+	.venv-lowest/bin/python -m pytest $(SHARED) -m "not slow and not timing"
+
+test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there are, in .venv-newest
+	$(call INSTALLED,.venv-newest,>=3.11,highest)
+	.venv-newest/bin/python -m pytest $(SHARED) -m "not slow and not timing"
 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
@@ -64,7 +78,7 @@ docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run 
 
 clean: ## remove what make has made
 	rm -rf docs/_build docs/gallery docs/reference/generated
-	rm -rf $(VENV) .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .venv-lowest .venv-newest .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .uv/bin/uv:

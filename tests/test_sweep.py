@@ -53,7 +53,10 @@ def test_a_valid_sweep_passes_unchanged(sweep):
         (lambda s: s.isel(frequency=slice(0)), "s is empty"),
         (lambda s: s.assign(s=abs(s["s"])), "expected complex numbers"),
         (lambda s: s.isel(axis=slice(2)), "three axes"),
-        (lambda s: s.assign_coords(tx_position=s["tx_position"] * np.nan), "tx_position holds values"),
+        (
+            lambda s: s.assign_coords(tx_position=s["tx_position"] * np.nan),
+            "tx_position holds a coordinate that is not finite",
+        ),
         (lambda s: s.assign_coords(frequency=-s["frequency"]), "not positive"),
         (lambda s: s.isel(frequency=slice(None, None, -1)), "equal rising steps"),
         (lambda s: with_frequency(s, 5, 1e7), "equal rising steps"),

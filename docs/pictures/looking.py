@@ -60,7 +60,7 @@ def live(browser: Any, path: Path) -> None:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         while session.state["status"] == "busy":
             time.sleep(0.1)
-        take(browser, server.address, "looking-live.png", move_a_mirror)
+        take(browser, server.link(), "looking-live.png", move_a_mirror)
         server.shutdown()
 
 

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
+from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.edge_on import edge_on
@@ -303,6 +304,7 @@ def find_tree(
     trusted = np.zeros(len(echoes), dtype=bool)
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
+        go_on()
         order, seen = _agreed(view, echoes, settings, known, walls)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)

@@ -81,7 +81,7 @@ def test_a_gate_and_the_displacement_are_applied(session):
         (["--save-elements", "a.json"], "--save-elements needs --sphere"),
         (["--gate", "0.3"], "START:STOP"),
         (["--gate", "9:1"], "expected 0 <= start < stop"),
-        (["--elements", "scene.nc"], "no JSON file"),
+        (["--elements", "scene.nc"], "is no text"),
         (["--elements", "absent.json"], "absent.json"),
         (["--background", "absent.nc"], "absent.nc: does not exist"),
         (["--background", "scene.nc"], "nothing is left"),

@@ -206,7 +206,7 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[", "is not JSON"),
+        ("[", "is not valid JSON"),
         ("[]", "holds no list 'mirrors'"),
         ('{"mirrors": [{"start": [0, 1]}]}', "mirror 0 has no 'start' and 'end'"),
         ('{"mirrors": [{"start": [0, 1], "end": [0, 1]}]}', "mirror 0 has no length"),

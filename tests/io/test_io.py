@@ -177,7 +177,7 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
         (lambda i: i.astype(str), "expected real or complex"),
         (lambda i: i.isel(x=slice(0)), "is empty"),
         (lambda i: i.drop_vars("x"), "no coordinate 'x'"),
-        (lambda i: i.assign_coords(x=i["x"] * np.nan), "'x' holds values that are not finite"),
+        (lambda i: i.assign_coords(x=i["x"] * np.nan), "'x' holds a value that is not finite"),
         (lambda i: i.isel(x=slice(None, None, -1)), "equal rising steps"),
         (lambda i: i.isel(y=[0, 1, 3, 4]), "equal rising steps"),
         (lambda i: i.where(i["x"] > 0.09), "1000 pixels of 2000 are not finite"),

@@ -91,11 +91,11 @@ def test_ezdxf_finds_layers_and_facts(reconstruction, tmp_path):
     ("name", "content", "word"),
     [
         ("a.dxf", "no drawing", "no DXF file"),
-        ("a.geojson", "{", "not JSON"),
+        ("a.geojson", "{", "not valid JSON"),
         ("a.geojson", "[]", "no GeoJSON"),
         ("a.geojson", '{"type": "LineString"}', "without proper coordinates"),
         ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [3]]}', "without proper coordinates"),
-        ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [NaN, 3]]}', "not a finite number"),
+        ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [NaN, 3]]}', "is not finite"),
         ("a.geojson", '{"type": "FeatureCollection", "features": []}', "holds no line"),
     ],
 )

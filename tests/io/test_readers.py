@@ -389,7 +389,7 @@ def test_empty_and_mislabelled_files_are_refused(tmp_path, suffix):
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    refused(tmp_path / "none.mat", "cannot be read")
+    refused(tmp_path / "none.mat", "does not exist")
     refused(tmp_path, "is a directory")
 
 

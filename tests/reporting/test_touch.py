@@ -154,7 +154,7 @@ def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan,
 def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
     path = tmp_path / "image.nc"
     mf.save(two_walls(), path)
-    with served(path) as server, opened(chromium, server.address, **PHONE) as page:
+    with served(path) as server, opened(chromium, server.link(), **PHONE) as page:
         start = np.array([mirror["ends"] for mirror in server.session.state["document"]["mirrors"]])
         to_picture(page)
         handle = page.locator("[data-handle='0-2']").bounding_box()

@@ -118,7 +118,7 @@ def test_every_mistake_is_named_with_its_place(content, mistakes):
 
 
 def test_a_missing_file_and_bad_toml_are_one_sentence(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.toml: cannot be read"):
+    with pytest.raises(InputError, match=r"nowhere\.toml: does not exist"):
         load_scene(tmp_path / "nowhere.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text("name = [", encoding="utf-8")

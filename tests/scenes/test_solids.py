@@ -177,7 +177,7 @@ def test_directions_from_a_file(tmp_path):
     assert elevation.tolist() == [0.0, 0.5]
     with pytest.raises(mf.InputError, match="all combinations"):
         parse_scene(content(ball()) | {"scanner": scanner | {"directions": str(tmp_path / "hole.csv")}})
-    with pytest.raises(mf.InputError, match="cannot be read"):
+    with pytest.raises(mf.InputError, match="does not exist"):
         parse_scene(content(ball()) | {"scanner": scanner | {"directions": str(tmp_path / "none.csv")}})
 
 

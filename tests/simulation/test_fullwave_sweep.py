@@ -443,7 +443,7 @@ def test_curve_from_a_file_beside_the_scene(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, r"surface\[0\].file: .*profile.csv cannot be read \(No such file"),
+        (None, r"surface\[0\].file: .*profile.csv: does not exist"),
         ("1,2,3\n4,5,6\n", r"holds an array of shape \(2, 3\), expected an .npy or .csv"),
         ("1;2\n", "cannot be read"),
         ("0,0\n1,1\n", "points"),

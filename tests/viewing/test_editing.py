@@ -23,7 +23,7 @@ def file(tmp_path_factory):
 
 @pytest.fixture
 def page(file, chromium):
-    with served(file) as server, opened(chromium, server.address) as page:
+    with served(file) as server, opened(chromium, server.link()) as page:
         yield page
 
 
@@ -163,7 +163,7 @@ def test_starting_over_is_the_state_of_the_file_and_can_be_undone(page):
 def test_a_file_with_given_mirrors_keeps_them_when_a_setting_changes(tmp_path, chromium):
     path = tmp_path / "given.nc"
     mf.save(mf.fold(two_walls(), mirrors=WALLS[:1]), path)
-    with served(path) as server, opened(chromium, server.address) as page:
+    with served(path) as server, opened(chromium, server.link()) as page:
         assert page.locator(".tree .node").count() == 2
         page.locator("#set-threshold_db").fill("-17")
         folded(page, 1)

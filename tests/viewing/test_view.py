@@ -39,7 +39,7 @@ def file(view, tmp_path):
 def call(server, path, body=None, **headers):
     """Status and JSON of a request."""
     data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
-    sent = {"Content-Type": "application/json", TOKEN_HEADER: server.token, **headers}
+    sent = {"Content-Type": "application/json", TOKEN_HEADER: server.token, "Cookie": server.cookie, **headers}
     request = urllib.request.Request(server.address.rstrip("/") + path, data=data, headers=sent)
     try:
         with urllib.request.urlopen(request, timeout=30) as response:
@@ -220,7 +220,7 @@ def test_pieces_belong_to_the_line_they_lie_on():
 
 @pytest.mark.slow
 def test_the_page_follows_a_switch_and_saves(file, view, chromium):
-    with served(file) as server, opened(chromium, server.address) as page:
+    with served(file) as server, opened(chromium, server.link()) as page:
         canvas = ".panel[data-which=corrected] canvas"
         before = pixels(page, canvas)
         page.locator("[data-line='1']").uncheck()
@@ -257,7 +257,7 @@ def test_the_page_follows_a_switch_and_saves(file, view, chromium):
 
 @pytest.mark.slow
 def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
-    with served(file) as server, opened(chromium, server.address) as page:
+    with served(file) as server, opened(chromium, server.link()) as page:
         start = lines_of(server.session.state["document"])
         handle = page.locator("[data-handle='0-2']").bounding_box()
         x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
@@ -289,7 +289,7 @@ def test_a_mirror_is_dragged_and_drawn_by_hand(file, chromium):
 
 @pytest.mark.slow
 def test_settings_of_the_page_reach_the_fold(file, chromium):
-    with served(file) as server, opened(chromium, server.address) as page:
+    with served(file) as server, opened(chromium, server.link()) as page:
         page.locator("#set-generations").select_option("0")
         page.wait_for_selector("html[data-folds='1']")
         assert page.locator(".tree .node").count() == 1
@@ -314,7 +314,7 @@ def test_settings_of_the_page_reach_the_fold(file, chromium):
 def test_a_setting_without_a_scale_is_typed_in(view, tmp_path, chromium):
     path = tmp_path / "r.nc"
     mf.save(mf.fold(view, wall_margin=0.0), path)
-    with served(path) as server, opened(chromium, server.address) as page:
+    with served(path) as server, opened(chromium, server.link()) as page:
         page.locator("#set-wall_margin").fill("0.05")
         page.locator("#set-wall_margin").press("Enter")
         page.wait_for_selector("html[data-folds='1']")
@@ -326,7 +326,7 @@ def test_a_setting_without_a_scale_is_typed_in(view, tmp_path, chromium):
 def test_a_bad_file_is_told_of_in_the_page_and_can_be_replaced(view, tmp_path, chromium, content):
     path = tmp_path / "<b>bad<b>.nc"
     path.write_bytes(content)
-    with served(path) as server, opened(chromium, server.address) as page:
+    with served(path) as server, opened(chromium, server.link()) as page:
         assert path.name in page.locator(".notice").inner_text()
         assert page.locator("b").count() == 0
         mf.save(view, path)
@@ -339,7 +339,7 @@ def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, s
     path = tmp_path / "r.nc"
     reconstruction.attrs["title"] = "</script><img src=x onerror=alert(1)>"
     mf.save(reconstruction, path)
-    with served(path, mf.load(scene_file)) as server, opened(chromium, server.address) as page:
+    with served(path, mf.load(scene_file)) as server, opened(chromium, server.link()) as page:
         assert page.locator("img").count() == 0
         page.wait_for_selector(".truth", state="attached")
         assert "3 seen around a corner" in page.locator("header").inner_text()
@@ -350,7 +350,7 @@ def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys):
     assert main(["view", str(file), "--port", "99999", "--no-open"]) == 2
     assert "port is 99999" in capsys.readouterr().err
     assert main(["view", "absent.nc", "--no-open"]) == 2
-    assert "absent.nc: is no file" in capsys.readouterr().err
+    assert "absent.nc: does not exist" in capsys.readouterr().err
     with served(file) as server:
         assert main(["view", str(file), "--port", str(server.server_port), "--no-open"]) == 2
     assert "cannot be had" in capsys.readouterr().err

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mirrorfold.calibration.elements import ElementCalibration
+from mirrorfold.common.reading import check_file, parsed, read_text
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
 
@@ -50,14 +51,13 @@ def load_elements(path: str | Path) -> ElementCalibration:
     """
     path = Path(path)
     remedy = "give a file that `mirrorfold calibrate --save-elements` has written"
+    check_file(path, remedy)
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(f"{path}: is larger than {LARGEST_FILE / 1e6:g} MB; {remedy}")
-        content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {remedy}") from None
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        raise InputError(f"{path}: is no JSON file; {remedy}") from None
+    content = parsed(read_text(path, remedy), "JSON", str(path), remedy)
     if not isinstance(content, dict) or content.get("mirrorfold_kind") != KIND:
         raise InputError(f"{path}: is no element calibration; {remedy}")
     values: dict[str, Any] = {}
@@ -67,7 +67,7 @@ def load_elements(path: str | Path) -> ElementCalibration:
             if isinstance(value, dict):
                 value = np.asarray(value["real"], dtype=float) + 1j * np.asarray(value["imag"], dtype=float)
             values[field.name] = np.asarray(value, dtype=_type(field.name))
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise InputError(f"{path}: entry {field.name!r} is missing or no array of numbers; {remedy}") from None
         if not np.isfinite(values[field.name]).all():
             raise InputError(f"{path}: entry {field.name!r} holds numbers that are not finite; {remedy}")

@@ -23,6 +23,9 @@ from mirrorfold import __version__
 from mirrorfold.common.signals import ended_as_by_ctrl_c
 from mirrorfold.errors import InputError
 
+NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
+"""What a path may be that is wrong in itself: too long, or a link in a circle."""
+
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 SIGNALLED = 128
@@ -204,6 +207,8 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except (MemoryError, OSError) as error:
+        if isinstance(error, OSError) and error.errno in NO_NAME:
+            return _complain(error, f"{error.filename}: cannot be a path ({error.strerror}); give another", WRONG_INPUT)
         return _complain(error, machine_trouble(error), FAILED)
     except Exception as error:  # the promise of one plain line holds for our own mistakes too
         found = f"{type(error).__name__}: {error}"

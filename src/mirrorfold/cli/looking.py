@@ -107,7 +107,7 @@ def view(
         if json:
             show_json(View(kind="view", address=address))
         else:
-            print(f"{file} is at {address} for browsers on this machine; Ctrl+C ends it")
+            print(f"{file} is at {address} for one browser on this machine: the link works once; Ctrl+C ends it")
         sys.stdout.flush()
 
     with suppress(KeyboardInterrupt):

@@ -29,7 +29,7 @@ def described(value: Any) -> str:
         axes = f" with the dimensions {tuple(dims)}" if isinstance(dims, tuple) else ""
         return f"an array of shape {shape} and type {dtype}{axes}"
     if isinstance(value, bool | int | float | complex):
-        return f"the number {value!r}"
+        return f"the number {repr(value)[:LONGEST]}"
     name = type(value).__name__
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 

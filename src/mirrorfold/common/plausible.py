@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS
 
+FARTHEST = 1e7
+"""Places farther away than this [m], a quarter of the way around the Earth, are mistakes: no echo returns from there,
+and what is counted or squared on the way to an image would overflow."""
+
 SHORTEST_ARRAY = 1e-3
 """Length in wavelengths below which an array, or the focus of a beam, tells no directions at all."""
 
@@ -48,6 +52,21 @@ FINEST_APERTURE = 2.0
 
 WIDEST_APERTURE = 500.0
 """The same in wavelengths."""
+
+
+def unplaced(values: NDArray) -> str | None:
+    """What is wrong with coordinates [m]; None where nothing is.
+
+    Examples
+    --------
+    >>> unplaced(np.array([0.5, np.nan])), unplaced(np.array([1e308])), unplaced(np.array([1j]))
+    ('is not finite', 'is farther away than 1e+07 m', 'is no real number')
+    """
+    if values.dtype.kind not in "fiu":
+        return "is no real number"
+    if not np.isfinite(values).all():
+        return "is not finite"
+    return f"is farther away than {FARTHEST:g} m" if np.abs(values).max(initial=0) > FARTHEST else None
 
 
 def pitch(places: NDArray) -> float:

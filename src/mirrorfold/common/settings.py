@@ -89,7 +89,10 @@ class Rule:
         """Whether a value is a number within the bounds."""
         if not isinstance(value, Real) or _is_bool(value):
             return False
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            return False
         return (
             isfinite(number)
             and (self.lowest is None or number >= self.lowest)

@@ -14,6 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.reading import parsed, read_text
+from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.growing import evidence
@@ -30,6 +33,9 @@ SHORTEST = 1e-9
 
 FLATTEST = 0.01
 """How far the corners of a given plane may lie off it, as a share of its size."""
+
+LONGEST = 1000.0
+"""Of the reach of the image: a given mirror that is longer was given in another unit."""
 
 LARGEST_COUNT = 1000
 """More mirrors than this are no room but a mistake."""
@@ -48,7 +54,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     """
     try:
         places = np.array(mirrors, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         places = np.array(np.nan)
     if places.shape[:1] == (0,):
         return np.empty((0, 2, 2))
@@ -62,8 +68,9 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
     for number, points in enumerate(places):
         mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
-        if not np.isfinite(points).all():
-            raise InputError(f"{mirror} has a place that is not finite, expected numbers in metres")
+        wrong = unplaced(points)
+        if wrong is not None:
+            raise InputError(f"{mirror} has a place that {wrong}, expected numbers in metres")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
             what = "length; give two different ends" if flat else "extent; give four different corners"
@@ -81,13 +88,8 @@ def read_mirrors(path: str | Path) -> Array:
     InputError
         If the file is missing, is not JSON, or holds something else.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        what = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        raise InputError(f"{path}: {what}; give a JSON file of mirrors") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({str(error).splitlines()[0]}); expected {EXAMPLE}") from None
+    text = read_text(path, "give a JSON file of mirrors")
+    content = parsed(text, "JSON", str(path), f"expected {EXAMPLE}")
     mirrors = content.get("mirrors") if isinstance(content, dict) else None
     if not isinstance(mirrors, list):
         raise InputError(f"{path}: holds no list 'mirrors'; expected {EXAMPLE}")
@@ -119,8 +121,14 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     volume zero. Errors are not known: NaN.
     """
     mirrors: list[Mirror] = []
-    for points in places:
+    for number, points in enumerate(places):
+        go_on()
         mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else LineMirror(*points)
+        size, reach = float(np.ptp(points, axis=0).max()), float(view.range[-1])
+        if size > LONGEST * reach:
+            raise InputError(
+                f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
+            )
         _, own, across = mirror.near(view, echoes)
         on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
         strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0

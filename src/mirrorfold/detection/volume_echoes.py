@@ -6,9 +6,9 @@ neighbouring beams see the same surface, those count whose axis passes near it.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
@@ -69,7 +69,7 @@ def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
     return Echoes.pixels(view.points(range_, beam), range_, beam, np.ones(beam.size), brightest, threshold)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, most, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 

@@ -12,9 +12,9 @@ whatever the echo comes from.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.focusing.phasor import unit_phasor
@@ -50,13 +50,13 @@ def windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: flo
     return np.ascontiguousarray(np.stack([pieces.real, pieces.imag], axis=2), dtype=np.float32)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True, inline="always")
+@njit(error_model="numpy", nogil=True, fastmath=True, inline="always")
 def _change(along: float, curvature: float) -> float:
     """``(sqrt(1 + q a) - 1) / q``, exact for q = 0 too."""
     return along / (np.sqrt(max(1.0 + curvature * along, 0.0)) + 1.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+@njit(error_model="numpy", nogil=True, fastmath=True)
 def _lengthen(
     tx: Array, rx: Array, tx_of: NDArray[np.int64], rx_of: NDArray[np.int64], direction: Array, q: float, shape: int,
     out: Array,
@@ -78,7 +78,7 @@ def _lengthen(
             out[p] = _change(q * a_square - 2.0 * a_ahead, q) + _change(q * b_square - 2.0 * b_ahead, q)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+@njit(error_model="numpy", nogil=True, fastmath=True)
 def _add_up(
     windows: NDArray[np.float32], cell: NDArray[np.int64], rest: NDArray[np.float32], cos: NDArray[np.float32],
     sin: NDArray[np.float32], total: NDArray[np.float32],
@@ -94,7 +94,7 @@ def _add_up(
             total[2, g] += re * re + im * im
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+@njit(error_model="numpy", nogil=True, fastmath=True)
 def coherence(
     windows: NDArray[np.float32], step: float, shift: float, shape: int, tx: Array, rx: Array, tx_of: NDArray[np.int64],
     rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.focusing.problem import Problem
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def sum_frequency(data, tx_re, tx_im, rx_re, rx_im, out):  # type: ignore[no-untyped-def]
     """out[p] = sum_i tx[p, i] sum_k data[i, k] rx[p, k] in float64."""
     transmitters, receivers = data.shape
@@ -27,7 +27,7 @@ def sum_frequency(data, tx_re, tx_im, rx_re, rx_im, out):  # type: ignore[no-unt
             out[p] += complex(re * tx_re[p, i] - im * tx_im[p, i], re * tx_im[p, i] + im * tx_re[p, i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def sum_positions(data, weight, taper, k, path):  # type: ignore[no-untyped-def]
     """sum_m taper[m] sum_i data[m, i] weight[i] exp(j k[m] path[i]) in float64."""
     total = 0.0 + 0.0j

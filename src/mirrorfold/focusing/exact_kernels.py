@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.focusing.phasor import unit_phasor
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def tile_tables(x, y, z, element, per_metre, wavenumber, reference, delay, re, im):  # type: ignore[no-untyped-def]
     """For each antenna and pixel: path in table cells less `reference`, and exp(j k_c R)."""
     per_turn = wavenumber / (2.0 * np.pi)
@@ -20,7 +20,7 @@ def tile_tables(x, y, z, element, per_metre, wavenumber, reference, delay, re, i
             re[e, p], im[e, p] = unit_phasor(r * per_turn)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def sum_pairs(  # type: ignore[no-untyped-def]
     table, first, offset, tx_delay, rx_delay, rx_re, rx_im, sum_re, sum_im
 ):
@@ -44,7 +44,7 @@ def sum_pairs(  # type: ignore[no-untyped-def]
             sum_im[p] += re * rx_im[k, p] + im * rx_re[k, p]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def sum_transmitters(  # type: ignore[no-untyped-def]
     table, start, tx_index, folded, cells, margin,
     tx_reference, tx_delay, tx_re, tx_im, rx_reference, rx_delay, rx_re, rx_im, out,

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mirrorfold.common.kernels import njit
 
 FRACTIONS = 33
 """Fractional positions at which the weights are fitted before a polynomial runs through them."""
@@ -127,7 +128,7 @@ def taper_kernel(width: int, oversampling: float, taper: NDArray[np.complex128])
     return fit_kernel(width, shape * np.pi / oversampling, power + np.zeros(shape.size))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def kernel_weights(coefficients, fraction, weights):  # type: ignore[no-untyped-def]
     """weights[a, p] = sum_n coefficients[a, n] (2 fraction[p] - 1)^n by Horner's rule."""
     width, terms = coefficients.shape

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.focusing.interpolation import kernel_weights
 from mirrorfold.focusing.phasor import unit_phasor
 
@@ -14,7 +14,7 @@ RUN = 256
 """Pixels interpolated together: their weights stay in the first-level cache."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def gather(data, pair, partner, folded, first, out):  # type: ignore[no-untyped-def]
     """Data of each lattice point side by side: out[first[n] M + m count[n] + p] = S[m, pair] + S[m, partner]."""
     frequencies = data.shape[0]
@@ -30,7 +30,7 @@ def gather(data, pair, partner, folded, first, out):  # type: ignore[no-untyped-
                     out[base + p] = data[m, pair[p]]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def collapse(gathered, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
     """out[n, m, :] = sum over the pairs p of lattice point n of gathered[p, m] factor[p, :], as real matrices."""
     for n in range(first.size - 1):
@@ -46,7 +46,7 @@ def collapse(gathered, factor, first, frequencies, out):  # type: ignore[no-unty
 def stretcher(width: int):  # type: ignore[no-untyped-def]
     """The kernel that resamples with `width` taps, a constant to the compiler."""
 
-    @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+    @njit(nogil=True, error_model="numpy", fastmath=True)
     def stretch(spectrum, cell, weight, out):  # type: ignore[no-untyped-def]
         """out[m, l, :] = sum_a weight[m, l, a] spectrum[m, (cell[m, l] + a) mod N, :]."""
         frequencies, cells, columns = spectrum.shape
@@ -68,7 +68,7 @@ def stretcher(width: int):  # type: ignore[no-untyped-def]
     return stretch
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def combine(profile, value, row_first, out):  # type: ignore[no-untyped-def]
     """out[l, j] = sum_q value[l, j, q] profile[(row_first + j) mod N, l, q]."""
     cells, _, nodes = profile.shape
@@ -88,7 +88,7 @@ def combine(profile, value, row_first, out):  # type: ignore[no-untyped-def]
 def _tap_sum(taps_r: int):  # type: ignore[no-untyped-def]
     """The sum over taps with their number in range a constant to the compiler, which doubles its speed."""
 
-    @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+    @njit(nogil=True, error_model="numpy", fastmath=True)
     def tap_sum(cell, weight_r, weight_u, flat, rows, size, sum_re, sum_im):  # type: ignore[no-untyped-def]
         """sum[p] = sum_b weight_u[b, p] sum_a weight_r[a, p] polar[cell[p] + b rows + a]."""
         for p in range(size):
@@ -109,7 +109,7 @@ def _tap_sum(taps_r: int):  # type: ignore[no-untyped-def]
 _sum_2, _sum_4, _sum_6, _sum_8, _sum_10, _sum_12 = (_tap_sum(taps) for taps in (2, 4, 6, 8, 10, 12))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def interpolate(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, polar, range_coefficients, direction_coefficients, image,

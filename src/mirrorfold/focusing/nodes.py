@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.focusing.lattice import Lattice, UnsuitedError
 from mirrorfold.focusing.problem import Problem
@@ -151,7 +151,7 @@ def spreads(problem: Problem, lattice: Lattice, sector: Sector, curvature: float
     return float(along_r), float(along_w)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def pivoted_rows(rows, tolerance, most):  # type: ignore[no-untyped-def]
     """Rows picked by pivoted modified Gram-Schmidt, whose span holds all of them.
 

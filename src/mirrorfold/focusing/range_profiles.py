@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +12,7 @@ from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
 from mirrorfold.common.threads import for_each
@@ -304,7 +304,7 @@ def angle_table(angle: Array) -> Array:
     return np.radians(np.array([angle[0], step.mean()]))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
     """``out[k] = max_e profile[e](r_k / cosine[e])``: along one azimuth, what stands above each ground range."""
     for e in range(cosine.size):
@@ -317,7 +317,7 @@ def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def
                 out[k] = max(out[k], value)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle` is the azimuth's index, -1 outside."""
     for i in range(y.size):
@@ -333,7 +333,7 @@ def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-unty
             out[i, j] = near * (1.0 - u) + far * u
 
 
-@numba.njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
+@njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
     """Trilinear interpolation of (azimuth, elevation, range) at fractional indices; zero outside."""
     if not (a >= 0.0 and e >= 0.0 and k >= 0.0):
@@ -350,7 +350,7 @@ def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
     return near + u * (low + v * (high - low) - near)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
     """Voxels of one y: (x, z). The azimuth of a vertical column is that of its foot."""
     for j in range(x.size):
@@ -366,7 +366,7 @@ def grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type:
             out[j, i] = at_point(amplitude, a, e, (r - first) / step)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def magnitude(values, out):  # type: ignore[no-untyped-def]
     """out[i] = |values[i]|."""
     for i in range(values.size):

@@ -16,10 +16,10 @@ from math import pi
 
 import numpy as np
 import scipy.fft
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import jv
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.focusing.settings import FINEST_TOLERANCE
 
 TERMS = 4
@@ -71,7 +71,7 @@ def spectral_weights(taper: NDArray[np.complex128], cells: int) -> NDArray[np.co
     return (monomial * (taper * np.exp(0.5j * w))).astype(np.complex64)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def unfold_spectrum(data, weight, spectrum):  # type: ignore[no-untyped-def]
     """spectrum[k, q, (m - M//2) mod N] = weight[q, m] data[m, k]."""
     frequencies, elements = data.shape
@@ -84,7 +84,7 @@ def unfold_spectrum(data, weight, spectrum):  # type: ignore[no-untyped-def]
                 spectrum[k, q, (m - middle) % cells] = weight[q, m] * data[m, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def lay_out(profile, table):  # type: ignore[no-untyped-def]
     """table[k, n, q] = profile[k, q, n mod N]: the coefficients of one cell side by side, and a margin that wraps."""
     elements, terms, cells = profile.shape

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.focusing.range_profiles import at_point
 from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
     """Where a map leads a point: along the two angles and range in steps of the view; outside at -1."""
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
@@ -27,7 +27,7 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
     return (np.arctan(right) - grid[0, 0]) / grid[0, 1], (np.arctan(up) - grid[1, 0]) / grid[1, 1], k
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def draw_row(  # type: ignore[no-untyped-def]
     x, y, z, maps, number, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid,
     out,

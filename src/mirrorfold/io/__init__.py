@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     _prepare_to_read(path)
     from mirrorfold.io.netcdf import is_foreign, read
 
-    if path.is_file() and is_foreign(path):
+    if is_foreign(path):
         from mirrorfold.io.images import import_image
 
         try:
@@ -92,7 +93,8 @@ def _path(name: str, value: Any) -> Path:
 
 def _prepare_to_read(path: Path) -> None:
     """Start the process that opens a netCDF file first: it starts while libraries are loaded here."""
-    if path.suffix.lower() == ".nc" and path.is_file():
+    check_file(path, "give the path of a netCDF file")
+    if path.suffix.lower() == ".nc":
         from mirrorfold.io.readers import hdf5
 
         hdf5.prepare()

@@ -36,7 +36,7 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
         If something else than a file is there (a folder, a device, a pipe), its directory is missing or read-only, it
         is one of the inputs, its name ends otherwise, or it is there and must not be overwritten.
     """
-    path = Path(path)
+    path = _check_name(path)
     if suffixes and path.suffix.lower() not in suffixes:
         raise InputError(f"{path}: has the suffix {path.suffix!r}, expected {' or '.join(suffixes)}; rename it")
     if path.is_dir():
@@ -72,7 +72,7 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
     InputError
         If the path is a file, cannot be made, or one of the files cannot be written (see `check_output`).
     """
-    path = Path(path)
+    path = _check_name(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file; give the path of a directory")
     _check_parent(_followed(path))
@@ -287,6 +287,18 @@ def _sync(path: Path) -> None:
             os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _check_name(path: str | Path) -> Path:
+    """The path, or a refusal where no file can ever have it: its name is too long, or links lead in a circle."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass
+    except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be written ({reason}); give another name") from None
+    return Path(path)
 
 
 def _followed(path: Path) -> Path:

@@ -17,13 +17,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.units import KINDS, UNITS, Quantity, parse_quantity, split_quantity, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.io.strict import read_written, validated
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
-Coordinate = Annotated[Finite, Quantity("length")]
+Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("length")]
 
 
 def _known_unit(value: Any) -> Any:

@@ -18,8 +18,11 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
+from mirrorfold.io.conforming import check_radar, check_tables, conform_attrs
 from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
@@ -119,7 +122,7 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         _check_sizes(path, only)
         content = _read_groups(path, only)
         for node in content.subtree:
-            node.to_dataset()  # sizes that contradict each other are noticed now
+            _ = node.to_dataset().sizes  # fails where dimensions contradict each other, which opening does not
     except InputError:
         raise
     except Exception as error:  # h5py reports damage by exceptions of many types, RuntimeError and KeyError included
@@ -127,6 +130,7 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
     for node in content.subtree:
         _decode_attrs(node.attrs)
+        conform_attrs(node.attrs)
     return content
 
 
@@ -189,8 +193,9 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
         values = image[name].values
-        if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
-            raise InputError(f"{source}: coordinate {name!r} holds values that are not finite numbers")
+        wrong = unplaced(values)
+        if wrong is not None:
+            raise InputError(f"{source}: coordinate {name!r} holds a value that {wrong}; give metres, or degrees")
         step = np.diff(values)
         if step.size and (step.min() <= 0 or np.ptp(step) > 2 * STEP_TOLERANCE * step.mean()):
             raise InputError(
@@ -243,6 +248,8 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
                 raise InputError(
                     f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
                 )
+    check_radar(reconstruction.attrs, source)
+    check_tables(nodes, RECONSTRUCTION, source)
     for group, hidden in (("/objects", {"x", "y", "frame"}), ("/mirrors", {"frame"})):
         table = nodes[group].to_dataset(inherit=False)
         if hidden & set(table.data_vars):
@@ -270,12 +277,7 @@ RECONSTRUCTION: dict[str, dict[str, tuple[str, ...]]] = {
 
 def _check_is_hdf5(path: Path) -> None:
     """Refuse what is not there, not a file, or not of the format that netCDF-4 is built on."""
-    if not path.exists():
-        raise InputError(f"{path}: does not exist; give the path of a netCDF file")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; give the path of a netCDF file in it")
-    if not path.is_file():  # opening a pipe would wait for ever
-        raise InputError(f"{path}: is no file but a device, a pipe or a socket; give the path of a netCDF file")
+    check_file(path, "give the path of a netCDF file")
     try:
         path.open("rb").close()
     except OSError as error:
@@ -347,7 +349,7 @@ def _decode_attrs(attrs: dict[Any, Any]) -> None:
     """Turn JSON lists, objects, booleans and nulls back to what they were, in place."""
     for name, value in attrs.items():
         if isinstance(value, str) and (value[:1] in ("[", "{") or value in ("true", "false", "null")):
-            with suppress(json.JSONDecodeError):
+            with suppress(ValueError, RecursionError):  # it is a text that only begins like JSON
                 attrs[name] = json.loads(value)
 
 

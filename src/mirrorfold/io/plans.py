@@ -16,6 +16,8 @@ import xarray as xr
 
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
+from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.reading import check_file, parsed, read_text
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
@@ -61,10 +63,7 @@ def read_plan(path: str | Path) -> FloorPlan:
     path = Path(path)
     if not is_plan(path):
         raise InputError(f"{path}: ends in {path.suffix!r}, expected a floor plan, one of {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise InputError(
-            f"{path}: {'is a directory' if path.is_dir() else 'does not exist'}; give a DXF or GeoJSON file"
-        )
+    check_file(path, "give a DXF or GeoJSON file")
     found = list((_dxf if path.suffix.lower() == ".dxf" else _geojson)(path))
     if len(found) > LARGEST_COUNT:
         raise InputError(f"{path}: holds {len(found)} lines, expected a floor plan of at most {LARGEST_COUNT}")
@@ -73,8 +72,9 @@ def read_plan(path: str | Path) -> FloorPlan:
     if not lines:
         raise InputError(f"{path}: holds no line or polyline, expected the walls of a floor plan")
     for line in (*lines, *images):
-        if not np.isfinite(line).all():
-            raise InputError(f"{path}: a line has a coordinate that is not a finite number; draw it anew")
+        wrong = unplaced(line)
+        if wrong is not None:
+            raise InputError(f"{path}: a line has a coordinate that {wrong}; draw it anew, in metres")
     return FloorPlan(lines, np.array(images) if images else None, str(path))
 
 
@@ -136,16 +136,13 @@ def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dic
 
 def _geojson(path: Path) -> Iterator[tuple[str, Array]]:
     """Layer and place of every line of a GeoJSON file."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({str(error).splitlines()[0]}); export the plan again") from None
+    content = parsed(read_text(path, "export the plan again"), "JSON", str(path), "export the plan again")
     if not isinstance(content, dict) or "type" not in content:
         raise InputError(f"{path}: is no GeoJSON, which is an object with a 'type'; export the plan as GeoJSON")
     try:
         for layer, line in _lines_of(content, ""):
             yield layer, np.array([point[:2] for point in line], dtype=float).reshape(-1, 2)
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path}: holds a geometry without proper coordinates; export the plan again") from None
 
 

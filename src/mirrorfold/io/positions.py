@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from mirrorfold.common.reading import named_by
 from mirrorfold.common.units import KINDS, UNITS, Quantity, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
@@ -163,7 +164,8 @@ def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None
         content, path = (path, Path("positions")) if isinstance(path, dict) else (read_written(path), path)
         scan = validated(Scan, content, str(path))
         if scan.table is not None:
-            return scan, _read_table(path.parent / scan.table)
+            with named_by(path, scan.table, "table") as table:
+                return scan, _read_table(table)
         if scan.file is not None:
             return scan, [_of_entry(path, n, entry, scan.unit) for n, entry in enumerate(scan.file)]
         return scan, None

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
+from mirrorfold.common.reading import named_by
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
@@ -87,10 +87,10 @@ class Quantities:
     def table(self, file: str) -> Contents:
         """A table beside the file, read once."""
         if file not in self.tables:
-            path = self.contents.path.parent / Path(file)
-            if not path.is_file():
-                raise self.fail(f"needs the table {path}, which does not exist; copy it there")
-            self.tables[file] = read_contents(path, "table")
+            with named_by(self.contents.path, file, "file") as path:
+                if not path.is_file():
+                    raise self.fail(f"needs the table {path}, which does not exist; copy it there")
+                self.tables[file] = read_contents(path, "table")
         return self.tables[file]
 
     def places(self, places: Places, name: str) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from mirrorfold.common.reading import parsed
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import read_bytes
 
@@ -34,9 +33,9 @@ def read_written(path: Path) -> dict[str, Any]:
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     try:
         text = raw.decode("utf-8-sig")
-        found = json.loads(text) if kind == "JSON" else tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of decoding and of both formats
-        raise InputError(f"{path}: is not valid {kind} ({str(error)[:150]}); correct it") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not valid {kind} ({error}); correct it") from None
+    found = parsed(text, kind, str(path), "correct it")
     if not isinstance(found, dict):
         return {"file": found}
     return found

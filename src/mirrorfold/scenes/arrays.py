@@ -11,15 +11,16 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.memory import check_room
+from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-PositiveLength = Annotated[Positive, Quantity("length")]
-NonNegativeLength = Annotated[NonNegative, Quantity("length")]
-Coordinate = Annotated[Finite, Quantity("length")]
+PositiveLength = Annotated[Positive, Field(le=FARTHEST), Quantity("length")]
+NonNegativeLength = Annotated[NonNegative, Field(le=FARTHEST), Quantity("length")]
+Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("length")]
 AnyAngle = Annotated[Finite, Quantity("angle")]
 """Numbers that a scene file may give with units."""
 

@@ -5,7 +5,6 @@ A scene file is TOML; `load_scene` reads it and reports everything that is wrong
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +14,7 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import TRUTH_COLOUR
+from mirrorfold.common.reading import check_file, named_by, parsed, read_text
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
@@ -88,12 +88,8 @@ def load_scene(path: str | Path) -> Scene | Scene3D:
     if not isinstance(path, str | Path):
         raise wrong_kind("load_scene", path, "the path of a scene file; mf.parse_scene takes its content as a dict")
     path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a scene file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid TOML ({error}); correct it or start from an example scene") from None
+    text = read_text(path, "give the path of a scene file")
+    content = parsed(text, "TOML", str(path), "correct it or start from an example scene")
     return parse_scene(_with_points_from_files(content, path), source=str(path))
 
 
@@ -114,7 +110,8 @@ def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, An
             place = f"{path}: surface[{index}].file"
             if "points" in surface:
                 raise InputError(f"{place} is given beside points; leave out one of the two")
-            points = _read_points(path.parent / surface["file"], place)
+            with named_by(path, surface["file"], f"surface[{index}].file") as file:
+                points = _read_points(file, place)
             surface = {name: value for name, value in surface.items() if name != "file"} | {"points": points}
         read.append(surface)
     return {**content, "surface": read}
@@ -131,6 +128,10 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
     expected = "expected an .npy or .csv file with one x and y [m] per row"
     if path.suffix not in (".npy", ".csv"):
         raise InputError(f"{place} is {path.name!r}, {expected}; convert it")
+    try:
+        check_file(path, expected)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
     try:
         if path.suffix == ".npy":
             points = np.load(path, allow_pickle=False)

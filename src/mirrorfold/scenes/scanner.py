@@ -12,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.memory import check_room
+from mirrorfold.common.reading import read_text
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
 from mirrorfold.scenes.arrays import STEP_BYTES, STRICT, Coordinate, Finite, NonNegativeLength, PositiveLength
@@ -121,10 +122,9 @@ def _read_directions(path: Path) -> tuple[Array, Array]:
     ValueError
         If the file cannot be read or its directions are no complete grid.
     """
+    text = read_text(path, "give the path of a CSV file of directions")
     try:
-        table = np.loadtxt(path, delimiter=",", comments="#", ndmin=2)
-    except OSError:
-        raise ValueError(f"directions: {path} cannot be read; give the path of a CSV file") from None
+        table = np.loadtxt(text.splitlines(), delimiter=",", comments="#", ndmin=2)
     except ValueError as error:
         raise ValueError(f"directions: {path} holds something else than numbers ({error})") from None
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all() or np.abs(table).max() > WIDEST:

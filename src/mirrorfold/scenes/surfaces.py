@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 from pydantic.dataclasses import dataclass
 
+from mirrorfold.errors import InputError
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT, AnyAngle, Coordinate, NonNegativeLength, PositiveLength
 
@@ -86,7 +87,7 @@ class _Surface:
         for piece in self.pieces(spacing):
             for start, end in pairwise(piece):
                 length = float(np.linalg.norm(end - start))
-                count = max(1, int(np.ceil(length / spacing)))
+                count = max(1, _steps(length, spacing))
                 along = (np.arange(count) + 0.5) / count
                 points.append(start + along[:, None] * (end - start))
                 normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
@@ -95,9 +96,29 @@ class _Surface:
         return np.concatenate(points), np.concatenate(normals), np.concatenate(lengths)
 
 
+def _steps(length: float, spacing: float) -> int:
+    """How many steps of at most a spacing [m] go along a length [m].
+
+    Raises
+    ------
+    InputError
+        If they are more than any room needs.
+    """
+    if length > MOST_STEPS * spacing:
+        raise InputError(
+            f"surface: an outline of {length:.3g} m is to be followed in steps of {spacing:.3g} m, more than "
+            f"{MOST_STEPS:.0e} of them; give lengths in metres, or make it shorter"
+        )
+    return int(np.ceil(length / spacing))
+
+
+MOST_STEPS = 10_000_000
+"""Along one straight piece or arc; their points take a gigabyte."""
+
+
 def _arc_points(center: Point2, radius: float, start: float, stop: float, spacing: float) -> Array:
     """Vertices of chords along a circle; angles in degrees, counter-clockwise from +x."""
-    count = max(8, int(np.ceil(abs(np.radians(stop - start)) * radius / spacing)))
+    count = max(8, _steps(abs(np.radians(stop - start)) * radius, spacing))
     angle = np.radians(np.linspace(start, stop, count + 1))
     return np.asarray(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 

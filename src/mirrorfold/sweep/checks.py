@@ -18,6 +18,7 @@ from mirrorfold.common.plausible import (
     one_part,
     pitch,
     radians_for_degrees,
+    unplaced,
 )
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
@@ -212,15 +213,14 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
         raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
-    centre = sweep.attrs.get("scene_center")
-    if centre is None:
-        return
-    try:
-        place = np.asarray(centre, dtype=float)
-    except (TypeError, ValueError):
-        place = np.empty(0)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise refuse(f"attr scene_center is {shown(centre)}, expected three finite numbers in metres")
+    for name in ("scene_center", "origin"):
+        centre = sweep.attrs.get(name)
+        try:
+            place = np.zeros(3) if centre is None else np.asarray(centre, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            place = np.empty(0)
+        if place.shape != (3,) or unplaced(place) is not None:
+            raise refuse(f"attr {name} is {shown(centre)}, expected three finite numbers in metres")
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
@@ -231,8 +231,9 @@ def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable
             raise refuse(
                 f"{name} has dimensions {dict(sweep[name].sizes)}, expected ({dim}, axis) with the three axes x, y, z"
             )
-        if sweep[name].dtype.kind not in "fiu" or not np.isfinite(sweep[name].values).all():
-            raise refuse(f"{name} holds values that are not finite numbers; give every antenna its place in metres")
+        wrong = unplaced(sweep[name].values)
+        if wrong is not None:
+            raise refuse(f"{name} holds a coordinate that {wrong}; give every antenna its place in metres")
 
 
 def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
@@ -243,6 +244,3 @@ def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) ->
             raise refuse(f"{name} holds values that are not finite numbers; give every beam its direction in degrees")
         if np.any(np.diff(angle) <= 0) or np.abs(angle).max(initial=0.0) >= 90.0:
             raise refuse(f"{name} must rise from more than -90 to less than 90 degrees; sort the beams")
-    origin = np.asarray(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
-    if origin.shape != (3,) or not np.isfinite(origin).all():
-        raise refuse("attr origin is not a place; give three finite numbers in metres, where the beams start")

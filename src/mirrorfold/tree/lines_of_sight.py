@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View
@@ -179,7 +179,7 @@ def itself(view: View, echoes: Echoes, fold: Isometry) -> Mask:
     return view.on_radar(fold(echoes.position), ITSELF_CELLS * view.cell(echoes.range))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def through_at(crossing, through, distance, direction):  # type: ignore[no-untyped-def]
     """`LinesOfSight.seen_through` for one point."""
     passed = 0
@@ -188,7 +188,7 @@ def through_at(crossing, through, distance, direction):  # type: ignore[no-untyp
     return through[passed, direction]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def hidden_at(begin, level, distance, direction):  # type: ignore[no-untyped-def]
     """The amplitude that one point must exceed to be seen, see `Cover`."""
     hidden = 0.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces
@@ -147,6 +148,7 @@ def _pieces(
 
     The mirror image of a wall in another one at right angles to it continues the wall itself.
     """
+    go_on()  # each takes as long as there are others: hundreds of mirrors take a minute
     directions, before = _last_before(0, np.stack([m.crossing(view) for m in (mirror, *others)]))
     if not directions.size or np.all(before == before[0]):
         return [mirror], []

@@ -43,30 +43,29 @@ def view(
     open_browser : bool
         Whether to open the page.
     announce : callable (address), optional
-        Told the address when the page can be had.
+        Told a link that works once when the page can be had.
 
     Raises
     ------
     InputError
         If there is no such file, the port cannot be had, or the scene is wrong.
     """
-    from mirrorfold.errors import InputError
+    from mirrorfold.common.reading import check_file
     from mirrorfold.io.plans import read_plan
     from mirrorfold.scenes.floor_plan import as_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 
-    if not Path(path).is_file():
-        raise InputError(f"{path}: is no file; give a sweep, an image or a reconstruction (netCDF)")
+    check_file(path, "give a sweep, an image or a reconstruction (netCDF)")
     truth = None if scene is None else as_scene(scene)
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
     with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
         if announce is not None:
-            announce(server.address)
+            announce(server.link())
         if open_browser:
             import webbrowser
 
-            webbrowser.open(server.address)
+            webbrowser.open(server.link())
         server.serve_forever(poll_interval=0.2)
 
 

@@ -1,7 +1,9 @@
 """The server of the live page: on this machine only, with a few addresses, none of which leads to a file by its name.
 
 A page from elsewhere cannot use the server: requests must name this machine as their host, which a rebound domain name
-does not, and a request that folds or saves must hold the token that only the page itself was given.
+does not, and a request that folds or saves must hold the token that only the page itself was given. Another user of the
+machine cannot either: the page is given to who brings a link that works once, and then to the browser that keeps the
+cookie which came with it. The command line of a browser, which all users can read, holds that link.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from urllib.parse import urlsplit
 
 from mirrorfold.errors import InputError
 from mirrorfold.reporting.page import to_html, to_json
-from mirrorfold.viewing.session import Session
+from mirrorfold.viewing.session import ConflictError, Session
 
 LOOPBACK = "127.0.0.1"
 
@@ -25,6 +27,9 @@ HOSTS = ("127.0.0.1", "localhost", "[::1]")
 
 LARGEST_REQUEST = 1_000_000
 """Length of the longest request that is read [bytes]; a thousand mirrors take a tenth of that."""
+
+LONGEST_LENGTH = 20
+"""Digits of a length that are read as a number; with more of them it is too long in any case."""
 
 TOKEN_HEADER = "X-Mirrorfold-Token"
 
@@ -58,7 +63,8 @@ class Server(ThreadingHTTPServer):
 
     def __init__(self, session: Session, port: int = 0) -> None:
         self.session = session
-        self.token = secrets.token_urlsafe(24)
+        self.token, self._secret = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self._keys: set[str] = set()
         if not 0 <= port <= 65535:
             raise InputError(f"port is {port}, expected a number from 1 to 65535, or 0 for any that is free")
         try:
@@ -73,8 +79,27 @@ class Server(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """The page's address."""
+        """The page's address, for the browser that has the cookie."""
         return f"http://{LOOPBACK}:{self.server_port}/"
+
+    @property
+    def cookie(self) -> str:
+        """What the browser must bring; cookies do not tell ports apart, so that the name does."""
+        return f"mirrorfold_{self.server_port}={self._secret}"
+
+    def link(self) -> str:
+        """A new link to the page, which works once."""
+        key = secrets.token_urlsafe(24)
+        self._keys.add(key)
+        return f"{self.address}?key={key}"
+
+    def admits(self, query: str) -> bool:
+        """Whether the query of an address holds the key of a link that was not used yet; it is then."""
+        try:
+            self._keys.remove(query.removeprefix("key="))
+        except KeyError:
+            return False
+        return True
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -88,11 +113,13 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer with the page or the state of the session."""
         if not self._is_local():
             return
-        path = urlsplit(self.path).path
+        _, _, path, query, _ = urlsplit(self.path)
+        if path in ("/", "/api/state") and not self._is_known(path, query):
+            return
         if path == "/":
             live = {"token": self.server.token, "header": TOKEN_HEADER}
             page = to_html({}, title=self.server.session.path.name, live=live)
-            self._send(HTTPStatus.OK, page, "text/html; charset=utf-8")
+            self._send(HTTPStatus.OK, page, "text/html; charset=utf-8", cookie=True)
         elif path == "/api/state":
             self._send_json(HTTPStatus.OK, self.server.session.state)
         elif path == "/favicon.ico":
@@ -105,16 +132,19 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_local():
             return
         request = self._request()
-        if request is None:
+        if request is None or not self._is_known("", ""):
             return
         session = self.server.session
         actions = {"/api/fold": session.fold, "/api/save": session.save, "/api/open": _open(session)}
+        actions["/api/cancel"] = session.cancel
         action = actions.get(urlsplit(self.path).path)
         if action is None:
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
             return
         try:
             answer = action(request)
+        except ConflictError as error:
+            self._refuse(HTTPStatus.CONFLICT, str(error))
         except InputError as error:
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         except OSError as error:
@@ -136,15 +166,33 @@ class _Handler(BaseHTTPRequestHandler):
         self._refuse(HTTPStatus.FORBIDDEN, "only a browser on this machine may look")
         return False
 
+    def _is_known(self, path: str, query: str) -> bool:
+        """Whether the browser has the cookie, or the page is asked for by a link; refused otherwise."""
+        brought = [item.strip().encode() for item in self.headers.get("Cookie", "").split(";")]
+        if any(secrets.compare_digest(item, self.server.cookie.encode()) for item in brought):
+            return True
+        if path == "/" and self.server.admits(query):
+            return True
+        self._refuse(
+            HTTPStatus.FORBIDDEN,
+            "the page is for the browser that opened it first, by a link that works once; if that was not you, end "
+            "mirrorfold view, and start it again for a new link",
+        )
+        return False
+
     def _request(self) -> Any:
         """The JSON object that was sent; None, after a refusal, where it is too long, has no token, or is no JSON."""
-        try:
-            length = int(self.headers.get("Content-Length", "0"))
-        except ValueError:
-            length = -1
+        said = self.headers.get_all("Content-Length", [])
+        if not said:
+            self._refuse(HTTPStatus.LENGTH_REQUIRED, "the request does not say its length")
+            return None
+        if len(said) > 1 or not (said[0].isascii() and said[0].isdigit()):
+            self._refuse(HTTPStatus.BAD_REQUEST, "the length of the request is no number of bytes")
+            return None
+        length = int(said[0]) if len(said[0]) < LONGEST_LENGTH else 10**LONGEST_LENGTH
         if not 0 < length <= LARGEST_REQUEST:
             # The browser reads the answer only after all of its request has been taken from it.
-            self.rfile.read(min(max(length, 0), 4 * LARGEST_REQUEST))
+            self.rfile.read(length if length <= 4 * LARGEST_REQUEST else 0)
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected a request of 1 to {LARGEST_REQUEST} bytes")
             return None
         body = self.rfile.read(length)
@@ -167,13 +215,15 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_json(self, status: HTTPStatus, content: Any) -> None:
         self._send(status, to_json(content), "application/json")
 
-    def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
+    def _send(self, status: HTTPStatus, text: str, kind: str, *, cookie: bool = False) -> None:
         content = text.encode("utf-8")
         self.send_response(status)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         for name, value in HEADERS.items():
             self.send_header(name, value)
+        if cookie:
+            self.send_header("Set-Cookie", f"{self.server.cookie}; Path=/; HttpOnly; SameSite=Strict")
         if self.close_connection:
             self.send_header("Connection", "close")
         self.end_headers()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
+from mirrorfold.common.stopping import StoppedError, stop
 from mirrorfold.detection.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
@@ -41,6 +44,10 @@ dragged. What is saved has all pixels."""
 
 NAME = re.compile(r"[\w][\w .-]{0,80}\.nc")
 """The plain name of a file to save: without a slash it cannot lead to another directory."""
+
+
+class ConflictError(InputError):
+    """What is asked for stands against what is there, or against what was asked for since."""
 
 
 class Session:
@@ -69,7 +76,8 @@ class Session:
         self.path = Path(path)
         self.frame, self.plan = frame, plan
         self.scene = scene
-        self._lock = threading.Lock()
+        self._lock, self._saving = threading.Lock(), threading.Lock()
+        self._stops: dict[str, threading.Event] = {}
         self._lines: Array | None = None
         self._state: dict[str, Any] = {}
         self.open()
@@ -180,7 +188,8 @@ class Session:
         ----------
         request : dict
             `settings`: by name, some of `mirrorfold.viewing.controls.CHANGEABLE`; `mirrors`: (mirrors, 2, 2) [m], or
-            None to find them; `score`: whether to score the result too, which takes longer than the fold.
+            None to find them; `score`: whether to score the result too, which takes longer than the fold; `page`: a
+            name of the page that asks, by which `cancel` stops the fold. Folds of several pages go on side by side.
 
         Returns
         -------
@@ -192,11 +201,14 @@ class Session:
         ------
         InputError
             If a setting or a mirror of the request is wrong.
+        ConflictError
+            If the fold was stopped.
         """
         settings, lines = self._checked(request)
         start = time.perf_counter()
-        with self._lock:
+        with self._stoppable(request):
             found = self._plan.fold(**self._arguments(settings, lines), grid=self._grid)
+        with self._lock:
             self._settings, self._lines = settings, lines
         document = to_document(
             found,
@@ -215,13 +227,45 @@ class Session:
         document["milliseconds"] = 1e3 * (time.perf_counter() - start)
         return {**document, **self._edit_state()}
 
+    def cancel(self, request: Any) -> dict[str, Any]:
+        """Stop the fold that a page has asked for, if there is one.
+
+        Parameters
+        ----------
+        request : dict
+            `page`: its name.
+        """
+        with self._lock:
+            going = self._stops.get(str(request.get("page")))
+        if going is not None:
+            going.set()
+        return {"stopped": going is not None}
+
+    @contextmanager
+    def _stoppable(self, request: Any) -> Iterator[None]:
+        """Let `cancel` stop what the block folds."""
+        page, asked = str(request.get("page")), threading.Event()
+        with self._lock:
+            self._stops[page] = asked
+        token = stop.set(asked.is_set)
+        try:
+            yield
+        except StoppedError:
+            raise ConflictError("the fold was stopped; what is shown is the one before") from None
+        finally:
+            stop.reset(token)
+            with self._lock:
+                if self._stops.get(page) is asked:
+                    del self._stops[page]
+
     def save(self, request: Any) -> dict[str, Any]:
         """Save the latest fold, with all its pixels, beside the file that is viewed.
 
         Parameters
         ----------
         request : dict
-            `name`: of the file; `settings` and `mirrors` as for `fold`.
+            `name`: of the file; `settings` and `mirrors` as for `fold`; `replace`: true where a file that is there
+            shall be replaced.
 
         Returns
         -------
@@ -232,6 +276,8 @@ class Session:
         ------
         InputError
             If the name or the request is wrong, or nothing can be written there.
+        ConflictError
+            If a file is there already, and nothing is said of replacing it; or if the fold was stopped.
         """
         settings, lines = self._checked(request)
         name = request.get("name")
@@ -240,8 +286,14 @@ class Session:
         output = check_output(self.path.parent / name, inputs=[self.path])
         mirrors = output.with_suffix(".mirrors.json")
         files = [output] if lines is None else [output, mirrors]
-        with self._lock:
+        there = [file.name for file in files if os.path.lexists(file)]
+        if there and request.get("replace") is not True:
+            raise ConflictError(
+                f"{' and '.join(there)}: is there already; save once more to replace it, or change the name"
+            )
+        with self._stoppable(request):
             result = self._plan.fold(**self._arguments(settings, lines))
+        with self._saving:
             command = self.command(settings, None if lines is None else mirrors, output)
             result.attrs["command"] = command
             with directory_written_whole(output.parent) as folder:

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
 
@@ -81,8 +82,7 @@ def recognise(path: Path) -> Reader:
     """
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the files in it, or the folder with --positions")
-    if path.exists() and not path.is_file():  # opening a pipe would wait for ever
-        raise InputError(f"{path}: is no file but a device or a pipe; give a file")
+    check_file(path, "check the path, and give a file")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.memory import available_memory
+from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
 HARMLESS_BYTES = 64 << 20
@@ -185,8 +186,7 @@ def read_bytes(path: Path, *, growth: float = 1.0) -> bytes:
     InputError
         If it is empty, cannot be read, or does not fit into the memory.
     """
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is no file; give one")
+    check_file(path, "check the path, and give a file")
     try:
         size = path.stat().st_size
         if size == 0:

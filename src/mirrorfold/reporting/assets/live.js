@@ -3,16 +3,21 @@
 
 const edit = { settings: {}, lines: null, busy: false, again: false, took: null, message: "", saved: null, steps: [], at: 0 };
 const MOST_STEPS = 60;
+const PAGE = crypto.randomUUID();  // folds of this page are stopped by this name
 
-async function ask(path, request) {
-  const options = request === undefined ? {} : { method: "POST", body: JSON.stringify(request),
+// The link that opened the page works once: what stays is the address, and the cookie that came with the page.
+history.replaceState(null, "", location.pathname);
+addEventListener("pagehide", () => { if (edit.busy) ask("api/cancel", { page: PAGE }, { keepalive: true }).catch(() => {}); });
+
+async function ask(path, request, more = {}) {
+  const options = request === undefined ? {} : { ...more, method: "POST", body: JSON.stringify(request),
     headers: { "Content-Type": "application/json", [live.header]: live.token } };
   let response, answer;
   try {
     response = await fetch(path, options);
     answer = await response.json();
   } catch { throw new Error("The program that serves this page does not answer any more; start it again."); }
-  if (!response.ok) throw new Error(answer.message);
+  if (!response.ok) throw Object.assign(new Error(answer.message), { conflict: response.status === 409 });
   return answer;
 }
 
@@ -89,7 +94,7 @@ document.addEventListener("keydown", (event) => {
 
 // The lines as they are now: those given, or those that were found.
 const lines = () => edit.lines || state.content.mirrors.map((mirror) => ({ ends: mirror.ends.map((end) => [...end]), on: true }));
-const request = () => ({ settings: edit.settings, mirrors: edit.lines && edit.lines.filter((line) => line.on).map((line) => line.ends) });
+const request = () => ({ page: PAGE, settings: edit.settings, mirrors: edit.lines && edit.lines.filter((line) => line.on).map((line) => line.ends) });
 
 async function refold() {
   if (edit.busy) { edit.again = true; return; }
@@ -257,12 +262,15 @@ function makeLive(panels) {
   const redo = el("button", { type: "button", id: "redo", title: "Ctrl+Y or Ctrl+Shift+Z", onclick: () => goTo(edit.at + 1) }, "redo");
   const again = el("button", { type: "button", id: "find", title: "the file as it was opened", onclick: startOver }, "start over");
   const took = el("p", { class: "hint", role: "status", id: "took" });
+  const cancel = el("button", { type: "button", id: "cancel", hidden: true, onclick: () => { edit.again = false; ask("api/cancel", { page: PAGE }).catch(() => {}); } }, "stop folding");
   const name = el("input", { type: "text", id: "save-name", "aria-label": "name of the file to save", value: edit.name });
   const saved = el("div", { id: "saved", role: "status" });
   const save = el("button", { type: "button", id: "save", onclick: async () => {
     save.disabled = true;
-    try { edit.saved = await ask("api/save", { ...request(), name: name.value }); edit.message = ""; }
-    catch (error) { edit.message = error.message; edit.saved = null; }
+    const replace = save.replaces === name.value;
+    save.replaces = null;
+    try { edit.saved = await ask("api/save", { ...request(), name: name.value, replace }); edit.message = ""; }
+    catch (error) { edit.message = error.message; edit.saved = null; if (error.conflict) save.replaces = name.value; }
     save.disabled = false;
     changed();
   } }, "save");
@@ -277,6 +285,7 @@ function makeLive(panels) {
       list.replaceChildren(...all.map((line, k) => el("label", { class: line.on && used(k) ? "" : "unused" }, el("input", { type: "checkbox", "data-line": String(k), checked: line.on,
         onchange: (event) => change((now) => { now[k].on = event.target.checked; }) }), `mirror ${k}${line.on && !used(k) ? ", not used" : ""}`)));
     }
+    cancel.hidden = !edit.busy;
     took.textContent = edit.busy ? "folding \u2026" : state.content === edit.first.content ? "as it is in the file"
       : edit.took === null ? "" : `folded in ${Math.round(edit.took)} ms${edit.lines ? ", with these mirrors" : ""}`;
     if (saved.drawn !== edit.saved) {
@@ -285,5 +294,5 @@ function makeLive(panels) {
     }
   });
   return { notice, card: el("section", { class: "card noprint" }, el("h2", {}, "Fold"), settings.map((setting) => setting.row),
-    list, el("div", { class: "row" }, pencil, undo, redo, again), took, el("div", { class: "row" }, name, save), saved) };
+    list, el("div", { class: "row" }, pencil, undo, redo, again), el("div", { class: "row" }, took, cancel), el("div", { class: "row" }, name, save), saved) };
 }

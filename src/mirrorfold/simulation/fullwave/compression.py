@@ -15,10 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import lapack, qr
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
 from mirrorfold.simulation.fullwave.kernel import hankel
@@ -207,7 +207,7 @@ def _samples(nodes: Nodes, first: int, last: int, members: Indices, wavelength: 
     return rows, distance[rows]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _sample(
     x: Array,
     y: Array,

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import zeta
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.contours import Arm, End
 from mirrorfold.simulation.fullwave.kernel import _fill
@@ -198,7 +198,7 @@ def matrix(nodes: Nodes, rows: Indices, columns: Indices, k: float) -> Complex:
     return out
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _correct(
     rows: Indices,
     place: Indices,

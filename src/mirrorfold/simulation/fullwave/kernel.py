@@ -14,11 +14,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 from scipy.special import j0, y0
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 
 Complex = NDArray[np.complex64]
@@ -69,7 +69,7 @@ ONE, TWO = np.float32(1.0), np.float32(2.0)
 TURN = 1.0 / (2.0 * math.pi)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+@njit(error_model="numpy", nogil=True, fastmath={"contract"})
 def _far(x: float) -> complex:
     """H0^(2)(x) by amplitude and phase, for x of at least `NEAR`."""
     z = ONE / np.float32(x)
@@ -86,7 +86,7 @@ def _far(x: float) -> complex:
     return complex(amplitude * (cosine - sine) * (cosine + sine), -TWO * amplitude * sine * cosine)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _near(x: float) -> complex:
     """H0^(2)(x) by power series, for x below `NEAR`; infinite at zero."""
     square = -0.25 * x * x
@@ -100,7 +100,7 @@ def _near(x: float) -> complex:
     return complex(bessel, -2.0 / math.pi * neumann)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+@njit(error_model="numpy", nogil=True, fastmath={"contract"})
 def _fill(tx: Array, ty: Array, sx: Array, sy: Array, k: float, out: Complex) -> None:
     """out[i, j] = H0^(2)(k |t_i - s_j|)."""
     for i in range(tx.size):

@@ -141,6 +141,13 @@ def _on_cluster(
             "give its address, such as tcp://127.0.0.1:8786"
         ) from None
     with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except TimeoutError:
+            raise InputError(
+                f"scheduler: the Dask scheduler at {scheduler!r} has no workers; start some with `dask worker "
+                f"{scheduler}`"
+            ) from None
         [everywhere] = client.scatter([system], broadcast=True)
         futures = {
             client.submit(solve_frequency, everywhere, float(frequency[index]), direct, pure=False): index
@@ -151,4 +158,4 @@ def _on_cluster(
 
 
 CONNECT_SECONDS = 10
-"""How long to wait for a Dask scheduler [s]."""
+"""How long to wait for a Dask scheduler, and for a worker of it [s]."""

@@ -8,11 +8,11 @@ whose transform is divided out behind the FFT. Its error is below 1e-5 of the su
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, next_fast_len
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 
 Complex64 = NDArray[np.complex64]
@@ -52,7 +52,7 @@ class DelayGrid:
         np.multiply(spectrum[:, : self.points - below], self._scale[below:], out=out[:, below:])
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def spread(
     direction: Array, range_: Array, width: Array, delay: Array, amplitude: Complex64, first: NDArray[np.int64],
     last: NDArray[np.int64], beam: Array, grid: Complex64,

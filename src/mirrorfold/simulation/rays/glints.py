@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import Outline
@@ -121,7 +121,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, by: float) -> float:
     """Derivative of the path length a - point - b along the arc."""
     x, y = arc[0] + arc[2] * cos, arc[1] + arc[2] * sin
@@ -130,7 +130,7 @@ def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, 
     return float(cos * ((y - ay) / to_a + (y - by) / to_b) - sin * ((x - ax) / to_a + (x - bx) / to_b))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _glints(
     arc: Array,
     tx_images: Array,

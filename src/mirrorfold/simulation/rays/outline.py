@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
@@ -73,7 +73,7 @@ def outline(scene: Scene) -> Outline:
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -> int:
     """How often (0 or 1) the way p -> q crosses a facet, its ends included, touching at p or q left out."""
     ax, ay = facet[0, 0], facet[0, 1]
@@ -90,7 +90,7 @@ def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -
     return 1 if margin < along_ray < 1.0 - margin else 0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> int:
     """How often (0, 1 or 2) the way p -> q crosses an arc, touching at p or q left out."""
     dx, dy = qx - px, qy - py
@@ -115,7 +115,7 @@ def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> in
     return count
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Array, through: int) -> bool:
     """Whether an obstacle stands on the straight way p -> q.
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_distance
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
@@ -149,7 +149,7 @@ def _lit_part(start: Array, end: Array, image: Array, window: Array) -> tuple[Ar
     return first, np.where(lit, last, -np.inf)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def follow(
     px: float,
     py: float,
@@ -208,7 +208,7 @@ def follow(
     return share, length
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _any_seen(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
     """Whether an antenna sees a point of its next window over the chain."""
     scratch = np.empty(mirrors.shape[0])
@@ -289,7 +289,7 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
     return ChainPaths(antenna, point, length[seen], share[seen], cosine[seen].T.copy(), end_cosine[seen])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _trace(
     position: Array,
     normal: Array,

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares, products
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
@@ -292,7 +292,7 @@ def _next_fields(pieces: Sequence[_Paths], shape: tuple[int, ...]) -> NDArray[np
     return field
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def _proceed(
     start: NDArray[np.int64],
     point: NDArray[np.int32],

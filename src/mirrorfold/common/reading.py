@@ -1,0 +1,114 @@
+"""Files that are read: whether there is one, and the text, JSON or TOML in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mirrorfold.errors import InputError
+
+
+def check_file(path: str | Path, remedy: str) -> Path:
+    """The path, if a file is there: opening a pipe would wait for ever, and a device may never end.
+
+    Parameters
+    ----------
+    path : path
+    remedy : str
+        What to do, at the end of the message.
+
+    Raises
+    ------
+    InputError
+        If nothing is there, or something else than a file; also if the name is too long, or links lead in a circle.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
+        missing = isinstance(error, FileNotFoundError | NotADirectoryError)
+        what = "does not exist" if missing else f"cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise InputError(f"{path}: {what}; {remedy}") from None
+    if not stat.S_ISREG(mode):
+        what = "a directory" if stat.S_ISDIR(mode) else "no file but a device, a pipe or a socket"
+        raise InputError(f"{path}: is {what}; {remedy}")
+    return Path(path)
+
+
+def read_text(path: str | Path, remedy: str) -> str:
+    """The text in a file.
+
+    Raises
+    ------
+    InputError
+        As of `check_file`, and if the file may not be read or holds no text in UTF-8.
+    """
+    try:
+        return check_file(path, remedy).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {remedy}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text ({error.reason}); {remedy}") from None
+
+
+def parsed(text: str, kind: str, source: str, remedy: str) -> Any:
+    """The content of a text.
+
+    Parameters
+    ----------
+    text : str
+    kind : {"JSON", "TOML"}
+    source : str
+        Names the file in the message.
+    remedy : str
+        What to do, at the end of the message.
+
+    Raises
+    ------
+    InputError
+        If the text is not valid, is nested too deeply, or holds a number of thousands of digits.
+    """
+    try:
+        return json.loads(text) if kind == "JSON" else tomllib.loads(text)
+    except RecursionError:
+        reason = "it is nested too deeply"
+    except ValueError as error:  # of both formats, and of numbers that are too long
+        reason = str(error).splitlines()[0][:150]
+    raise InputError(f"{source}: is not valid {kind} ({reason}); {remedy}")
+
+
+@contextmanager
+def named_by(owner: Path, name: str, entry: str) -> Iterator[Path]:
+    """The path of a file that another file names, relative to its folder.
+
+    What lies outside of that folder is nobody's to show: a file from a stranger may name any other, and a complaint
+    about that one would quote its lines.
+
+    Parameters
+    ----------
+    owner : path
+        Of the file that names it.
+    name : str
+        As it stands there.
+    entry : str
+        Where it stands there, for messages.
+
+    Raises
+    ------
+    InputError
+        In place of those of the block, which then say nothing of the content, where the path leads out of the folder.
+    """
+    path = owner.parent / name
+    if Path(os.path.realpath(path)).is_relative_to(os.path.realpath(owner.parent)):
+        yield path
+        return
+    try:
+        yield path
+    except (InputError, ValueError):
+        what = f"{entry} is {name!r}, which is outside of the folder of {owner.name}"
+        raise InputError(f"{owner}: {what} and cannot be used; copy it there to read what is wrong with it") from None

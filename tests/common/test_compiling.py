@@ -1,0 +1,69 @@
+"""Compiled kernels where nothing can be written, and where their files are damaged."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+import warnings
+
+import numba
+import pytest
+
+KERNEL = """
+from mirrorfold.common.kernels import njit
+
+@njit(nogil=True)
+def double(x):
+    return 2.0 * x
+"""
+
+pytestmark = pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+
+
+@pytest.fixture
+def hits(tmp_path, monkeypatch):
+    """A function that imports a module with a kernel, as a new process does, and says how often its cache was hit."""
+    for name in ("home", "temporary"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "one.py").write_text(KERNEL)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+    def hits():
+        spec = importlib.util.spec_from_file_location("one", tmp_path / "one.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.double(21.0) == 42.0
+        return sum(module.double.stats.cache_hits.values())
+
+    return hits
+
+
+def test_kernels_compile_where_nothing_can_be_written(hits, tmp_path, monkeypatch):
+    # A file in the place of a folder stops the administrator, too, whom permissions do not.
+    (tmp_path / "__pycache__").touch()
+    monkeypatch.setenv("HOME", str(tmp_path / "one.py"))
+    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR chooses another place"):
+        assert hits() == 0
+    [folder] = (tmp_path / "temporary").iterdir()
+    assert folder.stat().st_mode & 0o077 == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # it is said once
+        assert hits() == 1
+    # A folder that others may write to is not trusted.
+    folder.chmod(0o777)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    with pytest.warns(UserWarning, match="they are kept in"):
+        assert hits() == 0
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("length", [0, 20, -20])
+def test_damaged_files_of_kernels_are_made_anew(hits, tmp_path, suffix, length):
+    assert (hits(), hits()) == (0, 1)
+    [file] = (tmp_path / "__pycache__").glob(f"one.double*.{suffix}")
+    file.write_bytes(file.read_bytes()[:length])
+    assert (hits(), hits()) == (0, 1)

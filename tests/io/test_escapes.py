@@ -1,0 +1,264 @@
+"""Input that once hung, or came out as a mistake of our own: each is one sentence, and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+
+import h5py
+import numpy as np
+import pytest
+from conftest import SCENE
+
+import mirrorfold as mf
+from mirrorfold.cli import main
+
+WALL = 'kind = "segment"\nstart = [-0.2, 0.3]\nend = [0.2, 0.34]'
+
+
+def refused(capsys, *arguments, word=""):
+    """Run the command line, which must refuse its input; returns what it says."""
+    assert main([str(word) for word in arguments]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith("mirrorfold: ")
+    assert "mistake of its own" not in said
+    assert word in said
+    return said
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
+    monkeypatch.chdir(tmp_path)
+    mf.save(sweep, "s.nc")
+    mf.save(image, "i.nc")
+    mf.save(reconstruction, "r.nc")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 5000 + "]" * 5000, "a = " + "{b=" * 3000 + "1" + "}" * 3000, "a = " + "9" * 5000],
+    ids=["arrays", "tables", "digits"],
+)
+def test_toml_that_is_too_deep_or_too_long(folder, capsys, text):
+    (folder / "a.toml").write_text(text)
+    refused(capsys, "info", "a.toml", word="a.toml: is not valid TOML")
+    refused(capsys, "import", "s.nc", "--mapping", "a.toml", "-o", "o.nc", word="a.toml: is not valid TOML")
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000 + "]" * 100_000, '{"mirrors": ' + "9" * 5000 + "}"], ids=["deep", "digits"]
+)
+def test_json_that_is_too_deep_or_too_long(folder, capsys, text):
+    for name in ("a.json", "a.geojson"):
+        (folder / name).write_text(text)
+        refused(capsys, "fold", "i.nc", "--mirrors", name, "-o", "o.nc", word=f"{name}: is not valid JSON")
+    refused(capsys, "calibrate", "s.nc", "--elements", "a.json", "-o", "o.nc", word="a.json: is not valid JSON")
+
+
+def test_numbers_of_hundreds_of_digits(folder, capsys):
+    (folder / "a.json").write_text(json.dumps({"mirrors": [{"start": [10**400, 0], "end": [1, 1]}]}))
+    refused(capsys, "fold", "i.nc", "--mirrors", "a.json", "-o", "o.nc", word="expected for each mirror")
+    (folder / "a.geojson").write_text(json.dumps({"type": "LineString", "coordinates": [[10**400, 0], [1, 1]]}))
+    refused(capsys, "fold", "i.nc", "--mirrors", "a.geojson", "-o", "o.nc", word="without proper coordinates")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("suffix", ["", ".nc", ".toml", ".geojson", ".dxf", ".csv", ".npy"])
+def test_pipes_are_not_waited_for(folder, capsys, suffix):
+    pipe = f"pipe{suffix}"
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    os.write(end, b"not a file")
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.alarm(60)  # a reader that waits is interrupted
+    try:
+        for arguments in (
+            ["info", pipe],
+            ["focus", pipe, "-o", "o.nc"],
+            ["import", pipe, "-o", "o.nc"],
+            ["view", pipe, "--no-open"],
+            ["fold", "i.nc", "--mirrors", pipe, "-o", "o.nc"],
+            ["score", "r.nc", pipe],
+            ["calibrate", "s.nc", "-o", "o.nc", "--elements", pipe],
+            ["calibrate", "s.nc", "-o", "o.nc", "--background", pipe],
+            ["import", "s.nc", "-o", "o.nc", "--mapping", pipe],
+        ):
+            refused(capsys, *arguments, word="is no file but a device, a pipe or a socket")
+        if suffix in (".csv", ".npy"):
+            curve = SCENE.replace(WALL, f'kind = "curve"\nfile = "{pipe}"')
+            (folder / "scene.toml").write_text(curve)
+            refused(capsys, "info", "scene.toml", word="is no file but a device, a pipe or a socket")
+        assert os.read(end, 100) == b"not a file"
+    finally:
+        signal.alarm(0)
+        os.close(end)
+
+
+@pytest.mark.parametrize("far", [1e308, 1e12])
+def test_places_that_no_echo_returns_from(folder, capsys, far):
+    (folder / "a.toml").write_text(SCENE.replace("[-0.2, 0.3]", f"[{far}, 0.3]"))
+    refused(capsys, "info", "a.toml", word="start")
+    (folder / "a.toml").write_text(SCENE.replace("pitch = 0.5e-3", f"pitch = {far}"))
+    refused(capsys, "simulate", "a.toml", "-o", "o.nc", word="pitch")
+    (folder / "a.json").write_text(json.dumps({"mirrors": [{"start": [far, -far], "end": [-far, 1]}]}))
+    refused(capsys, "fold", "i.nc", "--mirrors", "a.json", "-o", "o.nc", word="farther away than")
+    (folder / "a.geojson").write_text(json.dumps({"type": "LineString", "coordinates": [[far, 0], [1, 1]]}))
+    refused(capsys, "fold", "i.nc", "--mirrors", "a.geojson", "-o", "o.nc", word="farther away than")
+    for file, place, arguments in (
+        ("s.nc", "tx_position", ["focus", "s.nc", "-o", "o.nc"]),
+        ("i.nc", "x", ["fold", "i.nc", "-o", "o.nc"]),
+        ("r.nc", "mirrors/x0", ["report", "r.nc", "-o", "o.html"]),
+    ):
+        with h5py.File(file, "a") as content:
+            content[place][...] = far
+        refused(capsys, *arguments, word="farther away than")
+
+
+def test_walls_longer_than_can_be_followed(folder, capsys):
+    (folder / "a.toml").write_text(SCENE.replace("[-0.2, 0.3]", "[-9e6, 0.3]"))
+    refused(capsys, "info", "a.toml", word="give lengths in metres")
+    (folder / "a.json").write_text(json.dumps({"mirrors": [{"start": [-9e6, 1], "end": [9e6, 1]}]}))
+    refused(capsys, "fold", "i.nc", "--mirrors", "a.json", "-o", "o.nc", word="1.8e+07 m long")
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["info", f"{LONG}.nc"],
+        ["info", f"{LONG}.toml"],
+        ["fold", "i.nc", "-o", f"{LONG}.nc"],
+        ["reconstruct", "s.nc", "-o", LONG],
+        ["fold", "i.nc", "--mirrors", f"{LONG}.json", "-o", "o.nc"],
+        ["import", f"{LONG}.csv", "-o", "o.nc"],
+        ["import", "s.nc", "--mapping", LONG, "-o", "o.nc"],
+        ["calibrate", "s.nc", "-o", "o.nc", "--elements", LONG],
+        ["view", LONG],
+        ["info", "a/" * 3000 + "x.nc"],
+        ["info", "loop.nc"],
+        ["fold", "i.nc", "-o", "loop.nc"],
+        ["info", "zero\0byte.nc"],
+        ["fold", "i.nc", "-o", "zero\0byte.nc"],
+    ],
+    ids=lambda words: " ".join(word[:9] for word in words),
+)
+def test_names_that_no_file_can_have(folder, capsys, arguments):
+    (folder / "loop.nc").symlink_to("loop.nc")
+    refused(capsys, *arguments)
+
+
+def test_names_that_are_as_long_as_they_may_be(folder, image):
+    name = "y" * 252 + ".nc"
+    assert mf.save(image, name).is_file()
+    assert [path.name for path in folder.glob("*y*")] == [name]
+
+
+def empty(file, name):
+    file.attrs[name] = h5py.Empty("f")
+
+
+def two(file, name):
+    file.attrs[name] = np.arange(2)
+
+
+def null(file, name):
+    file.attrs[name] = "null"
+
+
+@pytest.mark.parametrize("change", [empty, two, null])
+@pytest.mark.parametrize(
+    ("file", "name", "arguments"),
+    [
+        ("s", "processing", ["calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "GHz"]),
+        ("s", "title", ["focus", "s.nc", "-o", "o.nc"]),
+        ("r", "title", ["report", "r.nc", "-o", "o.html"]),
+        ("r", "fold_wall_margin", ["report", "r.nc", "-o", "o.html"]),
+    ],
+)
+def test_attributes_of_another_kind_do_no_harm(folder, file, name, arguments, change):
+    with h5py.File(f"{file}.nc", "a") as content:
+        change(content, name)
+    assert main(arguments) == 0
+
+
+@pytest.mark.parametrize("change", [empty, two])
+@pytest.mark.parametrize(
+    ("file", "name", "verb"),
+    [("s.nc", "time_convention", "focus"), ("s.nc", "origin", "focus"), ("r.nc", "radar_x", "fold")],
+)
+def test_attributes_that_matter_are_refused(folder, capsys, file, name, verb, change):
+    with h5py.File(file, "a") as content:
+        change(content, name)
+    refused(capsys, verb, file, "-o", "o.nc", word=name)
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [
+        ("mirrors/x0", [1 + 1j]),
+        ("mirrors/x0", [np.nan]),
+        ("mirrors/strength", [1 + 1j]),
+        ("mirrors/parent", [-7]),
+        ("objects/x_initial", [1 + 1j] * 5),
+        ("objects/amplitude", [np.nan] * 5),
+        ("objects/bounces", [np.nan] * 5),
+        ("objects/bounces", [10**9] * 5),
+    ],
+)
+def test_columns_that_are_no_numbers(folder, capsys, place, values):
+    group, _, name = place.partition("/")
+    with h5py.File("r.nc", "a") as content:
+        column = content[place]
+        scales = [scale.name for scale in column.dims[0].values()]
+        content.create_dataset("other", data=np.array(values))
+        del content[place]
+        content.move("other", place)
+        for scale in scales:
+            content[place].dims[0].attach_scale(content[scale])
+    for verb in (["report", "r.nc", "-o", "o.html"], ["export", "r.nc", "-o", "o.geojson"]):
+        said = refused(capsys, *verb, word=f"'{name}' in the group /{group}")
+        assert "r.nc" in said
+
+
+@pytest.mark.parametrize(("file", "name", "scale"), [("s", "s", "axis"), ("i", "image", "x")])
+def test_dimensions_that_contradict_each_other(folder, capsys, file, name, scale):
+    with h5py.File(f"{file}.nc", "a") as content:
+        first = content[name].dims[0]
+        for old in list(first.values()):
+            first.detach_scale(old)
+        first.attach_scale(content[scale])
+    for verb in (["info", f"{file}.nc"], ["show", f"{file}.nc", "-o", "o.png"]):
+        refused(capsys, *verb, word="conflicting sizes for dimension")
+
+
+def test_what_lies_outside_is_named_but_not_shown(folder, capsys):
+    (folder / "secret.csv").write_text("nobody:x:0:0\nnobody:x:1:1\n")
+    inner = folder / "scan"
+    inner.mkdir()
+    (inner / "scan.toml").write_text('table = "../secret.csv"\n')
+    said = refused(capsys, "import", "s.nc", "--positions", inner / "scan.toml", "-o", "o.nc")
+    assert "'../secret.csv', which is outside" in said
+    assert "nobody" not in said
+    (inner / "scene.toml").write_text(SCENE.replace(WALL, 'kind = "curve"\nfile = "../secret.csv"'))
+    said = refused(capsys, "info", inner / "scene.toml", word="'../secret.csv', which is outside")
+    assert "nobody" not in said
+    # Beside the scene, the complaint says what is wrong.
+    (folder / "scene.toml").write_text(SCENE.replace(WALL, 'kind = "curve"\nfile = "secret.csv"'))
+    refused(capsys, "info", "scene.toml", word="secret.csv cannot be read")
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_not_waited_for(scene_file, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    from mirrorfold.simulation.fullwave import tasks
+
+    monkeypatch.setattr(tasks, "CONNECT_SECONDS", 2)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None) as cluster,
+        pytest.raises(mf.InputError, match="has no workers; start some with `dask worker"),
+    ):
+        mf.simulate(mf.load_scene(scene_file), solver="fullwave", scheduler=cluster.scheduler_address)
