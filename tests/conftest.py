@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,10 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.sweep import make_sweep
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of what a shell runs in the background
+    with suppress(ValueError):
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"
 

@@ -36,7 +36,7 @@ from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.plan_mirrors import mirrors_of_plan
-from mirrorfold.detection.shadows import beyond_shadows
+from mirrorfold.detection.shadows import beyond_shadows, joined
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
@@ -356,9 +356,12 @@ def completed(
     clear = order.sight.cover.clear
     loose = echoes.take(order.face == ROOT)  # rows of their own stay such
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
-    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     shortest = settings.minimum_length or 0.0
-    return [*longer, *edge_on([mirror for mirror in direct if isinstance(mirror, LineMirror)], view, echoes, shortest)]
+    halves = find_mirrors(view, loose, minimum_length=0.5 * shortest)
+    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, loose, clear, shortest)
+    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
+    seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
+    return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]
 
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:

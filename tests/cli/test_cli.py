@@ -131,7 +131,7 @@ def test_wrong_arguments_are_one_sentence(folder, capsys, arguments, words):
         (["focus", "image.nc", "-o", "i.nc"], "is of kind image, expected sweep"),
         (["fold", "sweep.nc", "-o", "r.nc"], "is of kind sweep, expected image"),
         (["score", "image.nc", "scene.toml"], "expected reconstruction"),
-        (["score", "reconstruction.nc", "sweep.nc"], "not valid TOML"),
+        (["score", "reconstruction.nc", "sweep.nc"], "give the path of a scene file"),
         (["reconstruct", "scene.toml", "-o", "out"], "is of kind scene, expected sweep"),
         (["focus", "sweep.nc", "-o", "nowhere/i.nc"], "nowhere does not exist"),
         (["reconstruct", "sweep.nc", "-o", "nowhere/out"], "nowhere does not exist"),

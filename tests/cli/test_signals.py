@@ -40,6 +40,11 @@ def test_signals_that_are_ignored_stay_so():
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
+def hear_hang_up():
+    """Whoever runs these tests may have told them not to, by nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 WAITING = """
 import time
 import mirrorfold as mf
@@ -64,7 +69,7 @@ def test_what_ends_the_program_leaves_nothing(tmp_path, number, code):
     (out / "sweep.nc").write_text("old")
     with subprocess.Popen(
         [sys.executable, "-c", WAITING, "demo", "--out", str(out)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear_hang_up,
     ) as process:  # fmt: skip
         assert process.stdout is not None
         while "at work" not in process.stdout.readline():

@@ -8,7 +8,7 @@ from synthetic import diffuse, radar_image, together
 
 from mirrorfold.detection.finding import find_echoes, see
 from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.shadows import beyond_shadows
+from mirrorfold.detection.shadows import beyond_shadows, joined
 
 START, END = np.array([-0.5, 1.4]), np.array([0.5, 1.3])
 GAP = 0.42, 0.62
@@ -57,3 +57,17 @@ def test_a_lone_echo_beyond_the_shadow_is_no_wall():
     part = LineMirror(START, at(GAP[0]))
     longer = beyond_shadows(part, view, echoes, hidden(view))
     assert longer.length == pytest.approx(part.length, abs=0.05)
+
+
+def test_two_rows_too_short_alone_are_one_wall():
+    view, echoes = seen()
+    rows = [LineMirror(START, at(GAP[0])), LineMirror(at(GAP[1]), END)]
+    together = sum(row.length for row in rows)
+    (wall,) = joined(rows, view, echoes, hidden(view), 0.9 * together)  # once, whichever row one begins with
+    assert max(np.abs(wall.beside(np.stack([START, END])))) < 5e-3
+    assert wall.length == pytest.approx(np.linalg.norm(END - START), abs=0.1)
+    true = np.degrees(np.arccos(min(1.0, abs(wall.direction @ (END - START)) / np.linalg.norm(END - START))))
+    assert true < 0.3
+    assert true < 3.0 * wall.angle_error
+    assert joined(rows, view, echoes, hidden(view), 1.2 * together) == []
+    assert joined(rows, view, echoes, all_clear, 0.9 * together) == []

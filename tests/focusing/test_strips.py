@@ -150,7 +150,7 @@ print(1e9 * found.memory_gb - sweep["s"].nbytes, 1024.0 * (_number(PROC / "self/
 """
 
 
-@pytest.mark.slow
+@pytest.mark.timing  # how many blocks are in memory at once depends on what else runs
 @pytest.mark.parametrize(("elements", "frequencies"), [(81, 201), (121, 401)])
 def test_the_memory_that_is_forecast_is_taken(tmp_path, elements, frequencies):
     if not sys.platform.startswith("linux"):

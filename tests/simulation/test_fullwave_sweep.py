@@ -163,8 +163,9 @@ def test_a_closed_terminal_ends_all_processes_without_a_word_too_many(scene_file
     results = tmp_path / "sweep.nc.frequencies"
     command = ["simulate", str(scene_file), "--solver", "fullwave", "-o", str(tmp_path / "sweep.nc"), "--workers", "2"]
     with subprocess.Popen(
-        [sys.executable, "-m", "mirrorfold", *command], stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
+        [sys.executable, "-m", "mirrorfold", *command], stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # nohup may have told these tests otherwise
+    ) as process:  # fmt: skip
         while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
             time.sleep(0.01)
         os.killpg(process.pid, signal.SIGHUP)

@@ -1,11 +1,13 @@
 """Step 2 in the floor plan, at its end: a wall goes on behind what stands in front of it.
 
 An object in front hides a part of a wall, and the row of its echoes breaks off there. If the row goes on along the same
-line where the object's shadow ends, it is one wall.
+line where the object's shadow ends, it is one wall; and two rows, each too short to be a mirror, may be one together.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +51,52 @@ def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: C
     """
     first = mirror.length - _reach(mirror.part(mirror.length, 0.0), view, echoes, clear)
     return mirror.part(first, _reach(mirror, view, echoes, clear))
+
+
+def joined(
+    rows: Sequence[LineMirror], view: ImageView, echoes: Echoes, clear: Clear, shortest: float
+) -> list[LineMirror]:
+    """Mirrors of two rows on one line, between which an object hides the rest.
+
+    Parameters
+    ----------
+    rows : sequence of LineMirror
+        Too short to be mirrors by themselves.
+    view, echoes, clear
+        As for `beyond_shadows`.
+    shortest : float [m]
+        Least length of a mirror, which both rows have together.
+    """
+    found: list[LineMirror] = []
+    for row in sorted(rows, key=lambda row: -row.length):
+        if any(_lies_on(row, mirror, view) for mirror in found):
+            continue
+        longer = beyond_shadows(row, view, echoes, clear)
+        points = echoes.position[echoes.visible]
+        along, first = longer.along(points), float(longer.along(row.start))
+        on_line = np.abs(longer.beside(points)) <= NEAR * view.extent(points, longer.normal)
+        for side in ((along >= 0.0) & (along < first), (along > first + row.length) & (along <= longer.length)):
+            beyond = points[on_line & side]
+            if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest:
+                found.append(_through(row, beyond, longer, view))
+    return found
+
+
+def _lies_on(row: LineMirror, mirror: LineMirror, view: ImageView) -> bool:
+    """Whether a row is part of a mirror."""
+    beside = abs(float(mirror.beside(row.center))) <= float(view.extent(row.center[None], mirror.normal)[0])
+    return beside and 0.0 <= float(mirror.along(row.center)) <= mirror.length
+
+
+def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView) -> LineMirror:
+    """The mirror through the middles of a row and of echoes (n, 2) beyond it: a longer lever than either of them."""
+    line = LineMirror(row.center, beyond.mean(axis=0))
+    cells = np.ptp(line.along(beyond)) / view.extent(line.end[None], line.direction)[0]
+    stray = 0.5 * NEAR * float(view.extent(line.end[None], line.normal)[0]) / np.sqrt(max(cells, 1.0))
+    error = float(np.hypot(row.offset_error, stray))
+    whole = line.part(*np.sort(line.along(longer.ends)))
+    whole = replace(whole, strength=row.strength, fill=row.fill, depth=row.depth)
+    return replace(whole, offset_error=error, angle_error=float(np.degrees(error / line.length)))
 
 
 def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> float:

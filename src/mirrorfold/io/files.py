@@ -290,9 +290,9 @@ def _sync(path: Path) -> None:
 
 
 def _check_name(path: str | Path) -> Path:
-    """The path, or a refusal where no file can ever have it: its name is too long, or links lead in a circle."""
+    """The path, or a refusal where no file can ever have it, as when its name is too long."""
     try:
-        os.stat(path)
+        os.lstat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass
     except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
