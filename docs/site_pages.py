@@ -30,7 +30,7 @@ GROUPS = {
 """The flat face by topic; whatever is in none of them comes last."""
 
 
-SITE = ("index", "quickstart", "performance", "glossary")
+SITE = ("index", "quickstart", "performance", "reliability", "glossary")
 """Pages beside those of the topics."""
 
 ORDER = (

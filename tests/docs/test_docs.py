@@ -1,18 +1,25 @@
-"""The documentation: every link of a page leads somewhere; the site is built without warnings and needs no network."""
+"""The documentation: every link of a page leads somewhere, promises name tests that exist, the files of a release agree
+with the package; the site is built without warnings and needs no network.
+"""
 
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
+import mirrorfold as mf
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CHANGELOG.md")),
+    *sorted(ROOT.glob("*.md")),
+    ROOT / ".github/pull_request_template.md",
     *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts),
 ]
 """Pages as they are read on a code host; those that a build of the site has left among them are left out below."""
@@ -61,6 +68,56 @@ def test_the_readme_opens_with_the_picture_and_is_short():
     assert len(lines) <= 90
 
 
+def test_every_promise_names_tests_that_exist():
+    page = (ROOT / "docs/reliability.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    commands = [cells[-1] for cells in rows if cells[0] != "promise"]
+    assert all(len(cells) == 4 for cells in rows)
+    assert len(commands) > 30
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    for command in commands:
+        program, *words = shlex.split(command.strip("`"))
+        if program == "make":
+            assert words[0] in targets, command
+            continue
+        files, _, choice = " ".join(words).partition(" -k ")
+        files, choices = files.split(), (choice or "test_").split(" or ")
+        names = {file: re.findall(r"^def (test_\w+)", (ROOT / file).read_text("utf-8"), re.MULTILINE) for file in files}
+        for file in files:
+            assert any(part in name for part in choices for name in names[file]), f"{command}: nothing of {file}"
+        for part in choices:
+            assert any(part in name for file in files for name in names[file]), f"{command}: no test is called {part}"
+
+
+def test_the_citation_is_of_this_package():
+    yaml = pytest.importorskip("yaml", reason="PyYAML comes with dask, which is absent")
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["version"] == project["version"] == mf.__version__
+    for there, here in (("title", "name"), *((name, name) for name in ("authors", "license", "keywords"))):
+        assert citation[there] == project[here], there
+    assert citation["abstract"] == project["description"]
+    (paper,) = citation["references"]
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    for words in (paper["title"], f"doi {paper['doi']}", "{volume}({issue}), {start}-{end}, {year}".format(**paper)):
+        assert words in readme
+
+
+def test_the_package_says_that_it_has_types():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert (Path(mf.__file__).parent / "py.typed").is_file()
+    assert project["tool"]["hatch"]["build"]["targets"]["wheel"] == {"packages": ["src/mirrorfold"]}  # all of it
+    assert "Typing :: Typed" in project["project"]["classifiers"]
+
+
+def test_files_for_hosts_are_yaml():
+    yaml = pytest.importorskip("yaml", reason="PyYAML comes with dask, which is absent")
+    files = [*(ROOT / ".github").rglob("*.yml"), ROOT / ".pre-commit-config.yaml", ROOT / ".readthedocs.yaml"]
+    assert len(files) >= 8
+    assert all(isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), dict) for path in files)
+
+
 @pytest.mark.slow
 def test_the_steps_can_be_called_one_by_one_as_the_page_on_architecture_says(capsys):
     page = (ROOT / "docs/development/architecture.md").read_text(encoding="utf-8")
@@ -102,8 +159,6 @@ def test_the_site_fetches_nothing(site):
 
 @pytest.mark.slow
 def test_every_name_has_a_page(site):
-    import mirrorfold as mf
-
     listed = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in mf.__all__:
         assert re.search(rf"\b{name}\b", listed), name
