@@ -75,8 +75,10 @@ def joined(
         points = echoes.position[echoes.visible]
         along, first = longer.along(points), float(longer.along(row.start))
         on_line = np.abs(longer.beside(points)) <= NEAR * view.extent(points, longer.normal)
-        for side in ((along >= 0.0) & (along < first), (along > first + row.length) & (along <= longer.length)):
-            beyond = points[on_line & side]
+        gap = GAP_CELLS * view.extent(row.ends, row.direction).max()  # nearer ones are the row's own
+        before = (along >= 0.0) & (along < first - gap)
+        after = (along > first + row.length + gap) & (along <= longer.length)
+        for beyond in (points[on_line & before], points[on_line & after]):
             if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest:
                 found.append(_through(row, beyond, longer, view))
     return found
