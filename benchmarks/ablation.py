@@ -1,0 +1,82 @@
+"""What each part of finding and judging adds: the same scenes without it.
+
+    python benchmarks/ablation.py [--family NAME ...] [--seeds 0:1] [--sweeps DIR]
+
+By default the full-wave families of `mirrorfold.scenes.families`; --sweeps is a folder that keeps their sweeps, which
+take minutes each. The table holds means over the scenes: of hidden things the precision, completeness and F-score in
+resolution cells, and the share of invented points.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.table import Table
+
+import mirrorfold as mf
+from mirrorfold import reconstruction
+from mirrorfold.benchmarking.scenes import Task, simulated
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
+from mirrorfold.scenes.families import FAMILIES, draw, radars_of
+
+WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
+    "(all parts)": ({}, {}),
+    "mirrors seen edge-on": ({"edge_on": lambda *given: []}, {}),
+    "walls behind objects": ({"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}, {}),
+    "the share that came back as it went": (
+        {"confocal": lambda position, *given, **named: np.full(len(position), np.nan)},
+        {},
+    ),
+    "mixed paths and late echoes": ({"misplaced": lambda echoes, **named: np.full(len(echoes), "")}, {}),
+    "copies": ({}, {"copies": False}),
+    "the least confidence": ({}, {"min_confidence": 0.0}),
+}
+"""For each part functions of `mirrorfold.reconstruction` that do nothing in its place, and settings."""
+
+
+def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> list[float]:
+    """Of hidden things without one part: precision, completeness and F-score in cells, and the invented share."""
+    instead, settings = WITHOUT[part]
+    context: AbstractContextManager[Any] = patch.multiple(reconstruction, **instead) if instead else nullcontext()
+    with context:
+        found = mf.score(mf.fold(image, sweep=sweep, **settings), scene).hidden
+    values = found.precision_cells, found.completeness_cells, found.f_score_cells, found.invented_fraction
+    return [np.nan if value is None else value for value in values]
+
+
+def main() -> None:
+    """Try all scenes without each part."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    waves = [family.name for family in FAMILIES.values() if family.engine == "fullwave"]
+    parser.add_argument("--family", nargs="+", default=waves)
+    parser.add_argument("--seeds", default="0:1", help="first and last")
+    parser.add_argument("--sweeps", type=Path)
+    given = parser.parse_args()
+    first, last = map(int, given.seeds.split(":"))
+    rows: dict[str, list[list[float]]] = {part: [] for part in WITHOUT}
+    for name in given.family:
+        for seed in range(first, last + 1):
+            task = Task(FAMILIES[name], radars_of(FAMILIES[name])[0], seed, ("ours",), given.sweeps)
+            scene = draw(task.family, seed, radar=task.radar)
+            sweep = simulated(task, scene)
+            image = mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD)
+            for part, made in rows.items():
+                made.append(figures(scene, image, sweep, part))
+    table = Table(title=f"hidden things, without one part; {len(rows['(all parts)'])} scenes")
+    for heading in ("without", "precision", "completeness", "F-score", "invented"):
+        table.add_column(heading, justify="left" if heading == "without" else "right")
+    for part, made in rows.items():
+        table.add_row(part, *(f"{value:.3f}" for value in np.nanmean(made, axis=0)))
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
