@@ -340,8 +340,9 @@ def _agreed(
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            mirrors = completed(mirrors, order, view, echoes, settings)
-            order = order_mirrors(mirrors, view, echoes, settings, walls)
+            more = completed(mirrors, order, view, echoes, settings)
+            if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
+                order = order_mirrors(more, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break

@@ -37,7 +37,7 @@ class Clear(Protocol):
 
 
 def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> LineMirror:
-    """The mirror, as long as its row of echoes is when parts that are hidden by objects make no gaps in it.
+    """The mirror as long as its row of echoes is when parts that objects hide make no gaps in it; itself if no longer.
 
     Parameters
     ----------
@@ -49,8 +49,9 @@ def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: C
     clear : callable
         See `Clear`.
     """
-    first = mirror.length - _reach(mirror.part(mirror.length, 0.0), view, echoes, clear)
-    return mirror.part(first, _reach(mirror, view, echoes, clear))
+    backwards = mirror.part(mirror.length, 0.0)
+    before, after = (_reach(way, view, echoes, clear) - way.length for way in (backwards, mirror))
+    return mirror if before == after == 0.0 else mirror.part(-before, mirror.length + after)
 
 
 def joined(
