@@ -358,8 +358,9 @@ def completed(
     loose = echoes.take(order.face == ROOT)  # rows of their own stay such
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
     shortest = settings.minimum_length or 0.0
-    halves = find_mirrors(view, loose, minimum_length=0.5 * shortest)
-    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, loose, clear, shortest)
+    sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
+    halves = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
+    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
     return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]
