@@ -43,6 +43,7 @@ from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
+from mirrorfold.folding.earlier import initial_image, known_places, known_shares
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
@@ -52,7 +53,7 @@ from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.lines_of_sight import ROOT
-from mirrorfold.tree.misplaced import MIXED, Known, confocal, known_confocal, known_ghosts, misplaced
+from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 MAXIMUM_ROUNDS = 8
@@ -364,44 +365,3 @@ def completed(
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
     return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]
-
-
-def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
-    """Where echoes of a Reconstruction stood that came from elsewhere, (n, 2) [m], and why; None if there are none."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
-    if "explanation" in objects:
-        objects = objects.isel(point=~np.isin(objects["explanation"].values.astype(str), ("", ITSELF)))
-        place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
-    else:  # as files of earlier versions tell
-        place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
-        why = np.full(len(place), MIXED)
-    return (place.astype(float), why.astype(str)) if len(place) else None
-
-
-def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
-    """Where it was measured how much of the energy of echoes came back the way it went, (n, 2) [m], and the shares."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
-    if "confocal" not in objects:
-        return None
-    measured = objects.isel(point=np.isfinite(objects["confocal"].values))
-    return np.column_stack([measured["x_initial"], measured["y_initial"]]), measured["confocal"].values.astype(float)
-
-
-def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
-    """The unfolded image of a Reconstruction, with what is known of the radar, to be folded again.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is that of a volume.
-    """
-    if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
-        raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
-    if "z" in reconstruction.children["objects"].variables:
-        raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
-    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore").rename("image")
-    attrs = {str(name): value for name, value in reconstruction.attrs.items()}
-    known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
-    radar = [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
-    done = str(attrs.get("fold_normalization", "r"))
-    return image.assign_attrs({"radar_position": radar} | known | {"normalization": done})

@@ -15,9 +15,10 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
 from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
+from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
-from mirrorfold.reconstruction import FoldPlan, initial_image
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.misplaced import MIXED
 

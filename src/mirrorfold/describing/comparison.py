@@ -18,10 +18,10 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.finding import see
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import plan_view
+from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.io.netcdf import check_image, check_reconstruction
-from mirrorfold.reconstruction import initial_image
 from mirrorfold.scoring.mirrors import Face, mirror_errors
 
 WITHIN_CELLS = 1.5

@@ -42,6 +42,9 @@ NEAREST_LENGTHS = 4.0
 """Nearer than so many lengths of the aperture, its two ends look at an echo from directions 14 degrees apart,
 and what is a little out of focus seems to arrive from elsewhere."""
 
+SAMPLES_A_CELL = 8
+"""Of a beam in one resolution cell."""
+
 LARGEST_OWN = 0.6
 """Beams that share more than this with those a cell or more away do not tell what comes back from where."""
 
@@ -78,12 +81,30 @@ class _Aperture(NamedTuple):
         place, places = place.ravel(), rounded * distance
         centre = places.mean(axis=0)
         # Sorted places have one principal axis, whatever the order of the elements.
-        along = (places - centre) @ np.linalg.svd(places - centre)[2][0]
+        along = (places - centre) @ _axis(places - centre)
         # The aperture reaches half a mean pitch beyond its outermost places: the window gives none the weight zero.
         length = max(float(np.ptp(along)), distance)
         margin = 0.5 * length / np.unique(np.rint(along / distance)).size
         share = (along - along.min() + margin) / (np.ptp(along) + 2.0 * margin)
         return cls(position, (np.sin(np.pi * share) ** 2 / count)[place], centre, count.size)
+
+    @property
+    def along(self) -> Array:
+        """Places of the elements along the principal axis, from the centre, (n,) [m]."""
+        offset = self.position - self.centre
+        return np.asarray(offset @ _axis(offset))
+
+    def beam(self, k: float, sine: Array) -> Array:
+        """Amplitude of the beam at so much of u beside its own direction, (m,), relative to its peak."""
+        along = self.along
+        parts = np.array_split(sine, 1 + sine.size * along.size // LOBE_SAMPLES)  # bounds the memory
+        level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ self.weight) for part in parts])
+        return np.asarray(level / self.weight.sum())
+
+
+def _axis(offset: Array) -> Array:
+    """The principal axis of positions (n, 3) about their centre, a unit vector."""
+    return np.asarray(np.linalg.svd(offset, full_matrices=False)[2][0])
 
 
 def _apertures(sweep: xr.Dataset) -> list[_Aperture]:
@@ -100,15 +121,10 @@ def grating_lobe(sweep: xr.Dataset) -> float:
     """
     aperture = _apertures(sweep)[1]
     k = float(wavenumber(sweep).mean())
-    offset = aperture.position - aperture.centre
-    along = offset @ np.linalg.svd(offset, full_matrices=False)[2][0]
-    length = float(np.ptp(along)) * k / (2.0 * np.pi)  # in wavelengths
+    length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
     if aperture.places < 2 or length < 1.0:
         return 0.0
-    apart = np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length)
-    parts = np.array_split(apart, 1 + apart.size * along.size // LOBE_SAMPLES)  # bounds the memory
-    level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ aperture.weight) for part in parts])
-    level /= aperture.weight.sum()
+    level = aperture.beam(k, np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length))
     lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
     return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
 
@@ -152,37 +168,33 @@ def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     InputError
         As `direction_ratio`.
     """
-    own = _beams_alone(sweep, view)
-    if own > LARGEST_OWN:
-        return np.full(range_.size, np.nan)
+    sides, share = _apertures(sweep), np.full(range_.size, np.nan)
+    own = _beams_alone(sides, float(wavenumber(sweep).mean()), view.u_cell)
+    length = max(float(np.linalg.norm(np.ptp(aperture.position, axis=0))) for aperture in sides)
+    far = range_ >= NEAREST_LENGTHS * length
+    if own > LARGEST_OWN or not far.any():
+        return share
     most = LARGEST_SINE - OFFSETS[-1] * view.u_cell
-    around = np.clip(u, -most, most)[:, None] + OFFSETS * view.u_cell
-    power = _bistatic(sweep, view, range_, around, around) ** 2
+    around = np.clip(u[far], -most, most)[:, None] + OFFSETS * view.u_cell
+    power = _bistatic(sweep, view, range_[far], around, around) ** 2
     same, apart = power[:, SAME].mean(axis=1), power[:, APART].mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.clip((1.0 - apart / same) / (1.0 - own), 0.0, 1.0)
-    lengths = [np.linalg.norm(np.ptp(aperture.position, axis=0)) for aperture in _apertures(sweep)]
-    return np.where(range_ >= NEAREST_LENGTHS * max(lengths), share, np.nan)
+        share[far] = np.clip((1.0 - apart / same) / (1.0 - own), 0.0, 1.0)
+    return share
 
 
-def _beams_alone(sweep: xr.Dataset, view: ImageView) -> float:
+def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
     """What the beams of both apertures, apart, share of a rough surface: h of `confocal_share`, at most one.
 
     The surface sends each direction back with a random phase of its own, so that intensities add.
     """
-    k, reach = float(wavenumber(sweep).mean()), 2.0 * float(OFFSETS[-1]) * view.u_cell
-    sides = _apertures(sweep)
     if min(aperture.places for aperture in sides) < 2:
         return 1.0
-    step = view.u_cell / 8.0
-    sine = np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1) * step
-    beams = []
-    for aperture in sides:
-        offset = aperture.position - aperture.centre
-        along = offset @ np.linalg.svd(offset, full_matrices=False)[2][0]
-        beams.append(np.abs(np.exp(1j * k * np.outer(sine, along)) @ aperture.weight) ** 2)
-    shared = np.convolve(beams[0], beams[1])
-    apart = np.abs(np.subtract.outer(OFFSETS, OFFSETS))[APART] * round(view.u_cell / step)
+    step, most = u_cell / SAMPLES_A_CELL, 2 * int(OFFSETS[-1]) * SAMPLES_A_CELL
+    sine = step * np.arange(-most, most + 1, dtype=float)
+    tx, rx = (aperture.beam(k, sine) ** 2 for aperture in sides)
+    shared = np.convolve(tx, rx)
+    apart = np.abs(np.subtract.outer(OFFSETS, OFFSETS))[APART] * SAMPLES_A_CELL
     middle = shared.size // 2
     return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
 

@@ -24,10 +24,11 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, FoldSettings
+from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_whole
-from mirrorfold.reconstruction import FoldPlan, fold, initial_image
+from mirrorfold.reconstruction import FoldPlan, fold
 from mirrorfold.reporting.document import mirror_rows, shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls

@@ -1,0 +1,52 @@
+"""What an earlier Reconstruction tells, to fold its image again without the sweep."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.types import Array, Names
+from mirrorfold.errors import InputError
+from mirrorfold.tree.assignment import ITSELF
+from mirrorfold.tree.misplaced import MIXED
+
+
+def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
+    """Where echoes of a Reconstruction stood that came from elsewhere, (n, 2) [m], and why; None if there are none."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "explanation" in objects:
+        objects = objects.isel(point=~np.isin(objects["explanation"].values.astype(str), ("", ITSELF)))
+        place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
+    else:  # as files of earlier versions tell
+        place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
+        why = np.full(len(place), MIXED)
+    return (place.astype(float), why.astype(str)) if len(place) else None
+
+
+def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
+    """Where it was measured how much of the energy of echoes came back the way it went, (n, 2) [m], and the shares."""
+    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "confocal" not in objects:
+        return None
+    measured = objects.isel(point=np.isfinite(objects["confocal"].values))
+    return np.column_stack([measured["x_initial"], measured["y_initial"]]), measured["confocal"].values.astype(float)
+
+
+def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
+    """The unfolded image of a Reconstruction, with what is known of the radar, to be folded again.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is that of a volume.
+    """
+    if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
+        raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
+    if "z" in reconstruction.children["objects"].variables:
+        raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
+    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore").rename("image")
+    attrs = {str(name): value for name, value in reconstruction.attrs.items()}
+    known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
+    radar = [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    done = str(attrs.get("fold_normalization", "r"))
+    return image.assign_attrs({"radar_position": radar} | known | {"normalization": done})
