@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
     from mirrorfold.reporting import report
+    from mirrorfold.reproducing import reproduce
     from mirrorfold.scenes.floor_plan import Scene, load_scene, parse_scene
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.scoring.score import score
@@ -69,6 +70,7 @@ _HOME = {
     "plan_view": "focusing",
     "reconstruct": "reconstruction",
     "report": "reporting",
+    "reproduce": "reproducing",
     "save": "io",
     "save_touchstone": "io",
     "score": "scoring.score",
@@ -111,6 +113,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "pick_frame",
     "score",
     "benchmark",
+    "reproduce",
     "compare",
     "export",
     "report",

@@ -84,6 +84,10 @@ VERBS = {
         "Judge methods on families of random scenes: ours, the published one, your own.",
         "mirrorfold benchmark --family corridor --method ours published --seeds 0:10 -o out",
     ),
+    "reproduce": Verb(
+        "Make the published experiments anew: each claim beside our number, with pictures and data.",
+        "mirrorfold reproduce principle -o out --quick",
+    ),
     "report": Verb(
         "Write a page that shows a reconstruction and answers questions about it, offline.",
         "mirrorfold report out/reconstruction.nc -o report.html --scene scene.toml",

@@ -20,6 +20,7 @@ from mirrorfold.cli import (
     outputs,
     planning,
     reconstructing,
+    reproducing,
     shell,
     simulating,
 )
@@ -31,7 +32,7 @@ from mirrorfold.errors import InputError
 FUNCTIONS = (
     *(simulating.demo, simulating.simulate),
     *(reconstructing.focus, reconstructing.fold, reconstructing.reconstruct, judging.score, judging.info),
-    comparing.compare,
+    *(comparing.compare, reproducing.reproduce),
     *(importing.import_, importing.export, calibration.calibrate, planning.plan),
     *(looking.report, looking.view, looking.show, shell.completion, outputs.schema),
 )

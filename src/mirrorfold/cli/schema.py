@@ -15,6 +15,7 @@ from mirrorfold.cli.calibration import Calibration
 from mirrorfold.cli.importing import Exported, MappingProposal, TouchstoneScan
 from mirrorfold.cli.looking import Figure, Report, View
 from mirrorfold.cli.many import Summary
+from mirrorfold.cli.reproducing import Experiments
 from mirrorfold.cli.shell import Completion
 from mirrorfold.common.records import Record
 from mirrorfold.describing.comparison import Comparison
@@ -24,6 +25,7 @@ from mirrorfold.describing.reconstructions import ReconstructionFacts
 from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts
 from mirrorfold.describing.sweeps import ArraySweepFacts, BrokenSweepFacts, RasterSweepFacts
 from mirrorfold.focusing.choice_facts import Choice
+from mirrorfold.reproducing import Reproduction
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
 from mirrorfold.simulation.raster.sweep import ScanEstimate
@@ -42,6 +44,7 @@ OUTPUTS: dict[str, Any] = {
     "compare": Comparison,
     "score": PlanScore | VolumeScore,
     "benchmark": Benchmark | BenchmarkComparison | Catalogue,
+    "reproduce": Reproduction | Experiments,
     "report": Report,
     "view": View,
     "show": Figure,

@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from mirrorfold.benchmarking.summaries import Benchmark
     from mirrorfold.cli.benchmarking import Catalogue
     from mirrorfold.cli.many import SweepResult
+    from mirrorfold.cli.reproducing import Experiments
     from mirrorfold.common import types
     from mirrorfold.common.records import Record
     from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
     from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
     from mirrorfold.focusing.choice_facts import OptionFacts
+    from mirrorfold.reproducing import Reproduction
     from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 PLAIN_WIDTH = 110
@@ -237,6 +239,29 @@ def show_catalogue(found: Catalogue) -> None:
         for entry in entries:
             table.add_row(entry.name, entry.what)
         _console().print(table)
+
+
+def show_experiments(found: Experiments) -> None:
+    """Print the experiments that can be made, in one table."""
+    table = _table("Experiments")
+    for heading in ("name", "published", "what"):
+        table.add_column(heading)
+    for one in found.experiments:
+        table.add_row(one.name, one.source, one.purpose)
+    _console(WIDE).print(table)
+
+
+def show_reproduction(found: Reproduction) -> None:
+    """Print the claims of experiments beside what came out, and where the pages are."""
+    table = _table("")
+    for heading in ("experiment", "claim", "here", "verdict"):
+        table.add_column(heading)
+    for result in found.results:
+        for number, claim in enumerate(result.claims):
+            table.add_row(result.name if number == 0 else "", claim.claim, claim.measured, claim.verdict)
+        table.add_section()
+    _console(WIDE).print(table)
+    show_files(path for path in found.files if path.endswith(("index.html", "index.md")))
 
 
 def show_plan(found: Plan) -> None:

@@ -1,0 +1,107 @@
+"""The experiments by name, in the order of the publication; their modules are imported when they are run."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.resources import files
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, cast
+
+from mirrorfold import __version__
+from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    from mirrorfold.reproducing.findings import Findings
+    from mirrorfold.reproducing.work import Work
+
+PACKAGE = "mirrorfold.reproducing.experiments"
+
+NEEDS = {"mesh": ("trimesh", "embreex", "skimage"), "sparse": ("pylops",)}
+"""What each extra of the package installs, by the names that are imported."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment: `run` in the module of the same name does it.
+
+    Attributes
+    ----------
+    name : str
+    title : str
+    source : str
+        The published figure; empty where nothing was published.
+    purpose : str
+        What is done, in one or two sentences.
+    extra : str
+        The extra of the package that it needs; empty where the core will do.
+    """
+
+    name: str
+    title: str
+    source: str
+    purpose: str
+    extra: str = ""
+
+    @property
+    def module(self) -> str:
+        """Name of its module in the folder of experiments."""
+        return self.name.replace("-", "_")
+
+    @property
+    def run(self) -> Callable[[Work], Findings]:
+        """The function that does it."""
+        return cast("Callable[[Work], Findings]", import_module(f"{PACKAGE}.{self.module}").run)
+
+    def digest(self, *, quick: bool) -> str:
+        """Digest of the program that makes it: version, size, and the text of its module."""
+        text = files(PACKAGE).joinpath(f"{self.module}.py").read_bytes()
+        return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + text).hexdigest()
+
+    def check_installed(self) -> None:
+        """Refuse to begin without what the experiment needs.
+
+        Raises
+        ------
+        InputError
+            If an extra is not installed.
+        """
+        missing = [name for name in NEEDS.get(self.extra, ()) if find_spec(name) is None]
+        if missing:
+            raise InputError(
+                f"experiment {self.name!r} needs {', '.join(missing)}; install with: pip install "
+                f"'mirrorfold[{self.extra}]', or name the experiments to make without it"
+            )
+
+
+_ALL = (
+    Experiment(
+        "principle",
+        "The principle of mirror folding",
+        "The principle",
+        "One mirror, then two: a ghost behind each mirror, a single and a double fold.",
+    ),
+)
+
+EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
+"""All experiments by name."""
+
+
+def chosen(names: str | Sequence[str]) -> list[Experiment]:
+    """The experiments of these names, in the order of the catalogue; all of them for ``"all"``.
+
+    Raises
+    ------
+    InputError
+        If a name is not known, or an extra is missing that one needs.
+    """
+    wanted = [names] if isinstance(names, str) else list(names)
+    for name in wanted:
+        if name not in EXPERIMENTS and name != "all":
+            raise InputError(f"experiment {name!r} is not known, expected one of: all, {', '.join(EXPERIMENTS)}")
+    found = [one for name, one in EXPERIMENTS.items() if name in wanted or "all" in wanted or not wanted]
+    for experiment in found:
+        experiment.check_installed()
+    return found

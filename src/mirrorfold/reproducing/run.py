@@ -1,0 +1,174 @@
+"""Running experiments one after the other, each into a folder of its own that is there whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import TypeAdapter, ValidationError
+
+from mirrorfold import __version__
+from mirrorfold.common.records import Record, fact
+from mirrorfold.common.threads import cpu_count
+from mirrorfold.io.files import check_output_directory, directory_written_whole, written_whole
+from mirrorfold.reproducing.catalogue import EXPERIMENTS, Experiment, chosen
+from mirrorfold.reproducing.findings import Findings, Picture, Result
+from mirrorfold.reproducing.pages import index_markdown, page_markdown, to_html
+from mirrorfold.reproducing.work import Work
+
+if TYPE_CHECKING:
+    from mirrorfold.common.types import Progress
+
+RESULT, PAGE, DATA = "result.json", "page.md", "data.nc"
+INDEX = ("index.md", "index.html")
+
+UNFINISHED = "unfinished"
+"""Folder beside the results with what has been done of experiments that are not complete."""
+
+DPI = 130
+"""Of the pictures as PNG: some 900 pixels across, as wide as a page shows them."""
+
+_RESULT: TypeAdapter[Result] = TypeAdapter(Result)
+
+
+class Reproduction(Record):
+    """What `mirrorfold reproduce` has made, or found made already."""
+
+    results: list[Result]
+    files: list[str] = fact("what was written")
+
+
+def reproduce(
+    names: str | Sequence[str] = "all",
+    *,
+    output: str | Path,
+    quick: bool = False,
+    again: bool = False,
+    began: Callable[[Experiment], Progress | None] | None = None,
+    finished: Callable[[Result], None] | None = None,
+) -> Reproduction:
+    """Make published experiments anew, and set their claims beside what comes out.
+
+    Parameters
+    ----------
+    names : str or list of str
+        Of the experiments; `mirrorfold.reproducing.EXPERIMENTS` lists them.
+    output : path
+        Folder for the results: one folder for each experiment, with pictures (PNG, PDF), data (netCDF), a page
+        (Markdown) and `result.json`; an index, and one HTML page with everything to read offline. Experiments that
+        lie there already, made by the same program at the same size, are not made again.
+    quick : bool
+        All at reduced size, in minutes.
+    again : bool
+        Make those again, too, that lie there already.
+    began : callable (experiment), optional
+        Called before each; may return a function that is called with how much of it is done, and the total.
+    finished : callable (result), optional
+        Called after each.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    InputError
+        If a name is not known, an extra is missing, or nothing can be written there.
+    """
+    experiments = chosen(names)
+    output = check_output_directory(output, names=INDEX)
+    output.mkdir(exist_ok=True)
+    results = []
+    for experiment in experiments:
+        result = None if again else _made(output, experiment, quick)
+        if result is None:
+            result = _make(experiment, output, quick, began(experiment) if began is not None else None)
+            write_index(output)
+        results.append(result)
+        if finished is not None:
+            finished(result)
+    written = write_index(output)
+    written += [output / one.name / name for one in results for name in _names(one)]
+    return Reproduction(results=results, files=list(map(str, written)))
+
+
+def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress | None) -> Result:
+    """Do an experiment and write its folder."""
+    kept = output / UNFINISHED / experiment.name
+    digest = experiment.digest(quick=quick)
+    started = time.perf_counter()
+    found = experiment.run(Work(quick, kept, digest, cpu_count(), progress))
+    result = Result(
+        name=experiment.name,
+        title=experiment.title,
+        source=experiment.source,
+        purpose=experiment.purpose,
+        quick=quick,
+        command=f"mirrorfold reproduce {experiment.name} -o out" + (" --quick" if quick else ""),
+        version=__version__,
+        seconds=time.perf_counter() - started,
+        digest=digest,
+        claims=list(found.claims),
+        numbers={name: None if value is None else float(value) for name, value in found.numbers.items()},
+        tables=list(found.tables),
+        pictures=[Picture(file=name, caption=caption) for name, (_, caption) in found.figures.items()],
+        text=list(found.text),
+        assumptions=list(found.assumptions),
+    )
+    folder = output / experiment.name
+    before = [path.name for path in folder.iterdir() if path.is_file()] if folder.is_dir() else []
+    with directory_written_whole(folder, replaces=before) as directory:
+        _write(result, found, directory)
+    shutil.rmtree(kept, ignore_errors=True)
+    with suppress(OSError):  # something else is unfinished still
+        kept.parent.rmdir()
+    return result
+
+
+def _write(result: Result, found: Findings, directory: Path) -> None:
+    """Write all files of an experiment."""
+    for name, (figure, _) in found.figures.items():
+        figure.savefig(directory / f"{name}.png", dpi=DPI)
+        figure.savefig(directory / f"{name}.pdf")
+    found.data.to_netcdf(directory / DATA, engine="h5netcdf")
+    (directory / PAGE).write_text(page_markdown(result), encoding="utf-8")
+    (directory / RESULT).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+def _names(result: Result) -> list[str]:
+    """The files of an experiment."""
+    pictures = [f"{picture.file}{suffix}" for picture in result.pictures for suffix in (".png", ".pdf")]
+    return [RESULT, PAGE, DATA, *pictures]
+
+
+def _made(output: Path, experiment: Experiment, quick: bool) -> Result | None:
+    """The result that lies there, if the same program made it at the same size and all its files are there."""
+    found = read_result(output / experiment.name / RESULT)
+    if found is None or found.digest != experiment.digest(quick=quick):
+        return None
+    whole = all((output / experiment.name / name).is_file() for name in _names(found))
+    return found if whole else None
+
+
+def read_result(path: Path) -> Result | None:
+    """The result of an experiment; None where there is none that can be read."""
+    try:
+        return _RESULT.validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def write_index(output: Path) -> list[Path]:
+    """Write the index of all results that lie in a folder, in Markdown and as one HTML page."""
+    results = [found for name in EXPERIMENTS if (found := read_result(output / name / RESULT)) is not None]
+    texts = index_markdown(results), to_html(results, output)
+    paths = [output / name for name in INDEX]
+    for path, text in zip(paths, texts, strict=True):
+        with written_whole(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return paths

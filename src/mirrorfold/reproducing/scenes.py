@@ -1,0 +1,40 @@
+"""The scenes of experiments: those that come along, and floor plans made from numbers."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import mirrorfold as mf
+from mirrorfold.errors import InputError
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.solids import Scene3D
+
+
+def shipped_plan(name: str) -> Scene:
+    """A floor plan that comes along, by the name of its file without ``.toml``."""
+    return _flat(mf.load_scene(_path(name)))
+
+
+def shipped_solids(name: str) -> Scene3D:
+    """A scene in space that comes along."""
+    found = mf.load_scene(_path(name))
+    if not isinstance(found, Scene3D):
+        raise InputError(f"scene {name!r} has two dimensions, expected three")
+    return found
+
+
+def plan_scene(content: dict[str, Any]) -> Scene:
+    """A floor plan from what its file would hold."""
+    return _flat(mf.parse_scene(content))
+
+
+def _path(name: str) -> str:
+    return str(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml"))
+
+
+def _flat(scene: Scene | Scene3D) -> Scene:
+    """A scene that has two dimensions."""
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene {scene.name!r} has three dimensions, expected two")
+    return scene
