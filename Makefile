@@ -26,7 +26,8 @@ $(UV) venv --quiet --clear --python '$(2)' $(1)
 $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade --editable '.[test]'
 endef
 
-.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long docs clean
+.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
+.PHONY: reproduced docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -71,6 +72,11 @@ bench-long: $(READY) ## full-wave growth, and accuracy on families of random sce
 	$(PYTHON) benchmarks/fullwave.py --long
 	$(PYTHON) -m mirrorfold benchmark --seeds 0:10 --method ours --method published -o build/benchmark
 	@set -e; for name in $(LONG); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
+
+reproduced: $(READY) ## the published experiments at full size, and their section of the documentation; an hour or two
+	@mkdir -p build
+	$(VENV)/bin/mirrorfold reproduce all -o build/reproduced
+	$(PYTHON) docs/reproduced.py build/reproduced
 
 docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery
 	MPLBACKEND=Agg $(PYTHON) -m sphinx -W --keep-going -q -d docs/_build/doctrees docs docs/_build/html
