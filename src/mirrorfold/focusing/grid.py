@@ -121,8 +121,8 @@ def default_grid(
     if last <= see.near:
         raise InputError(
             f"pixels: the ambiguous range of {see.ambiguous_range:.3g} m ends before {see.near:.3g} m, the least "
-            f"distance at which an array of {see.aperture:.3g} m sees, with waves of {wave_speed:.3g} m/s; measure at smaller "
-            "frequency steps, correct wave_speed, or give the pixels x and y"
+            f"distance at which an array of {see.aperture:.3g} m sees, with waves of {wave_speed:.3g} m/s; measure at "
+            "smaller frequency steps, correct wave_speed, or give the pixels x and y"
         )
     wanted = 2.0 * side / pitch_x * (last - see.near) / pitch_y
     growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
