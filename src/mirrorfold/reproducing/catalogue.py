@@ -83,6 +83,13 @@ _ALL = (
         "The principle",
         "One mirror, then two: a ghost behind each mirror, a single and a double fold.",
     ),
+    Experiment(
+        "two-walls",
+        "Two walls, step by step",
+        "Fig. 4 (a) to (e)",
+        "Two walls, a hidden corner and a hidden arc, by rays and by full wave: the initial image, what is mirror, "
+        "shadow and object in it, each generation folded, and the corrected image against the truth.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
