@@ -90,6 +90,20 @@ _ALL = (
         "Two walls, a hidden corner and a hidden arc, by rays and by full wave: the initial image, what is mirror, "
         "shadow and object in it, each generation folded, and the corrected image against the truth.",
     ),
+    Experiment(
+        "tree",
+        "The tree of mirrors",
+        "The hierarchy of mirrors and objects",
+        "The trees of two scenes with two walls, in the published notation, each node against the images of the true "
+        "walls.",
+    ),
+    Experiment(
+        "runtime",
+        "How long imaging and folding take",
+        "The computing time",
+        "The initial image and the folding at the published size and larger ones, on this machine, with the image's "
+        "error against the float64 sum.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

@@ -8,6 +8,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import mirror_chains
@@ -16,6 +17,8 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import CHORD, SHORTEST_MIRROR, STRAIGHT, facets, seen_by_way
+from mirrorfold.scoring.cells import point_cells
+from mirrorfold.scoring.figures import WITHIN_CELLS
 
 SPACING = 0.005
 """Of the samples of true surfaces [m]: a third of the published range cell."""
@@ -86,17 +89,35 @@ class Ghost:
         Samples of the whole surface at their mirror images.
     seen : (n,) bool array
         Those that geometrical optics lets the radar see.
+    is_wall : bool
+        Whether it is one of the straight surfaces.
     """
 
     surface: str
     way: Way
     place: Array
     seen: Mask
+    is_wall: bool
 
     @property
     def share(self) -> float:
         """Of the surface that is seen."""
         return float(self.seen.mean())
+
+    @property
+    def seen_length(self) -> float:
+        """Length [m] of what is seen of it."""
+        return self.share * float(np.linalg.norm(np.diff(self.place, axis=0), axis=1).sum())
+
+    @property
+    def way_names(self) -> tuple[str, ...]:
+        """Names of the mirrors on the way."""
+        return tuple(face.name for face in self.way)
+
+    @property
+    def name(self) -> str:
+        """Such as ``arc in right wall in left wall``, where the radar looks into the left wall first."""
+        return " in ".join([self.surface, *reversed(self.way_names)])
 
 
 def ghosts_of(scene: Scene, generations: int) -> list[Ghost]:
@@ -113,8 +134,22 @@ def ghosts_of(scene: Scene, generations: int) -> list[Ghost]:
         straight = surface.kind == "segment"
         seen = seen_by_way(scene, [face.ends for face in way], place, normals, grazing=straight)
         if seen.any():
-            found.append(Ghost(surface.name, way, image_in(way)(place), seen))
+            found.append(Ghost(surface.name, way, image_in(way)(place), seen, straight))
     return found
+
+
+def surface_of(
+    echoes: xr.Dataset, ghosts: Sequence[Ghost], reconstruction: xr.DataTree, *, cells: float = WITHIN_CELLS
+) -> NDArray[np.intp]:
+    """Which of the ghosts each echo stands at in the initial image, (points,): the nearest within so many resolution
+    cells, or -1.
+    """
+    place = np.column_stack([echoes["x_initial"], echoes["y_initial"]])
+    limit = point_cells(echoes, reconstruction.attrs)
+    if not ghosts or not len(place) or limit is None:
+        return np.full(len(place), -1, dtype=np.intp)
+    distances = np.array([cKDTree(ghost.place).query(place)[0] for ghost in ghosts])
+    return np.where(distances.min(axis=0) <= cells * limit, distances.argmin(axis=0), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,35 +261,24 @@ def objects_shown(reconstruction: xr.DataTree, scene: Scene, generations: int, c
         Size of a resolution cell in range [m], and across per metre of range.
     """
     points = shown_points(reconstruction)
-    ways = {_names(one.way + (one.face,)): one.chain for one in identified(reconstruction, scene)
+    ways = {(*(face.name for face in one.way), one.face.name): one.chain for one in identified(reconstruction, scene)
             if one.face is not None and one.way is not None}  # fmt: skip
     expected = [one for one in ghosts_of(scene, generations) if one.way]
     found = []
-    for ghost in (one for one in expected if _is_object(scene, one.surface)):
-        chain = ways.get(_names(ghost.way))
-        rivals = [other for other in expected if _names(other.way) == _names(ghost.way)]
-        which = np.flatnonzero(points["chain"].values == chain) if chain is not None else np.zeros(0, dtype=int)
-        place = np.column_stack([points["x_initial"], points["y_initial"]])[which]
-        folded = np.column_stack([points["x"], points["y"]])[which]
-        if len(which):
-            distances = np.array([cKDTree(other.place).query(place)[0] for other in rivals])
-            own = distances.argmin(axis=0) == rivals.index(ghost)
-            place, folded, distance = place[own], folded[own], distances[rivals.index(ghost)][own]
+    for ghost in (one for one in expected if not one.is_wall):
+        rivals = [other for other in expected if other.way_names == ghost.way_names]
+        echoes = points.isel(point=points["chain"].values == ways.get(ghost.way_names, "none"))
+        nearest = surface_of(echoes, rivals, reconstruction, cells=np.inf)
+        echoes = echoes.isel(point=nearest == rivals.index(ghost))
         range_ = float(np.linalg.norm(ghost.place[ghost.seen], axis=1).mean())
         cell = float(np.hypot(cell_of_range[0], cell_of_range[1] * range_))
+        place = np.column_stack([echoes["x_initial"], echoes["y_initial"]])
         if not len(place):
             found.append(Shown(ghost, 0, float("nan"), float("nan"), cell, 0.0))
             continue
-        true = image_in(ghost.way).inverse(ghost.place)
+        folded = np.column_stack([echoes["x"], echoes["y"]])
+        ghost_error = float(cKDTree(ghost.place).query(place)[0].mean())
+        folded_error = float(cKDTree(image_in(ghost.way).inverse(ghost.place)).query(folded)[0].mean())
         covered = float((cKDTree(place).query(ghost.place[ghost.seen])[0] <= cell).mean())
-        folded_error = float(cKDTree(true).query(folded)[0].mean())
-        found.append(Shown(ghost, len(place), float(distance.mean()), folded_error, cell, covered))
+        found.append(Shown(ghost, len(place), ghost_error, folded_error, cell, covered))
     return found
-
-
-def _names(way: Sequence[Face]) -> tuple[str, ...]:
-    return tuple(face.name for face in way)
-
-
-def _is_object(scene: Scene, name: str) -> bool:
-    return next(surface.kind for surface in scene.surface if surface.name == name) != "segment"

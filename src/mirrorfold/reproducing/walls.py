@@ -59,9 +59,12 @@ def at_lower_band(scene: Scene, array: LinearArray, band: Band) -> Scene:
     return replace(scene, array=array, band=band, surface=tuple(rough))
 
 
-SMALL_RADAR = LinearArray(elements=81, pitch=5e-3), Band(start=28e9, stop=32e9, points=111)
+SMALL_RADAR = LinearArray(elements=87, pitch=6e-3), Band(start=20e9, stop=24e9, points=111)
 """For quick full waves, the time of which grows with the second to third power of the walls' length in wavelengths:
-28 to 32 GHz over 40 cm. Cells of 3.7 cm by 1.4 degrees are 2.5 and 2 times those of the published radar."""
+20 to 24 GHz over 52 cm. Cells of 3.7 cm by 1.5 degrees are 2.5 and 2 times those of the published radar."""
 
-MIDDLE_RADAR = LinearArray(elements=91, pitch=1.75e-3), Band(start=75e9, stop=85e9, points=401)
-"""75 to 85 GHz over 16 cm: the published bandwidth, and half the published resolution in angle."""
+THINNED_RADAR = LinearArray(elements=121, pitch=0.5e-3), Band(start=290e9, stop=300e9, points=281)
+"""For quick rays: three quarters of the published array, and as many frequencies as 4.2 m need."""
+
+MIDDLE_RADAR = LinearArray(elements=161, pitch=1e-3), Band(start=145e9, stop=155e9, points=401)
+"""145 to 155 GHz over 16 cm: the published resolution at half the published frequency."""
