@@ -17,8 +17,8 @@ endif
 JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
-QUICK := focus cost_model fullwave raster looking touchstone
-LONG := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
+BENCHMARKS := focus cost_model fullwave raster looking touchstone
+LONG_BENCHMARKS := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
 
 # Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
 define INSTALLED
@@ -26,7 +26,8 @@ $(UV) venv --quiet --clear --python '$(2)' $(1)
 $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade --editable '.[test]'
 endef
 
-.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long docs clean
+.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
+.PHONY: reproduced soak api docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -65,12 +66,23 @@ lint: $(READY) ## style, types and the direction of imports
 	$(VENV)/bin/lint-imports
 
 bench: $(READY) ## time, memory and error of everything that should be fast
-	@set -e; for name in $(QUICK); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
+	@set -e; for name in $(BENCHMARKS); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
 
 bench-long: $(READY) ## full-wave growth, and accuracy on families of random scenes; an hour or two
 	$(PYTHON) benchmarks/fullwave.py --long
 	$(PYTHON) -m mirrorfold benchmark --seeds 0:10 --method ours --method published -o build/benchmark
-	@set -e; for name in $(LONG); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
+	@set -e; for name in $(LONG_BENCHMARKS); do echo "== benchmarks/$$name.py"; $(PYTHON) benchmarks/$$name.py; done
+
+reproduced: $(READY) ## the published experiments at full size, and their section of the documentation; an hour or two
+	@mkdir -p build
+	$(VENV)/bin/mirrorfold reproduce all -o build/reproduced
+	$(PYTHON) docs/reproduced.py build/reproduced
+
+soak: $(READY) ## two hours of hard use: kills, full disks, damage, lost workers; ten minutes with QUICK=--quick
+	$(PYTHON) benchmarks/soak.py $(QUICK)
+
+api: | $(UV_FILE) ## compare the public face with that of the last release
+	$(UV) tool run griffe check --search src mirrorfold
 
 docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery
 	MPLBACKEND=Agg $(PYTHON) -m sphinx -W --keep-going -q -d docs/_build/doctrees docs docs/_build/html

@@ -22,7 +22,7 @@ GROUPS = {
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
         "focus", "FocusPlan", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame", "score",
-        "benchmark", "compare",
+        "benchmark", "reproduce", "compare",
     ),
     "Pages": ("report", "view"),
     "Errors": ("InputError",),

@@ -40,7 +40,10 @@ if TYPE_CHECKING:
     from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
     from mirrorfold.viewing import view
 
-__version__ = "0.1.0"
+try:
+    from mirrorfold._version import __version__ as __version__  # written when the package is built or installed
+except ImportError:  # the bare sources
+    __version__ = "0.0.0"
 
 _HOME = {
     "FocusPlan": "focusing",

@@ -94,7 +94,11 @@ def test_the_citation_is_of_this_package():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert citation["cff-version"] == "1.2.0"
-    assert citation["version"] == project["version"] == mf.__version__
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    (latest, *_) = re.findall(r"^## \[(\d+\.\d+\.\d+)\]", changes, flags=re.MULTILINE)
+    assert citation["version"] == latest
+    assert "version" in project["dynamic"]
+    assert re.match(r"\d+\.\d+", mf.__version__)
     for there, here in (("title", "name"), *((name, name) for name in ("authors", "license", "keywords"))):
         assert citation[there] == project[here], there
     assert citation["abstract"] == project["description"]
@@ -113,9 +117,19 @@ def test_the_package_says_that_it_has_types():
 
 def test_files_for_hosts_are_yaml():
     yaml = pytest.importorskip("yaml", reason="PyYAML comes with dask, which is absent")
-    files = [*(ROOT / ".github").rglob("*.yml"), ROOT / ".pre-commit-config.yaml", ROOT / ".readthedocs.yaml"]
-    assert len(files) >= 8
+    files = [*(ROOT / ".github").rglob("*.yml"), ROOT / ".pre-commit-config.yaml", ROOT / ".readthedocs.yaml",
+             ROOT / "conda/recipe.yaml"]  # fmt: skip
+    assert len(files) >= 11
     assert all(isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), dict) for path in files)
+
+
+def test_the_conda_recipe_asks_for_the_same_packages():
+    yaml = pytest.importorskip("yaml", reason="PyYAML comes with dask, which is absent")
+    recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    asked = {one.replace(" ", "").replace("matplotlib-base", "matplotlib") for one in recipe["requirements"]["run"]}
+    assert asked == {f"python{project['requires-python']}", *project["dependencies"]}
+    assert recipe["about"]["summary"] == project["description"]
 
 
 @pytest.mark.slow

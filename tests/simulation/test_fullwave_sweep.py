@@ -123,6 +123,37 @@ def test_dask_cluster_of_two_workers_gives_the_same_bytes(scene_file, uninterrup
 
 
 @pytest.mark.slow
+def test_a_lost_dask_worker_costs_time_alone(scene_file, uninterrupted):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        running = [worker.pid for worker in cluster.workers.values()]
+
+        def kill_one(done, total):
+            if done >= 2 and running:
+                os.kill(running.pop(), signal.SIGKILL)
+                running.clear()
+
+        s = mf.simulate(scene_file, solver="fullwave", scheduler=cluster.scheduler_address, progress=kill_one)[
+            "s"
+        ].values
+    assert not running
+    np.testing.assert_array_equal(s.view(np.uint64), uninterrupted.view(np.uint64))
+
+
+@pytest.mark.slow
+def test_a_cluster_that_goes_is_told_in_a_sentence(scene_file):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        pytest.raises(mf.InputError, match=r"cluster at .* was lost, or its workers ended"),
+    ):
+        mf.simulate(
+            scene_file, solver="fullwave", scheduler=cluster.scheduler_address,
+            progress=lambda done, total: cluster.close() if done == 1 else None,
+        )  # fmt: skip
+
+
+@pytest.mark.slow
 def test_killed_sweep_resumes_to_the_same_bytes(scene_file, uninterrupted, tmp_path, capsys, monkeypatch):
     out = tmp_path / "sweep.nc"
     results = tmp_path / "sweep.nc.frequencies"

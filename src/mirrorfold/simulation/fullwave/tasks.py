@@ -7,8 +7,9 @@ import os
 import pickle
 import tempfile
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -127,6 +128,8 @@ def _on_cluster(
     try:
         from distributed import Client
         from distributed import as_completed as completed
+        from distributed.comm.core import CommClosedError
+        from distributed.scheduler import KilledWorker
     except ImportError:
         raise InputError(
             "scheduler: dask is not installed; run `pip install 'mirrorfold[dask]'`, or leave out the scheduler to use "
@@ -148,13 +151,23 @@ def _on_cluster(
                 f"scheduler: the Dask scheduler at {scheduler!r} has no workers; start some with `dask worker "
                 f"{scheduler}`"
             ) from None
-        [everywhere] = client.scatter([system], broadcast=True)
+        # The system is the result of a task, which is done again when the worker that holds it is lost. Scattered data
+        # would be lost with the worker, and would wait for ever for one that ends while it receives them.
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Sending large graph")
+            everywhere = client.submit(pickle.loads, pickle.dumps(system), pure=False)
         futures = {
             client.submit(solve_frequency, everywhere, float(frequency[index]), direct, pure=False): index
             for index in todo
         }
-        for future in completed(futures, loop=client.loop):
-            yield futures[future], future.result()
+        try:
+            for future in completed(futures, loop=client.loop):
+                yield futures[future], future.result()
+        except (KilledWorker, CancelledError, CommClosedError) as error:
+            raise InputError(
+                f"scheduler: the Dask cluster at {scheduler!r} was lost, or its workers ended again and again, perhaps "
+                f"for want of memory ({type(error).__name__}); mend it, and resume"
+            ) from None
 
 
 CONNECT_SECONDS = 10

@@ -1,0 +1,1 @@
+"""Speed over commits, for `asv`: see `docs/development/contributing.md`."""
