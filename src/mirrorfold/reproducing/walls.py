@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from mirrorfold.reproducing.scenes import plan_scene, shipped_plan
 from mirrorfold.scenes.arrays import Band, LinearArray
@@ -26,16 +27,15 @@ def facing_walls() -> Scene:
     right = {"name": "right wall", "kind": "segment", "start": [1.03, 0.91], "end": [0.57, 1.79]}
     left = {"name": "left wall", "kind": "segment", "start": [-0.41, 0.41], "end": [-0.03, 1.34]}
     corner = {"name": "corner", "kind": "polyline", "points": [[-0.29, 2.04], [-0.49, 1.99], [-0.44, 1.80]]}
-    arc = {"name": "arc", "kind": "arc", "center": [-0.40, 1.45], "radius": 0.25}
-    arc |= {"start_angle": -50.0, "stop_angle": 64.6}
-    rough = [right | {"roughness": WALL_ROUGHNESS}, left | {"roughness": WALL_ROUGHNESS}]
-    rough += [corner | {"roughness": OBJECT_ROUGHNESS}, arc | {"roughness": OBJECT_ROUGHNESS}]
+    arc = {"name": "arc", "kind": "arc", "center": [-0.40, 1.45], "radius": 0.25, "start_angle": -50.0}
+    shapes: list[dict[str, Any]] = [right, left, corner, arc | {"stop_angle": 64.6}]
+    rough = [WALL_ROUGHNESS if shape["kind"] == "segment" else OBJECT_ROUGHNESS for shape in shapes]
     return plan_scene(
         {
             "name": "two walls that face each other",
             "array": {"elements": 161, "pitch": 0.5e-3},
             "band": {"start": 290e9, "stop": 300e9, "points": 401},
-            "surface": rough,
+            "surface": [shape | {"roughness": how} for shape, how in zip(shapes, rough, strict=True)],
         }
     )
 

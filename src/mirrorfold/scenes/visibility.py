@@ -74,9 +74,7 @@ def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = 
     return direct, reachable
 
 
-def seen_by_way(
-    scene: Scene, way: Sequence[Array], truth: Array, normals: Array, *, grazing: bool = False
-) -> Mask:
+def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array, *, grazing: bool = False) -> Mask:
     """Which points (n, 2) [m] with these normals the middle of the array can see by way of given mirrors alone.
 
     Parameters

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 
 import mirrorfold as mf
 from mirrorfold.common.records import Number
@@ -27,7 +26,7 @@ from mirrorfold.reproducing.walls import (
 from mirrorfold.reproducing.work import Work
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from mirrorfold.scenes.floor_plan import Scene
 
@@ -79,11 +78,13 @@ def run(work: Work) -> Findings:
         work.step(len(trees), len(scenes))
     figures, data, numbers = {}, {}, dict[str, Number]()
     for tree in trees:
-        figure = Figure(figsize=(9.5, 4.2 if tree.name == "facing" else 2.6), dpi=150, layout="constrained")
-        mf.plot.tree(tree.reconstruction, cast("Axes", figure.subplots()))
-        figures[f"tree-{tree.name}"] = figure, (
-            f"The tree of {tree.scene.name}. Numbers of mirrors are those of the other pictures, colours those of the "
-            "generations; counts are of echoes that are no walls."
+        figure = cast("Figure", mf.plot.tree(tree.reconstruction).figure)
+        figures[f"tree-{tree.name}"] = (
+            figure,
+            (
+                f"The tree of {tree.scene.name}. Numbers of mirrors are those of the other pictures, colours those of "
+                "the generations; counts are of echoes that are no walls."
+            ),
         )
         data[tree.name] = xr.DataTree(_data(tree))
         numbers |= {f"{tree.name}_{key}": value for key, value in _numbers(tree).items()}
@@ -165,14 +166,14 @@ def _right(reconstruction: xr.DataTree, chain: str, below: Sequence[Ghost]) -> t
 
 def _table(tree: Grown) -> Table:
     """A row for each node."""
-    rows = [[notation(""), "0", "the radar", "", "", *map(str, tree.placed[""])]]
-    for one in tree.mirrors:
+    rows = [[notation(""), "radar", "0", "the radar", "", "", *map(str, tree.placed[""])]]
+    for number, one in enumerate(tree.mirrors):
         (x0, y0), (x1, y1) = one.ends
         errors = "" if one.face is None else f"{one.angle_error:.3f} degrees, {1e3 * one.offset_error:.2f} mm"
         line = f"({x0:.3f}, {y0:.3f}) to ({x1:.3f}, {y1:.3f})"
-        rows.append([notation(one.chain), str(one.generation), one.name, line, errors,
+        rows.append([notation(one.chain), f"mirror {number}", str(one.generation), one.name, line, errors,
                      *map(str, tree.placed[one.chain])])  # fmt: skip
-    columns = ["node", "generation", "in truth", ".line [m]", "off the image of the true wall"]
+    columns = ["node", "in the picture", "generation", "in truth", ".line [m]", "off the image of the true wall"]
     columns += [".object [echoes]", "of an object seen by that way"]
     return Table(title=f"The nodes: {tree.scene.name}", columns=columns, rows=rows)
 
