@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib.resources import files
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,9 @@ from mirrorfold.scenes.families import FAMILIES, draw
 from mirrorfold.scenes.floor_plan import load_scene, parse_scene
 
 FULLWAVE = Path(__file__).resolve().parents[1] / "../shared/data/two_walls_fullwave.nc"
+
+TWO_WALLS = Path(str(files("mirrorfold").joinpath("scenes", "shipped", "two_walls.toml")))
+"""The scene of that sweep."""
 
 RAY_FAMILIES = [family.name for family in FAMILIES.values() if family.engine == "rays"]
 
@@ -90,7 +94,7 @@ def fullwave_cases(path: Path = FULLWAVE) -> Iterator[Case]:
         return
     sweep = mf.load(path)
     assert isinstance(sweep, xr.Dataset)  # the file holds one
-    scene = load_scene(path.with_name("two_walls.toml"))
+    scene = load_scene(TWO_WALLS)
     yield Case("full wave", scene.name, scene, mf.focus(sweep, tolerance=1e-3), sweep)
 
 

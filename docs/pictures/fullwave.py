@@ -1,12 +1,13 @@
 """The pictures of docs/fullwave.md: ``python docs/pictures/fullwave.py [SWEEP.nc]`` writes them beside itself.
 
-SWEEP.nc is the full-wave sweep of two_walls.toml; without it, the comparison with rays is left out.
+SWEEP.nc is the full-wave sweep of the shipped scene two_walls.toml; without it, the comparison with rays is left out.
 """
 
 from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import matplotlib as mpl
@@ -20,6 +21,7 @@ from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import scattered
 
 HERE = Path(__file__).resolve().parent
+TWO_WALLS = Path(str(files("mirrorfold").joinpath("scenes", "shipped", "two_walls.toml")))
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 from fullwave_scenes import (  # noqa: E402
     ANTENNAS,
@@ -83,7 +85,7 @@ def validation() -> None:
 
 def near_field() -> None:
     """The field between two smooth walls, at a frequency whose waves can be seen."""
-    rough = mf.load_scene(HERE / "two_walls.toml")
+    rough = mf.load_scene(TWO_WALLS)
     scene = replace(rough, surface=tuple(replace(surface, roughness=None) for surface in rough.surface))
     x, y = np.linspace(-1.1, 1.1, 440), np.linspace(-0.1, 2.4, 500)
     field = mf.near_field(scene, NEAR_FIELD_HERTZ, (x, y))
@@ -104,7 +106,7 @@ def near_field() -> None:
 
 def comparison(sweep: Path) -> None:
     """Images of both solvers' sweeps of one scene, at one scale, and their range profiles."""
-    scene = mf.load_scene(HERE / "two_walls.toml")
+    scene = mf.load_scene(TWO_WALLS)
     sweeps = {"full wave": mf.load(sweep), "rays": mf.simulate(scene)}
     x, y = np.linspace(-1.2, 2.8, 801), np.linspace(0.6, 4.6, 801)
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.3), layout="constrained", width_ratios=(1, 1, 0.9))

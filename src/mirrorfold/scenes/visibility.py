@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.constants import speed_of_light
 
@@ -45,7 +47,7 @@ def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = 
     straight = [f for surface, f in zip(scene.surface, pieces, strict=True) if surface.kind in STRAIGHT]
     mirrors = np.concatenate(straight) if straight else np.empty((0, 2, 2))
     mirrors = mirrors[np.linalg.norm(mirrors[:, 1] - mirrors[:, 0], axis=1) >= SHORTEST_MIRROR]
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    radar = _middle_of_array(scene)
     limit = farthest_range(scene.band)
     direct = _seen(radar, [], truth, normals, blockers, limit)
     reachable = direct.copy()
@@ -70,6 +72,32 @@ def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = 
                 reachable[open_] |= _seen(image, path, truth[open_], normals[open_], blockers, limit)
         chains = longer
     return direct, reachable
+
+
+def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array, *, grazing: bool = False) -> Mask:
+    """Which points (n, 2) [m] with these normals the middle of the array can see by way of given mirrors alone.
+
+    Parameters
+    ----------
+    scene : Scene
+    way : sequence of (2, 2) arrays [m]
+        Ends of the mirrors at their true places, the one that the radar looks into first; none for line of sight.
+    truth, normals : (n, 2) arrays [m]
+    grazing : bool, default False
+        At any angle, as walls are seen that are straight for many wavelengths; else up to 80 degrees from the normal.
+    """
+    images = [_middle_of_array(scene)]
+    for start, end in way:
+        images.append(reflect(images[-1], start, segment_normal(start, end)))
+    pieces = [facets(surface, CHORD) for surface in scene.surface]
+    blockers = np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
+    path = list(zip(images, way, strict=False))
+    return _seen(images[-1], path, truth, normals, blockers, farthest_range(scene.band), grazing)
+
+
+def _middle_of_array(scene: Scene) -> Array:
+    """Between the middles of the transmitters and the receivers (2,) [m]."""
+    return np.asarray(0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2])
 
 
 def farthest_range(band: Band) -> float:
