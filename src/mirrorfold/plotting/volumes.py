@@ -137,7 +137,7 @@ def body(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, floor_db:
     side.scatter(v[cut_here], points[cut_here, 2], s=7, color=COLOURS[1], label=label, linewidths=0)
     middle_v = 0.5 * (v.min() + v.max())
     side.set(title="cut from the side", xlabel="ahead [m]", ylabel="height z [m]", aspect="equal",
-             xlim=(middle_v - 0.5 * deep, middle_v + 0.5 * deep), ylim=(z[0], z[-1]))  # fmt: skip
+             xlim=(middle_v - 0.5 * deep, middle_v + 0.5 * deep), ylim=front.get_ylim())  # fmt: skip
     if scene is not None:
         draw_silhouette(front, scene, points, middle, across, x, z)
         draw_cut(side, scene, middle, ahead)

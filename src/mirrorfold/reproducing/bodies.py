@@ -9,8 +9,8 @@ import xarray as xr
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.plotting.outlines import covered, cut
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.plotting.outlines import covered
 from mirrorfold.reproducing.raster import Wall, hidden_points, places_of
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.scoring.truth import Truth
@@ -25,8 +25,8 @@ SECTION = 0.017
 UPPER, LOWER, ASIDE = 0.60, 0.40, 0.115
 """Between these shares of a body's height the arms hang beside it, further than the third from its middle."""
 
-FEWEST_OF_ARM = 12
-"""An arm of which fewer points are seen has no angle."""
+FEWEST_OF_ARM, WHOLE = 12, 0.8
+"""An arm of which fewer points are seen, or a smaller share of these heights, has no angle."""
 
 COVERED = 0.03
 """A piece of truth this close to a folded point is covered [m], less than a diameter of the beam."""
@@ -162,50 +162,41 @@ def overlap(one: xr.DataArray, other: xr.DataArray) -> float:
 
 
 def arm_angles(points: Array, view: Facing) -> tuple[float, float]:
-    """How far the arms on the left and on the right of a picture are lifted in it [degree], NaN where none is seen.
+    """How far the arms on the left and on the right of a picture are lifted in it [degree], NaN where none hangs.
 
-    Where the arms hang beside the body, a line is laid through the points (n, 3) [m] of each.
+    Where the arms hang beside the body, a line is laid through the points (n, 3) [m] of each. Arms that are bent
+    before the body, or of which little is seen, are left out.
     """
     flat = view.flat(points)
     bottom, top = flat[:, 1].min(), flat[:, 1].max()
     height, share = top - bottom, (flat[:, 1] - bottom) / (top - bottom)
     aside = flat[:, 0] - np.median(flat[(share > UPPER) & (share < 0.78), 0])
     hanging = (share > LOWER) & (share < UPPER)
-    left, right = (_lifted(flat[hanging & (side * aside > ASIDE * height)], side) for side in (-1.0, 1.0))
+    length = WHOLE * (UPPER - LOWER) * height
+    left, right = (_lifted(flat[hanging & (side * aside > ASIDE * height)], side, length) for side in (-1.0, 1.0))
     return left, right
 
 
-def _lifted(arm: Array, side: float) -> float:
+def _lifted(arm: Array, side: float, length: float) -> float:
     """Angle [degree] of the line through the points (n, 2) [m] of an arm from the vertical, outwards."""
-    if len(arm) < FEWEST_OF_ARM:
+    if len(arm) < FEWEST_OF_ARM or np.ptp(arm[:, 1]) < length:
         return float("nan")
     return float(np.degrees(np.arctan(-side * np.polyfit(arm[:, 1], arm[:, 0], 1)[0])))
 
 
-def section_distances(body: Folded, name: str, scene: Scene3D, view: Facing) -> tuple[Mask, Array]:
+def section_distances(body: Folded, name: str, view: Facing) -> tuple[Mask, Array]:
     """Points within `SECTION` of the upright plane through the view's middle, and how far they stand in it from the
-    true outline that it cuts [m].
+    true outline of a slice that is as thick [m].
     """
-    across = (body.place - view.middle) @ view.right
-    which = body.of(name) & (np.abs(across) < SECTION)
-    lines = cut(scene, view.middle, view.right).get(name)
-    if lines is None or not which.any():
+    which = body.of(name) & (np.abs((body.place - view.middle) @ view.right) < SECTION)
+    shown = body.shown(name)
+    shown = shown[np.abs((shown - view.middle) @ view.right) < SECTION]
+    if not len(shown) or not which.any():
         return which, np.full(int(which.sum()), np.inf)
-    points = _in_plane(body.place[which], view)
-    start, end = _in_plane(lines[:, 0], view), _in_plane(lines[:, 1], view)
-    return which, _from_segments(points, start, end)
+    distance = cKDTree(_in_plane(shown, view)).query(_in_plane(body.place[which], view))[0]
+    return which, np.asarray(distance)
 
 
 def _in_plane(points: Array, view: Facing) -> Array:
     """Distance ahead of the middle, and height, (n, 2) [m]."""
     return np.stack([(points - view.middle) @ view.ahead, points[:, 2]], axis=1)
-
-
-def _from_segments(points: Array, start: Array, end: Array) -> Array:
-    """Distance of points (n, 2) from the nearest of segments (m, 2) [m]."""
-    near: Index = cKDTree(0.5 * (start + end)).query(points, k=min(8, len(start)))[1]
-    span = (end - start)[near]
-    share = np.einsum("nkd,nkd->nk", points[:, None] - start[near], span)
-    share = np.clip(share / np.maximum(np.einsum("nkd,nkd->nk", span, span), 1e-18), 0.0, 1.0)
-    foot = start[near] + share[..., None] * span
-    return np.asarray(np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1))

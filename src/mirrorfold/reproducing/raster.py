@@ -16,12 +16,12 @@ import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import find_echoes, see, usual_settings
+from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import Grid, draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import find_tree
-from mirrorfold.scenes.scanner import Steps
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
@@ -40,13 +40,24 @@ DEPTHS = np.arange(-0.06, 0.08, 0.0005)
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A mirror that was found, at its true place: center, unit normal towards the radar, corners (4, 3), all [m]."""
+    """A mirror that was found, at its true place.
+
+    Attributes
+    ----------
+    chain : str
+        By which it shows things.
+    center, normal : (3,) arrays [m]
+        The normal has length one.
+    corners : (4, 3) array [m]
+    angle_error : float [degree]
+        Standard error of the fit.
+    """
 
     chain: str
-    generation: int
     center: Array
     normal: Array
     corners: Array
+    angle_error: float
 
     def image(self, points: Array) -> Array:
         """Mirror images of points (n, 3) [m]."""
@@ -55,12 +66,12 @@ class Wall:
 
 def reduced(scene: Scene3D, *, beams: int, frequencies: int) -> Scene3D:
     """The same scene, scanned with fewer beams on each side, and fewer frequencies of the same band."""
-    sides = {}
-    for name in ("azimuth", "elevation"):
-        steps = getattr(scene.scanner, name)
-        assert isinstance(steps, Steps)
-        sides[name] = replace(steps, points=beams)
-    return replace(scene, scanner=replace(scene.scanner, **sides), band=replace(scene.band, points=frequencies))
+    azimuth, elevation = scene.scanner.azimuth, scene.scanner.elevation
+    assert azimuth is not None  # a grid, in all scenes that come along
+    assert elevation is not None
+    sides = replace(azimuth, points=beams), replace(elevation, points=beams)
+    scanner = replace(scene.scanner, azimuth=sides[0], elevation=sides[1])
+    return replace(scene, scanner=scanner, band=replace(scene.band, points=frequencies))
 
 
 def without_pictures(sweep: xr.Dataset) -> xr.DataTree:
@@ -77,7 +88,8 @@ def walls_of(reconstruction: xr.DataTree) -> list[Wall]:
         center, normal = (np.array([float(held[f"folded_{what}_{axis}"][i]) for axis in "xyz"]) for what in
                           ("center", "normal"))  # fmt: skip
         corners = np.stack([held[f"folded_corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
-        found.append(Wall(str(held["chain"].values[i]), int(held["generation"].values[i]), center, normal, corners))
+        error = float(held["angle_error"].values[i])
+        found.append(Wall(str(held["chain"].values[i]), center, normal, corners, error))
     return found
 
 
@@ -98,14 +110,14 @@ def wall_profile(volume: xr.DataArray, wall: Wall) -> xr.DataArray:
     Each beam that meets the wall looks through it along its own direction; what it shows a range d behind the plane
     lies ``d cos(t)`` deep, with t the angle of incidence. Noise is taken off.
     """
-    view = see(volume)
+    view = to_volume_view(volume)
     cosine = np.abs(view.sight @ wall.normal)
     range_ = ((wall.center - view.radar) @ wall.normal) / (view.sight @ wall.normal)
     beams = np.flatnonzero(_inside(view.radar + range_[:, None] * view.sight, wall) & (range_ > 0.0))
     along = range_[beams, None] + DEPTHS / cosine[beams, None]
     power = view.power_at(along, beams[:, None]).mean(axis=0)
     attrs = {"units": "1", "long_name": "mean power across the wall, over its maximum"}
-    depth = ("depth", DEPTHS, {"units": "m", "long_name": "behind the fitted plane"})
+    depth = ("depth", DEPTHS, {"units": "m", "long_name": "behind the plane"})
     return xr.DataArray(power / power.max(), dims="depth", coords={"depth": depth}, attrs=attrs)
 
 
@@ -168,8 +180,3 @@ def upright(voxels: xr.DataArray, middle: Array, along: Array, distance: Array, 
 def around(middle: Array, half: tuple[float, float, float], step: float = 0.01) -> Grid:
     """Coordinates x, y and z [m] of voxels around a place, up to half the sides of the box."""
     return tuple(np.arange(m - h, m + h + 0.5 * step, step) for m, h in zip(middle, half, strict=True))
-
-
-def angle_between(one: Wall, other: Wall) -> float:
-    """Angle between two walls [degree], from 0 to 90."""
-    return float(np.degrees(np.arccos(min(1.0, abs(float(one.normal @ other.normal))))))

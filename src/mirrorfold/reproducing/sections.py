@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -122,7 +122,8 @@ def draw_sections(found: Sections, scene: Scene3D, *, mirrored: tuple[str, ...])
     True surfaces are drawn thin, and dotted where the mirror should show those of the names `mirrored`.
     """
     figure = Figure(figsize=(11.0, 10.2), layout="constrained")
-    panels = figure.subplot_mosaic([["before"] * 6 + ["after"] * 6, ["line"] * 6 + ["top"] * 3 + ["side"] * 3])
+    rows: Any = [["before"] * 6 + ["after"] * 6, ["line"] * 6 + ["top"] * 3 + ["side"] * 3]
+    panels = figure.subplot_mosaic(rows)
     flat = cut(scene, np.array([0.0, 0.0, found.level]), np.array([0.0, 0.0, 1.0]))
     side = cut(scene, found.view.middle, found.view.right)
     ghosts = cut(scene, np.zeros(3), np.cross(found.sight, [0.0, 0.0, 1.0]))

@@ -38,7 +38,9 @@ class Thickness:
     depths : tuple of float [m]
         Down to which the wall scatters; the first is zero.
     profiles : (depths, seeds, samples) array
-        Relative power at `DEPTHS`.
+        Relative power at `DEPTHS` behind the true face, across the plane that was fitted.
+    errors : (depths, seeds) array [m]
+        How far the fitted plane lies behind the true face.
     predicted : (depths, samples) array
         The profile of the face alone, spread over the depths of the scatterers.
     cell : float [m]
@@ -47,6 +49,7 @@ class Thickness:
 
     depths: tuple[float, ...]
     profiles: Array
+    errors: Array
     predicted: Array
     cell: float
 
@@ -57,8 +60,11 @@ class Thickness:
     def numbers(self) -> dict[str, float]:
         """Thickness of each wall, and by how much the wall of the scene is thicker than its face."""
         widths, found = self.widths(), {"range_cell_alone_m": self.cell}
-        for depth, width, profile, predicted in zip(self.depths, widths, self.profiles, self.predicted, strict=True):
+        for depth, width, profile, predicted, error in zip(
+            self.depths, widths, self.profiles, self.predicted, self.errors, strict=True
+        ):
             label = f"{1e3 * depth:.0f}mm"
+            found[f"face_behind_{label}_m"] = float(error.mean())
             found[f"thickness_{label}_m"] = float(width.mean())
             found[f"predicted_{label}_m"] = thickness(_profile(predicted))
             found[f"center_{label}_m"] = _center(profile.mean(axis=0))
@@ -70,13 +76,13 @@ class Thickness:
     def table(self) -> Table:
         """Depth, thickness with its standard error, prediction, centre."""
         rows, widths = [], self.widths()
-        for depth, width, profile, predicted in zip(self.depths, widths, self.profiles, self.predicted, strict=True):
-            error = width.std(ddof=1) / np.sqrt(width.size)
-            rows.append(
-                [f"{1e3 * depth:.0f}", f"{1e3 * width.mean():.1f} +- {1e3 * error:.1f}",
-                 f"{1e3 * thickness(_profile(predicted)):.1f}", f"{1e3 * _center(profile.mean(axis=0)):.1f}"]
-            )  # fmt: skip
-        columns = ["scatters down to [mm]", f"thickness at -{TOLD_DB:g} dB [mm]", "predicted [mm]", "centre [mm]"]
+        for i, depth in enumerate(self.depths):
+            error = widths[i].std(ddof=1) / np.sqrt(widths[i].size)
+            millimetres = depth, thickness(_profile(self.predicted[i])), _center(self.profiles[i].mean(axis=0))
+            told = [f"{1e3 * value:.1f}" for value in (*millimetres, float(self.errors[i].mean()))]
+            rows.append([told[0], f"{1e3 * widths[i].mean():.1f} +- {1e3 * error:.1f}", *told[1:]])
+        columns = ["scatters down to [mm]", f"thickness at -{TOLD_DB:g} dB [mm]", "predicted [mm]",
+                   "centre of the echo, behind the face [mm]", "fitted plane, behind the face [mm]"]  # fmt: skip
         return Table(title="How thick the drywall appears", columns=columns, rows=rows)
 
     def dataset(self) -> xr.Dataset:
@@ -87,6 +93,7 @@ class Thickness:
                 "profile": (("volume_depth", "seed", "depth"), self.profiles, power),
                 "predicted": (("volume_depth", "depth"), self.predicted, power),
                 "thickness": (("volume_depth", "seed"), self.widths(), meant),
+                "face_error": (("volume_depth", "seed"), self.errors, meant),
             },
             coords={"volume_depth": ("volume_depth", list(self.depths), meant), "depth": ("depth", DEPTHS, meant)},
         )
@@ -100,14 +107,15 @@ def measure_thickness(
     low = replace(scene, scanner=replace(scene.scanner, elevation=steps))
     low = replace(low, scanner=replace(low.scanner, azimuth=replace(_steps(low), points=BEAMS[0])))
     walls = [one for one in scene.surface if isinstance(one, Panel)]
-    profiles = []
+    told = []
     for depth in depths:
         bare = replace(low, surface=tuple(replace(one, volume_depth=depth) for one in walls))
         for seed in range(seeds):
-            profiles.append(work.kept(lambda bare=bare, seed=seed: _profile_of(bare, seed)))  # type: ignore[misc]
+            told.append(work.kept(lambda bare=bare, seed=seed: _profile_of(bare, seed)))  # type: ignore[misc]
             done += 1
             work.step(done, total)
-    found = np.array(profiles).reshape(len(depths), seeds, -1)
+    table = np.array(told).reshape(len(depths), seeds, -1)
+    found, errors = table[..., 1:], table[..., 0]
     wall = walls[0]
     sight = np.array([0.0, 1.0, 0.0])
     cosine = float(abs(sight @ wall.normal) / np.linalg.norm(wall.normal))
@@ -115,7 +123,7 @@ def measure_thickness(
     shares = [float(diffuse_share(wall, frequency, np.array([cosine]), inside=inside)[0]) for inside in (False, True)]
     predicted = np.array([_spread(found[0].mean(axis=0), wall, depth, *shares) for depth in depths])
     cell = HANN_TOLD * speed_of_light / (2.0 * (scene.band.stop - scene.band.start)) * cosine
-    return Thickness(depths, found, predicted, cell)
+    return Thickness(depths, found, errors, predicted, cell)
 
 
 def draw_thickness(found: Thickness) -> Figure:
@@ -133,18 +141,20 @@ def draw_thickness(found: Thickness) -> Figure:
             ax.plot(1e3 * DEPTHS, _db(found.predicted[i]), color="black", linestyle="dashed", linewidth=0.9)
     ax.plot([], [], color="black", linestyle="dashed", linewidth=0.9, label="predicted")
     ax.axhline(-TOLD_DB, color="0.6", linewidth=0.8)
-    ax.axvline(0.0, color="#CC0000", linewidth=0.8, label="fitted face")
-    ax.set(xlabel="depth behind the fitted face [mm]", ylabel="mean power [dB], floor -30 dB", xlim=(-45, 65),
+    ax.axvline(0.0, color="#CC0000", linewidth=0.8, label="true face")
+    ax.set(xlabel="depth behind the true face [mm]", ylabel="mean power [dB], floor -30 dB", xlim=(-45, 65),
            ylim=(-30, 1.5))  # fmt: skip
     ax.legend(title=f"thickness at -{TOLD_DB:g} dB", fontsize=9, frameon=False)
     return figure
 
 
 def _profile_of(scene: Scene3D, seed: int) -> list[float]:
-    """The mean profile across the plane that is found in a scan of a wall."""
+    """How far the plane that is found in a scan of a wall lies behind its face [m], and the mean profile across it."""
     sweep = mf.simulate(scene, snr_db=SNR_DB, bounces=0, seed=seed)
-    wall = walls_of(without_pictures(sweep))[0]
-    return [float(value) for value in wall_profile(mf.focus(sweep), wall).values]
+    wall, panel = walls_of(without_pictures(sweep))[0], scene.surface[0]
+    error = float((panel.frame.shift - wall.center) @ wall.normal)
+    face = replace(wall, center=wall.center + error * wall.normal)
+    return [error, *(float(value) for value in wall_profile(mf.focus(sweep), face).values)]
 
 
 def _spread(face: Array, wall: Panel, depth: float, of_face: float, inside: float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,15 +9,14 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import COLOURS
 from mirrorfold.plotting import volumes as plot_volume
 from mirrorfold.reproducing import bodies
 from mirrorfold.reproducing.bodies import Facing, Folded
+from mirrorfold.reproducing.corners import MIRROR, angle_of_corner, in_view, inner_angle
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.raster import (
     SNR_DB,
     Wall,
-    angle_between,
     hidden_points,
     reduced,
     walls_of,
@@ -26,23 +24,29 @@ from mirrorfold.reproducing.raster import (
 )
 from mirrorfold.reproducing.scenes import shipped_solids
 from mirrorfold.reproducing.sections import draw_sections, sections
+from mirrorfold.reproducing.spread import Row, spread, spread_table
+from mirrorfold.reproducing.textures import (
+    BEHIND,
+    BOX,
+    box_of,
+    draw_levels,
+    level_of,
+    levels_dataset,
+    over_wall_db,
+    predicted_db,
+    told,
+)
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes import families
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.scoring.mirrors import mirror_errors
 from mirrorfold.scoring.volumes import faces
-from mirrorfold.simulation.raster.speckle import diffuse_share
 
 FIGURE = "Fig. 6"
 
-HIDDEN = ("mannequin", "inner wall", "extinguisher box")
-
-MIRROR, ACROSS = "outer wall", "end wall"
-"""The two walls in view: that which shows what is hidden, and that at right angles to it."""
+HIDDEN = ("mannequin", BEHIND, BOX)
 
 FAMILY = "raster corridor"
-
-BOX = "extinguisher box"
 
 LEVEL = 0.3
 """Height of the horizontal section [m]: through the chest and the box."""
@@ -58,7 +62,8 @@ def run(work: Work) -> Findings:
     beams, frequencies = work.size((81, 901), (61, 901))
     draws = work.size(6, 0)
     textures = work.size((0.0, 0.01, 0.03, 0.1, 1.0), (0.03,))
-    total = 1 + draws + len(textures)
+    lengths, seeds = work.size(((0.5, 1.0), 5), ((1.0,), 1))
+    done, total = 1 + draws + len(textures), 1 + draws + len(textures) + len(lengths) * seeds
     scene = reduced(shipped_solids("corridor"), beams=beams, frequencies=frequencies)
     volume = mf.focus(work.sweep(scene, snr_db=SNR_DB, bounces=work.size(3, 2)))
     seen = mf.fold(volume)
@@ -69,14 +74,24 @@ def run(work: Work) -> Findings:
     for seed in range(draws):
         rows.append(work.kept(lambda seed=seed: _draw(seed)))  # type: ignore[misc]
         work.step(2 + seed, total)
-    levels = {_box(scene).diffuse_fraction: numbers["box_over_wall_db"]}
+    levels = {box_of(scene).diffuse_fraction: numbers["box_over_wall_db"]}
     for number, texture in enumerate(textures):
-        levels[texture] = work.kept(lambda texture=texture: _smoother(scene, texture))  # type: ignore[misc]
+        levels[texture] = work.kept(lambda texture=texture: level_of(scene, texture))  # type: ignore[misc]
         work.step(2 + draws + number, total)
-    predicted = _predicted(scene, body)
-    numbers |= _spread(rows) | {
+    for length in lengths:
+        found = []
+        for seed in range(seeds):
+            found.append(work.kept(lambda length=length, seed=seed: angle_of_corner(scene, length, seed)))  # type: ignore[misc]
+            done += 1
+            work.step(done, total)
+        numbers[f"angle_end_wall_{length:g}m_deg"] = float(np.mean(found))
+        numbers[f"angle_end_wall_{length:g}m_se_deg"] = (
+            float(np.std(found, ddof=1) / np.sqrt(seeds)) if seeds > 1 else np.nan
+        )
+    predicted, share = predicted_db(scene, body), box_of(scene).diffuse_fraction
+    numbers |= spread(rows) | {
         "predicted_box_over_wall_db": predicted,
-        "least_diffuse_share": _box(scene).diffuse_fraction * 10.0 ** (-predicted / 10.0),
+        "least_diffuse_share": share * 10.0 ** (-predicted / 10.0),
         **{f"box_over_wall_at_share_{share:g}_db": level for share, level in sorted(levels.items())},
     }
     cuts = sections(volume, seen, view, wall, level=LEVEL)
@@ -103,7 +118,7 @@ def run(work: Work) -> Findings:
                 "The mannequin from the front and cut from the side, with its true outlines.",
             ),
             "levels": (
-                _levels_figure(levels, numbers, predicted, _box(scene).diffuse_fraction),
+                draw_levels(levels, share, predicted, numbers["box_over_wall_db"] - numbers["box_over_body_db"]),
                 "How bright the box is over the inner wall, by the share of its reflection that is diffuse.",
             ),
             "space-before": (
@@ -115,11 +130,14 @@ def run(work: Work) -> Findings:
         data=xr.DataTree(
             children={
                 "points": xr.DataTree(hidden_points(seen).assign(nearest=("point", body.surface.astype(str)))),
-                "levels": xr.DataTree(_levels(levels)),
+                "levels": xr.DataTree(levels_dataset(levels)),
                 **cuts.dataset(),
             }
         ),
-        tables=(_surfaces(body, view, scene), _table(numbers, rows)),
+        tables=(
+            _surfaces(body, view, scene),
+            spread_table("The scene and random corridors", "random corridors", numbers, rows, ROWS),
+        ),
         text=_text(numbers),
         assumptions=(
             "The scan is simulated by rays: diffuse scatterers frozen on all surfaces and inside the walls, seen by "
@@ -134,16 +152,15 @@ def run(work: Work) -> Findings:
 
 def judge(seen: xr.DataTree, scene: Scene3D, body: Folded, view: Facing) -> dict[str, float]:
     """Numbers of one corridor."""
-    mirrors, walls = mirror_errors(seen, faces(scene)), walls_of(seen)
-    found = {row.surface: index for index, row in reversed(list(enumerate(mirrors))) if row.generation == 1}
-    held = seen.children["mirrors"].to_dataset(inherit=False)["angle_error"].values
+    mirrors, (mirror, across) = mirror_errors(seen, faces(scene)), in_view(seen, scene)
+    error = next(row for row in mirrors if row.surface == MIRROR and row.generation == 1)
     step = float(np.diff(scene.scanner.angles[0]).mean())
-    in_section = bodies.section_distances(body, "mannequin", scene, view)[1]
+    in_section = bodies.section_distances(body, "mannequin", view)[1]
     numbers = {
-        "angle_between_deg": angle_between(walls[found[MIRROR]], walls[found[ACROSS]]),
-        "angle_between_se_deg": float(np.hypot(held[found[MIRROR]], held[found[ACROSS]])),
-        "mirror_angle_error_deg": float(mirrors[found[MIRROR]].angle_error_deg or 0.0),
-        "mirror_offset_error_m": 1e-3 * float(mirrors[found[MIRROR]].offset_error_mm or 0.0),
+        "angle_between_deg": inner_angle(mirror, across),
+        "angle_between_se_deg": float(np.hypot(mirror.angle_error, across.angle_error)),
+        "mirror_angle_error_deg": float(error.angle_error_deg or 0.0),
+        "mirror_offset_error_m": 1e-3 * float(error.offset_error_mm or 0.0),
         "section_distance_mean_m": float(in_section.mean()),
         "section_distance_90_m": float(np.quantile(in_section, 0.9)),
         "unexplained": float(np.mean(body.distance > 0.1)),
@@ -153,9 +170,8 @@ def judge(seen: xr.DataTree, scene: Scene3D, body: Folded, view: Facing) -> dict
         numbers |= {f"{label}_{key}": value for key, value in bodies.facts(body, name, view, step).items()}
         one = body.points["bounces"].values[body.of(name)] == 1
         numbers[f"{label}_by_one_mirror"] = float(one.mean()) if one.size else 0.0
-    level = {name: body.level_db(name) for name in HIDDEN}
-    numbers["box_over_wall_db"] = level[BOX] - level["inner wall"]
-    numbers["box_over_body_db"] = level[BOX] - level["mannequin"]
+    numbers["box_over_wall_db"] = over_wall_db(body)
+    numbers["box_over_body_db"] = body.level_db(BOX) - body.level_db("mannequin")
     inner = [row.angle_error_deg for row in mirrors if row.surface == "inner wall"]
     numbers["hidden_wall_angle_error_deg"] = max((float(one or 0.0) for one in inner), default=np.inf)
     return numbers
@@ -169,21 +185,6 @@ def _draw(seed: int) -> dict[str, float]:
     return judge(seen, scene, *_view(seen, scene)[:2])
 
 
-def _smoother(scene: Scene3D, share: float) -> float:
-    """Level of the box over the inner wall [dB] where that share of its reflection is diffuse."""
-    changed = tuple(replace(one, diffuse_fraction=share) if one.name == BOX else one for one in scene.surface)
-    other = replace(scene, surface=changed)
-    body = _view(without_pictures(mf.simulate(other, snr_db=SNR_DB, bounces=1)), other)[0]
-    # A few points of what is near the box are none of it.
-    if np.count_nonzero(body.of(BOX)) < plot_volume.FEWEST:
-        return -np.inf
-    return body.level_db(BOX) - body.level_db("inner wall")
-
-
-def _box(scene: Scene3D) -> Any:
-    return next(one for one in scene.surface if one.name == BOX)
-
-
 def _view(reconstruction: xr.DataTree, scene: Scene3D) -> tuple[Folded, Facing, Wall]:
     """The hidden points, the view of the mannequin from the radar's image, and the wall that shows it."""
     body = bodies.folded(reconstruction, scene)
@@ -193,57 +194,20 @@ def _view(reconstruction: xr.DataTree, scene: Scene3D) -> tuple[Folded, Facing, 
     return body, bodies.facing(body.place[mine], wall, np.array(scene.scanner.origin)), wall
 
 
-def _predicted(scene: Scene3D, body: Folded) -> float:
-    """Level of the box over the inner wall [dB] by Lambert's law: a beam that a surface fills returns Q(t) cos(t)."""
-    frequency, means = 0.5 * (scene.band.start + scene.band.stop), []
-    mirror = next(one for one in scene.surface if one.name == MIRROR)
-    center, normal = mirror.frame.shift, mirror.frame.linear[:, 1]
-    radar = np.array(scene.scanner.origin)
-    radar = radar - 2.0 * ((radar - center) @ normal) * normal
-    for name in (BOX, "inner wall"):
-        finish = next(one for one in scene.surface if one.name == name)
-        known = body.known
-        mine = known.reachable & (np.array([known.names[int(one)] == name for one in known.owner]))
-        sight = radar - known.place[mine]
-        cosine = np.einsum("nd,nd->n", sight, known.normals[mine]) / np.linalg.norm(sight, axis=1)
-        share = diffuse_share(finish, frequency, cosine, inside=False)  # type: ignore[arg-type]
-        if getattr(finish, "volume_depth", 0.0):
-            share = share + diffuse_share(finish, frequency, cosine, inside=True)  # type: ignore[arg-type]
-        means.append(float(np.mean(share * cosine)))
-    return float(10.0 * np.log10(means[0] / means[1]))
-
-
-def _spread(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Mean and standard error over the random corridors."""
-    found = {}
-    for name in rows[0] if rows else ():
-        values = np.array([row[name] for row in rows], dtype=float)
-        stem, _, unit = name.rpartition("_")
-        found[f"family_{stem}_mean_{unit}"] = float(values.mean())
-        found[f"family_{stem}_se_{unit}"] = float(values.std(ddof=1) / np.sqrt(values.size))
-    return found
-
-
-def _levels(levels: dict[float, float]) -> xr.Dataset:
-    """Level of the box by its texture."""
-    shares = sorted(levels)
-    level = ("diffuse_share", [levels[share] for share in shares], {"units": "dB", "long_name": "over the inner wall"})
-    return xr.Dataset({"level": level}, coords={"diffuse_share": ("diffuse_share", shares, {"units": "1"})})
-
-
 def _hidden_figure(body: Folded, view: Facing, scene: Scene3D) -> Figure:
     """All that the outer wall shows: as seen from the radar's image in it, and from above."""
     mine = np.isin(body.surface, HIDDEN)
     place, amplitude = body.place[mine], body.points["amplitude"].values[mine].astype(float)
     flat = view.flat(place)
-    axes = [np.arange(flat[:, i].min() - 0.1, flat[:, i].max() + 0.1, plot_volume.CELL) for i in (0, 1)]
+    u, z = flat.T
+    columns, rows = [np.arange(flat[:, i].min() - 0.1, flat[:, i].max() + 0.1, plot_volume.CELL) for i in (0, 1)]
     figure = Figure(figsize=(11.5, 6.6), layout="constrained")
     front, top = figure.subplots(1, 2, width_ratios=(1.0, 1.1))
-    reference = float(np.sqrt(np.nanmax(plot_volume.smoothed_power(*flat.T, amplitude, *axes))))
-    picture = plot_volume.draw_front(front, *flat.T, amplitude, *axes, floor_db=FRONT_DB, reference=reference)
+    reference = float(np.sqrt(np.nanmax(plot_volume.smoothed_power(u, z, amplitude, columns, rows))))
+    picture = plot_volume.draw_front(front, u, z, amplitude, columns, rows, floor_db=FRONT_DB, reference=reference)
     for name in ("mannequin", BOX):
         outline = body.of(name)
-        plot_volume.draw_silhouette(front, scene, body.place[outline], view.middle, view.right, *axes)
+        plot_volume.draw_silhouette(front, scene, body.place[outline], view.middle, view.right, columns, rows)
     front.set(title="from the mirror image of the radar", xlabel="across [m]", ylabel="height z [m]", aspect="equal",
               facecolor="0.92")  # fmt: skip
     level = np.clip(20.0 * np.log10(amplitude / reference), FRONT_DB, 0.0)
@@ -253,27 +217,6 @@ def _hidden_figure(body: Folded, view: Facing, scene: Scene3D) -> Figure:
     low, high = place[:, :2].min(axis=0) - 0.25, place[:, :2].max(axis=0) + 0.25
     top.set(title="from above", xlim=(low[0], high[0]), ylim=(low[1], high[1]), facecolor="0.92")
     figure.colorbar(picture, ax=[front, top], label=f"amplitude [dB], floor {FRONT_DB:g} dB", shrink=0.8)
-    return figure
-
-
-def _levels_figure(levels: dict[float, float], numbers: dict[str, Any], predicted: float, share: float) -> Figure:
-    """Level of the box against its texture, and those of the others."""
-    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
-    ax = figure.subplots()
-    line = np.geomspace(0.005, 1.0, 50)
-    ax.plot(line, predicted + 10.0 * np.log10(line / share), color="black", linestyle="dashed", linewidth=0.9,
-            label="box, by Lambert's law")  # fmt: skip
-    shown = sorted(one for one, level in levels.items() if np.isfinite(level) and one > 0.0)
-    ax.plot(shown, [levels[one] for one in shown], "o", color=COLOURS[1], label="box, folded points")
-    for gone in (one for one, level in levels.items() if not np.isfinite(level)):
-        ax.annotate("no points" if gone else "smooth: no points", (max(gone, 0.0055), -13.0), rotation=90, fontsize=9,
-                    color=COLOURS[4], ha="center", va="bottom")  # fmt: skip
-    body = numbers["box_over_wall_db"] - numbers["box_over_body_db"]
-    ax.axhline(0.0, color=COLOURS[0], label="inner wall")
-    ax.axhline(body, color=COLOURS[5], label="mannequin")
-    ax.set(xscale="log", xlabel="share of the box's reflection that is diffuse", ylim=(-15, 15))
-    ax.set_ylabel("level over the inner wall [dB]")
-    ax.legend(frameon=False, fontsize=9)
     return figure
 
 
@@ -295,7 +238,7 @@ def _surfaces(body: Folded, view: Facing, scene: Scene3D) -> Table:
     return Table(title="What is hidden", columns=columns, rows=rows)
 
 
-ROWS: tuple[tuple[str, str, float, str], ...] = (
+ROWS: tuple[Row, ...] = (
     ("angle_between_deg", "angle between the walls [deg]", 1.0, ".3f"),
     ("mirror_angle_error_deg", "mirror wall, angle error [deg]", 1.0, ".3f"),
     ("hidden_wall_angle_error_deg", "hidden wall, angle error [deg]", 1.0, ".3f"),
@@ -309,21 +252,6 @@ ROWS: tuple[tuple[str, str, float, str], ...] = (
     ("box_over_body_db", "box over the mannequin [dB]", 1.0, ".1f"),
     ("unexplained", "points further than 10 cm from any surface [%]", 100.0, ".1f"),
 )
-
-
-def _table(first: dict[str, float], rows: list[dict[str, float]]) -> Table:
-    """The numbers of the scene, and of the random ones mean, standard error and range."""
-    columns, lines = ["", "the scene"], []
-    if rows:
-        columns += [f"mean of {len(rows)} random corridors", "standard error", "from", "to"]
-    for name, title, factor, form in ROWS:
-        line = [title, format(factor * first[name], form)]
-        if rows:
-            values = factor * np.array([row[name] for row in rows], dtype=float)
-            error = values.std(ddof=1) / np.sqrt(values.size)
-            line += [format(value, form) for value in (values.mean(), error, values.min(), values.max())]
-        lines.append(line)
-    return Table(title="The scene and random corridors", columns=columns, rows=lines)
 
 
 def _claims(numbers: dict[str, Any], levels: dict[float, float], draws: int) -> tuple[Claim, ...]:
@@ -385,17 +313,12 @@ def _claims(numbers: dict[str, Any], levels: dict[float, float], draws: int) -> 
             claim="What makes a flat metal box bright that is seen obliquely?",
             source="",
             measured=f"its texture: brighter than the wall where more than {100 * numbers['least_diffuse_share']:.0f} "
-            "% of its reflection is diffuse; " + ", ".join(_told(share, levels[share]) for share in sorted(levels)),
+            "% of its reflection is diffuse; " + told(levels),
             verdict="new",
             why="The share at which the box equals the wall follows from Lambert's law; boxes of several textures were "
             "scanned. Smooth metal reflects all power past the radar.",
         ),
     )
-
-
-def _told(share: float, level: float) -> str:
-    """Level of a box of some texture, in words."""
-    return f"at {100 * share:g} % {level:+.1f} dB" if np.isfinite(level) else f"at {100 * share:g} % not seen"
 
 
 def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
@@ -404,6 +327,17 @@ def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
         "A corner of two walls at right angles shows itself: each wall is seen in the other, behind the corner, as if "
         "it went on straight. Unfolded, the image shows a cross; folded, both images lie on the walls that they are "
         "of. Their agreement is a test of the angle that needs no truth.",
+        f"The angle comes out {numbers['angle_between_deg'] - 90.0:+.2f} degrees too large, in random corridors alike, "
+        "and by more than the fits' own standard error there. Beams that straddle the corner have nothing of a wall "
+        "beyond it, so that the centre of their footprint lies before it: the last two centimetres of each wall seem "
+        "to bend towards the radar. That turns a fitted wall the more the shorter it is. Alone, and scattering on "
+        "their faces only, the walls enclose "
+        + " and ".join(
+            f"{numbers[f'angle_end_wall_{length}m_deg']:.3f} degrees where the end wall is {length} m long"
+            for length in ("0.5", "1")
+            if f"angle_end_wall_{length}m_deg" in numbers
+        )
+        + ".",
         "One wall shows three things, and each hides what is behind it: the mirrored inner wall is seen above and "
         "below the box, and there as a plane that is no mirror for anything in range.",
         "A flat box does not return a glint to a radar that sees it at 30 degrees from its normal. What is seen of it "
