@@ -35,6 +35,7 @@ def test_scattering_inside_makes_the_wall_thicker_as_its_depths_and_the_beam_pre
     assert 0.008 < numbers["range_cell_alone_m"] < 0.010
     # The mean depth of the scatterers, less the share of the face and the error of the fit.
     assert 0.003 < numbers["center_15mm_m"] < 0.0055
+    assert abs(numbers["face_behind_15mm_m"]) < 0.002
 
 
 def test_the_body_has_its_outline_and_pose(found):
@@ -46,12 +47,16 @@ def test_the_body_has_its_outline_and_pose(found):
     # A body that is widened by the beam and half a step all around overlaps less: the outline is sharper than that.
     assert numbers["overlap_of_beam"] < numbers["body_overlap"]
     assert numbers["arms_error_deg"] < 4.0
+    assert 15.0 < numbers["wall_over_body_db"] < 35.0
     assert abs(numbers["body_top_error_m"]) < 0.03
 
 
 def test_the_foil_shines_and_its_absence_does_not(found):
     assert 11.0 < found.numbers["foil_contrast_db"] < 17.0
     assert abs(found.numbers["control_contrast_db"]) < 3.0
+    # Fresnel's coefficient of the cloth, against which the foil reflects everything.
+    assert 11.5 < found.numbers["foil_predicted_db"] < 13.5
+    assert abs(found.numbers["foil_contrast_db"] - found.numbers["foil_predicted_db"]) < 3.0
 
 
 def test_the_data_hold_what_the_pictures_show(found):

@@ -79,7 +79,7 @@ class Thickness:
         for i, depth in enumerate(self.depths):
             error = widths[i].std(ddof=1) / np.sqrt(widths[i].size)
             millimetres = depth, thickness(_profile(self.predicted[i])), _center(self.profiles[i].mean(axis=0))
-            told = [f"{1e3 * value:.1f}" for value in (*millimetres, float(self.errors[i].mean()))]
+            told = [f"{1e3 * value:z.1f}" for value in (*millimetres, float(self.errors[i].mean()))]
             rows.append([told[0], f"{1e3 * widths[i].mean():.1f} +- {1e3 * error:.1f}", *told[1:]])
         columns = ["scatters down to [mm]", f"thickness at -{TOLD_DB:g} dB [mm]", "predicted [mm]",
                    "centre of the echo, behind the face [mm]", "fitted plane, behind the face [mm]"]  # fmt: skip

@@ -276,8 +276,8 @@ def _claims(numbers: dict[str, Any], levels: dict[float, float], draws: int) -> 
             measured=f"{numbers['angle_between_deg']:.3f} degrees, standard error of the fits "
             f"{numbers['angle_between_se_deg']:.3f}{family}",
             verdict="agrees" if abs(off) < 0.3 else "differs",
-            why="Angle between the two fitted planes. It agrees within 0.3 degrees: an image 2 m behind the mirror "
-            "would then be off by a centimetre.",
+            why="Angle between the two fitted planes. It agrees within 0.3 degrees, by which a wall folds what is "
+            "1 m away a centimetre aside.",
         ),
         Claim(
             claim="Mannequin, inner wall and metal box, all hidden, are mirrored by one wall and fold to their places.",
@@ -327,7 +327,7 @@ def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
         "A corner of two walls at right angles shows itself: each wall is seen in the other, behind the corner, as if "
         "it went on straight. Unfolded, the image shows a cross; folded, both images lie on the walls that they are "
         "of. Their agreement is a test of the angle that needs no truth.",
-        f"The angle comes out {numbers['angle_between_deg'] - 90.0:+.2f} degrees too large, in random corridors alike, "
+        f"The angle comes out {numbers['angle_between_deg'] - 90.0:.2f} degrees too large, in random corridors alike, "
         "and by more than the fits' own standard error there. Beams that straddle the corner have nothing of a wall "
         "beyond it, so that the centre of their footprint lies before it: the last two centimetres of each wall seem "
         "to bend towards the radar. That turns a fitted wall the more the shorter it is. Alone, and scattering on "
@@ -345,6 +345,5 @@ def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
         f"with less than {100 * numbers['least_diffuse_share']:.0f} % of it diffuse the box is darker than the wall, "
         "which scatters from its inside. So brightness tells texture as much as metal; the published box must have "
         "had some, or edges.",
-        "The walls' own scattering decides what can be seen of a body behind the corner: what limits it here is the "
-        "field of view, which cuts off one arm, not noise.",
+        "What limits the picture of the body is the field of view, which cuts off one arm, and not the noise.",
     )

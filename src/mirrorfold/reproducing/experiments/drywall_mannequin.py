@@ -22,12 +22,13 @@ from mirrorfold.reproducing.raster import SNR_DB, TOLD_DB, hidden_points, places
 from mirrorfold.reproducing.scenes import shipped_solids
 from mirrorfold.reproducing.sections import draw_sections, sections
 from mirrorfold.reproducing.spread import Row, spread, spread_table
-from mirrorfold.reproducing.thickness import Thickness, draw_thickness, measure_thickness
+from mirrorfold.reproducing.thickness import draw_thickness, measure_thickness
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes import families
 from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.scoring.mirrors import mirror_errors
 from mirrorfold.scoring.volumes import faces, patch_contrast
+from mirrorfold.simulation.raster.speckle import diffuse_share
 
 FIGURE = "Fig. 5"
 
@@ -70,10 +71,11 @@ def run(work: Work) -> Findings:
     first["outline_blur_m"] = SPOT + bodies.cell_of(body, "mannequin", step)
     first["overlap_of_beam"] = bodies.beam_overlap(true, first["outline_blur_m"])
     cuts = sections(volume, seen, view, wall, level=LEVEL)
+    first["foil_predicted_db"] = _predicted_contrast(scene)
     numbers = {**first, **found.numbers(), **spread(rows)}
     front = _front_figure(body, bodies.folded(without, bare), view, scene, step)
     return Findings(
-        claims=_claims(numbers, found, len(rows)),
+        claims=_claims(numbers, len(rows)),
         numbers={name: value if np.isfinite(value) else None for name, value in numbers.items()},
         figures={
             "plan": (
@@ -109,7 +111,7 @@ def run(work: Work) -> Findings:
             spread_table("The scene and random walls and bodies", "random scenes", first, rows, ROWS),
             found.table(),
         ),
-        text=_text(numbers, found),
+        text=_text(numbers),
         assumptions=(
             "The scan is simulated by rays: diffuse scatterers frozen on all surfaces and inside the drywall, seen "
             "directly and in the specular mirror. Edges return no glint of their own.",
@@ -208,6 +210,15 @@ def _flat(body: Folded, view: Facing) -> tuple[Array, Array, Array]:
     return *view.flat(body.place[mine]).T, body.points["amplitude"].values[mine].astype(float)
 
 
+def _predicted_contrast(scene: Scene3D) -> float:
+    """What the foil scatters over what the cloth does where both are met head on [dB]."""
+    frequency, head_on = 0.5 * (scene.band.start + scene.band.stop), np.ones(1)
+    foil = next(one for one in scene.surface if isinstance(one, Patch))
+    cloth = next(one for one in scene.surface if one.name == foil.on)
+    shares = [float(diffuse_share(one, frequency, head_on, inside=False)[0]) for one in (foil, cloth)]
+    return float(10.0 * np.log10(shares[0] / shares[1]))
+
+
 def _under(scene: Scene3D, body: Folded) -> Array:
     """Samples of the true body that the foil covers, (n, 3) [m]."""
     foil = next(one for one in scene.surface if isinstance(one, Patch))
@@ -231,7 +242,7 @@ ROWS: tuple[Row, ...] = (
 )
 
 
-def _claims(numbers: dict[str, Any], found: Thickness, draws: int) -> tuple[Claim, ...]:
+def _claims(numbers: dict[str, Any], draws: int) -> tuple[Claim, ...]:
     """Each with its criterion."""
     more, error = numbers["thicker_m"], numbers["thicker_se_m"]
     half_cell = 0.5 * float(np.hypot(0.01, 2 * SPOT))
@@ -302,12 +313,12 @@ def _claims(numbers: dict[str, Any], found: Thickness, draws: int) -> tuple[Clai
     )
 
 
-def _text(numbers: dict[str, Any], found: Thickness) -> tuple[str, ...]:
+def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
     """What can be learnt."""
     return (
-        f"Why the wall looks thick. A beam of {1e3 * SPOT:g} mm radius in its focus is 32 mm wide where it meets the "
-        "wall, at 45 degrees: its footprint spreads over ranges, and so across the wall. Scattering on the face alone "
-        f"gives {1e3 * numbers['thickness_0mm_m']:.0f} mm at -{TOLD_DB:g} dB; the range cell alone would give "
+        f"Why the wall looks thick. A beam of {1e3 * SPOT:g} mm radius in its focus has one of 32 mm where it meets "
+        "the wall, at 45 degrees: its footprint spreads over ranges, and so across the wall. Scattering on the face "
+        f"alone gives {1e3 * numbers['thickness_0mm_m']:.0f} mm at -{TOLD_DB:g} dB; the range cell alone would give "
         f"{1e3 * numbers['range_cell_alone_m']:.0f} mm. Scatterers down to 15 mm add "
         f"{1e3 * numbers['thicker_m']:.1f} mm, not 15: their power falls with depth, and widths add in squares. The "
         f"profile that follows from their depths and the measured footprint is "
@@ -322,6 +333,8 @@ def _text(numbers: dict[str, Any], found: Thickness) -> tuple[str, ...]:
         "Its silhouette is wider than the true one by up to a radius of the beam, since every beam that touches it "
         "shows it, and has gaps inside, where the echo of a beam is 9 dB below that of its neighbour and is not told "
         "from that neighbour's.",
-        "The foil is brighter because it reflects all that the cloth would let through: it has the same texture in "
-        "this scene, half of its reflection is diffuse. A smooth foil would be bright only where it faces the wall.",
+        "The foil is brighter because it reflects all that the cloth lets through; half of what either reflects is "
+        f"diffuse in this scene. Fresnel's coefficient of the cloth then predicts {numbers['foil_predicted_db']:.1f} "
+        f"dB between them, and {numbers['foil_contrast_db']:.1f} dB are measured. A smooth foil would be bright only "
+        "where it faces the wall's image of the radar.",
     )
