@@ -327,13 +327,12 @@ def _text(numbers: dict[str, Any]) -> tuple[str, ...]:
         "A corner of two walls at right angles shows itself: each wall is seen in the other, behind the corner, as if "
         "it went on straight. Unfolded, the image shows a cross; folded, both images lie on the walls that they are "
         "of. Their agreement is a test of the angle that needs no truth.",
-        f"The angle comes out {numbers['angle_between_deg'] - 90.0:.2f} degrees too large, in random corridors alike, "
-        "and by more than the fits' own standard error there. Beams that straddle the corner have nothing of a wall "
-        "beyond it, so that the centre of their footprint lies before it: the last two centimetres of each wall seem "
-        "to bend towards the radar. That turns a fitted wall the more the shorter it is. Alone, and scattering on "
-        "their faces only, the walls enclose "
+        f"The angle comes out {numbers['angle_between_deg'] - 90.0:.2f} degrees too large, and in random corridors "
+        "alike. It fits that beams which straddle the corner have nothing of a wall beyond it: the centre of their "
+        "footprint lies before the corner, and the end of each wall seems to bend towards the radar. That turns a "
+        "wall the more the shorter it is. Alone, and scattering on their faces only, the walls enclose "
         + " and ".join(
-            f"{numbers[f'angle_end_wall_{length}m_deg']:.3f} degrees where the end wall is {length} m long"
+            f"{numbers[f'angle_end_wall_{length}m_deg']:.3f} degrees with an end wall of {length} m"
             for length in ("0.5", "1")
             if f"angle_end_wall_{length}m_deg" in numbers
         )
