@@ -103,6 +103,20 @@ _ALL = (
         "The computing time",
         "The initial image and the folding at the published size and larger ones, on this machine, with the image's "
         "error against the float64 sum.",
+        "drywall-mannequin",
+        "A mannequin around a drywall, and the foil under its shirt",
+        "Fig. 5",
+        "A raster scan of a drywall at an oblique angle shows a mannequin beside the field of view: where the wall is, "
+        "how thick it appears and why, the body's outline and pose, and an L of foil on its chest, with a control.",
+        extra="mesh",
+    ),
+    Experiment(
+        "corridor",
+        "Around the corner of a corridor",
+        "Fig. 6",
+        "A raster scan of two walls at right angles, one of which shows a mannequin, a wall and a metal box around the "
+        "corner: the angle between the walls, what is folded where, how bright the box is and why.",
+        extra="mesh",
     ),
 )
 
