@@ -83,6 +83,12 @@ _ALL = (
         "The principle",
         "One mirror, then two: a ghost behind each mirror, a single and a double fold.",
     ),
+    Experiment(
+        "resolution",
+        "Resolution, directly and after folds",
+        "The abstract and Section II",
+        "Widths of a point and errors of its place, in line of sight and after one to three folds, against theory.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
