@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mirrorfold.common.windows import hann
-from mirrorfold.reproducing import Findings, Work
+from mirrorfold.reproducing import Findings, Work, hall
 from mirrorfold.reproducing.experiments import resolution
 
 pytestmark = pytest.mark.slow
@@ -61,9 +61,9 @@ def test_claims(findings):
 
 
 def test_folds_undo_the_images():
-    mirrors, target = resolution._drawn(1)
-    for chain in resolution.CHAINS:
-        fold = resolution._fold(mirrors, chain)
+    mirrors, target = hall.drawn(1)
+    for chain in hall.CHAINS:
+        fold = hall.unfolding(mirrors, chain)
         ghost = fold.inverse(target)
         assert np.linalg.det(fold.linear) == pytest.approx((-1.0) ** len(chain))
         np.testing.assert_allclose(fold(ghost), target, atol=1e-12)

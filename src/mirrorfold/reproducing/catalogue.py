@@ -89,6 +89,12 @@ _ALL = (
         "The abstract and Section II",
         "Widths of a point and errors of its place, in line of sight and after one to three folds, against theory.",
     ),
+    Experiment(
+        "errors",
+        "Errors of mirrors and antennas, fold by fold",
+        "",
+        "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,23 +13,22 @@ from scipy.optimize import brentq, minimize
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
-from mirrorfold.common.geometry import Isometry, segment_normal, unit
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.scenes import plan_scene
+from mirrorfold.reproducing.hall import (
+    CHAINS,
+    ELEMENTS,
+    LABELS,
+    PITCH,
+    RADIUS,
+    START,
+    STOP,
+    drawn,
+    hall_scene,
+    unfolding,
+)
 from mirrorfold.reproducing.work import Work
-
-if TYPE_CHECKING:
-    from mirrorfold.scenes.floor_plan import Scene
-
-ELEMENTS, PITCH, START, STOP = 161, 0.5e-3, 290e9, 300e9
-"""The published array and band: 8 cm, 10 GHz."""
-
-RADIUS = 1e-3
-"""Of the target [m]: a circle, whose echo comes from one point at every angle, this much nearer than its middle."""
-
-CHAINS = ((), ("right",), ("right", "left"), ("right", "left", "right"))
-"""The ways to the target: mirrors in the order in which the wave meets them on its way out."""
 
 HALF, PIXELS = 3.2, 97
 """The image around each point reaches so many predicted widths to all sides, with so many pixels."""
@@ -49,8 +48,6 @@ CENTIMETRES = 0.05
 CLOSE = 0.05
 """Relative difference up to which a measured width agrees with a predicted one."""
 
-LABELS = ("line of sight", "one fold", "two folds", "three folds")
-
 
 def run(work: Work) -> Findings:
     """Points at random places between two mirrors at random angles."""
@@ -58,8 +55,8 @@ def run(work: Work) -> Findings:
     found: list[list[dict[str, float]]] = []
     shown: list[tuple[Array, Array]] = []
     for seed in range(draws):
-        mirrors, target = _drawn(seed)
-        scene = _scene(mirrors, target, elements=elements, points=work.size(401, 281))
+        mirrors, target = drawn(seed)
+        scene = hall_scene(mirrors, target, elements=elements, points=work.size(401, 281))
         sweep = work.sweep(scene, bounces=len(CHAINS) - 1)
         seen = [_measured(sweep, mirrors, target, chain) for chain in CHAINS]
         found.append([numbers for numbers, _ in seen])
@@ -109,48 +106,11 @@ def run(work: Work) -> Findings:
     )  # fmt: skip
 
 
-def _drawn(seed: int) -> tuple[dict[str, Array], Array]:
-    """Two mirrors, (2, 2) ends [m] each, that face each other, and a place between them (2,) [m]."""
-    random = np.random.default_rng(seed)
-    mirrors = {}
-    for name, side in (("right", 1.0), ("left", -1.0)):
-        away, lean = random.uniform(0.22, 0.30), np.radians(random.uniform(-3.0, 3.0))
-        ends = np.array([0.12, 3.2])
-        mirrors[name] = np.column_stack([side * away + np.tan(lean) * (ends - 1.0), ends])
-    return mirrors, np.array([random.uniform(-0.1, 0.1), random.uniform(1.5, 2.2)])
-
-
-def _scene(mirrors: dict[str, Array], target: Array, *, elements: int, points: int) -> Scene:
-    """Mirrors and target, seen by the published array."""
-    walls = [{"name": name, "kind": "segment", "start": ends[0].tolist(), "end": ends[1].tolist()}
-             for name, ends in mirrors.items()]  # fmt: skip
-    circle = {"name": "target", "kind": "circle", "center": target.tolist(), "radius": RADIUS}
-    return plan_scene(
-        {
-            "name": "a point between two mirrors",
-            "array": {"elements": elements, "pitch": PITCH},
-            "band": {"start": START, "stop": STOP, "points": points},
-            "surface": [*walls, circle],
-        }
-    )
-
-
-def _fold(mirrors: dict[str, Array], chain: tuple[str, ...]) -> Isometry:
-    """From where a chain of mirrors shows something to where it stands: the reflections undone, the first one first.
-
-    In terms of the true mirrors the first that the wave meets is the last to make the image.
-    """
-    fold = Isometry.identity()
-    for name in chain:
-        fold = Isometry.reflection(mirrors[name][0], segment_normal(*mirrors[name])) @ fold
-    return fold
-
-
 def _measured(
     sweep: xr.Dataset, mirrors: dict[str, Array], target: Array, chain: tuple[str, ...]
 ) -> tuple[dict[str, float], tuple[Array, Array]]:
     """Widths and position of the target as a chain shows it, with what is predicted; and places and levels about it."""
-    fold = _fold(mirrors, chain)
+    fold = unfolding(mirrors, chain)
     ghost = fold.inverse(target)
     way = float(np.linalg.norm(ghost))
     sight = ghost / way
