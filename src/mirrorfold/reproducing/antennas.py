@@ -11,7 +11,6 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import minimize
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.hall import CHAINS, PITCH, START, STOP, drawn, unfolding
 
@@ -74,7 +73,7 @@ def antenna_errors(seeds: Iterable[int], spreads: Sequence[float], *, elements: 
                         tx, rx, cable = _displaced(effect, elements, spreads[size], random)
                         found, place = _peak(ghost, nominal, tx, rx, cable)
                         where = row, column, size, trial, folds
-                        level[where] = to_db(found / exact)
+                        level[where] = 20.0 * np.log10(found / exact)
                         shift[where] = np.linalg.norm(fold(place) - fold(at))
                         predicted[where] = _predicted(effect, elements, spreads[size], ghost)
     dims = ("draw", "effect", "spread", "trial", "folds")

@@ -84,6 +84,12 @@ _ALL = (
         "One mirror, then two: a ghost behind each mirror, a single and a double fold.",
     ),
     Experiment(
+        "synthetic-aperture",
+        "Drywall, carpet roll and boxes by synthetic apertures",
+        "Fig. 7",
+        "81 x 81 positions of two stages, through Touchstone files and calibration, folded about a drywall.",
+    ),
+    Experiment(
         "resolution",
         "Resolution, directly and after folds",
         "The abstract and Section II",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,7 +81,7 @@ def run(work: Work) -> Findings:
             array = scene.array
             scene = replace(scene, array=replace(array, elements=work.size(array.elements, 81)))
             sweep = work.sweep(scene, seed=number)
-            stated.append(work.kept(lambda sweep=sweep, scene=scene: stated_errors(mf.reconstruct(sweep), scene)))
+            stated.append(work.kept(partial(_stated, sweep, scene)))
             work.step(3 + len(stated), steps)
     merged = {name: np.concatenate([one[name] for one in stated]) for name in stated[0]}
     numbers = _numbers(moved, antennas, merged) | {"fold_program_over_formula": folded, "fold_difference_m": apart}
@@ -220,6 +221,11 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
     return float(np.sqrt(np.sum(moved) / np.sum(expected))), apart
 
 
+def _stated(sweep: xr.Dataset, scene: Scene) -> dict[str, list[float]]:
+    """What the reconstruction of a sweep states of its errors."""
+    return stated_errors(mf.reconstruct(sweep), scene)
+
+
 def _numbers(moved: xr.Dataset, antennas: xr.Dataset, stated: dict[str, Array]) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for kind in KINDS:
@@ -320,11 +326,10 @@ def _antenna_table(antennas: xr.Dataset) -> Table:
     for i, spread in enumerate(antennas["spread"].values):
         one = antennas.sel(effect="random").isel(spread=i)
         level = one["level_db"].mean(("draw", "trial")).values
-        shift = np.sqrt((one["shift"] ** 2).mean(("draw", "trial"))).values
+        shift, predicted = (np.sqrt((one[name] ** 2).mean(("draw", "trial")).values) for name in ("shift", "predicted"))
         rows.append([f"random, {1e6 * spread:.0f} um", ", ".join(f"{value:.1f}" for value in level),
                      f"{float(_level_db(spread)):.1f}", ", ".join(f"{1e3 * value:.2f}" for value in shift),
-                     ", ".join(f"{1e3 * value:.2f}" for value in
-                               np.sqrt((one["predicted"] ** 2).mean(("draw", "trial"))).values)])  # fmt: skip
+                     ", ".join(f"{1e3 * value:.2f}" for value in predicted)])  # fmt: skip
     for name, what in EFFECTS.items():
         if name != "random":
             one = antennas.sel(effect=name).isel(spread=0, trial=0).mean("draw")
