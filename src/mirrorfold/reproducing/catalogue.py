@@ -117,6 +117,22 @@ _ALL = (
         "A raster scan of two walls at right angles, one of which shows a mannequin, a wall and a metal box around the "
         "corner: the angle between the walls, what is folded where, how bright the box is and why.",
         extra="mesh",
+        "synthetic-aperture",
+        "Drywall, carpet roll and boxes by synthetic apertures",
+        "Fig. 7",
+        "81 x 81 positions of two stages, through Touchstone files and calibration, folded about a drywall.",
+    ),
+    Experiment(
+        "resolution",
+        "Resolution, directly and after folds",
+        "The abstract and Section II",
+        "Widths of a point and errors of its place, in line of sight and after one to three folds, against theory.",
+    ),
+    Experiment(
+        "errors",
+        "Errors of mirrors and antennas, fold by fold",
+        "",
+        "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
     ),
 )
 
