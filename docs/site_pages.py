@@ -21,8 +21,8 @@ GROUPS = {
     "Sweeps": ("make_sweep", "make_monostatic_sweep", "make_raster_sweep", "check_sweep", "add_noise"),
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
-        "focus", "FocusPlan", "FocusOperator", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame",
-        "score", "benchmark", "compare",
+        "focus", "FocusPlan", "FocusOperator", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct",
+        "pick_frame", "score", "benchmark", "compare",
     ),
     "Pages": ("report", "view"),
     "Errors": ("InputError",),

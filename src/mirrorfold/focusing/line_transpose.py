@@ -14,9 +14,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import cpu_count, for_each, one_thread
+from mirrorfold.common.threads import cpu_count, for_each
 from mirrorfold.focusing import transposed_kernels as kernels
-from mirrorfold.focusing.line_sector import LINES_A_BLOCK, LineArraySector
+from mirrorfold.focusing.line_sector import LINES_A_BLOCK, SERIAL_PRODUCT, LineArraySector
 
 
 def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDArray[np.complex64]) -> None:
@@ -73,6 +73,8 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
         beams[middle:, part] = profile[: frequencies - middle]
         beams[:middle, part] = profile[design.range_cells - middle :]
 
+    back = sector.transfer.swapaxes(1, 2)
+    most = max(1, SERIAL_PRODUCT // (2 * nodes) ** 2)
     at_point = (np.arange(lattice.points) + lattice.lowest) % design.cells
 
     def from_directions(first: int) -> None:
@@ -82,11 +84,12 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
         kernels.unstretch(beams[some], sector.cell[some], sector.weight[some], spectrum)
         spectrum = scipy.fft.ifft(spectrum, axis=1, norm="forward", overwrite_x=True)
         columns = np.ascontiguousarray(spectrum[:, at_point]).view(np.float32)
-        summed = np.ascontiguousarray(np.matmul(columns, sector.transfer[some].swapaxes(1, 2)).swapaxes(0, 1))
+        summed = np.empty((lattice.points, count, 2 * nodes), dtype=np.float32)
+        for a in range(0, lattice.points, most):
+            np.matmul(columns[:, a : a + most], back[some], out=summed[a : a + most].swapaxes(0, 1))
         gathered = np.empty(count * lattice.tx.size, dtype=np.complex64)
         kernels.expand(summed, sector.factor, lattice.first, count, gathered.view(np.float32))
         kernels.hand_back(gathered, sector.pair, sector.partner, lattice.folded, lattice.first, data[some])
 
-    with one_thread():
-        for_each(from_ranges, range(0, lines, LINES_A_BLOCK))
-        for_each(from_directions, range(0, frequencies, sector.block))
+    for_each(from_ranges, range(0, lines, LINES_A_BLOCK))
+    for_each(from_directions, range(0, frequencies, sector.block))

@@ -83,6 +83,14 @@ _ALL = (
         "The principle",
         "One mirror, then two: a ghost behind each mirror, a single and a double fold.",
     ),
+    Experiment(
+        "sparse",
+        "Few channels and metasurfaces",
+        "",
+        "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
+        "folded: how few will do.",
+        "sparse",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
