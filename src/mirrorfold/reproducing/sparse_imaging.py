@@ -101,7 +101,7 @@ class Modes:
 
     def measured(self, s: Samples) -> Samples:
         """T S R^T of every frequency."""
-        return np.asarray(self._tx @ s @ self._rx.swapaxes(1, 2)).ravel()
+        return np.ravel(np.asarray(self._tx @ s @ self._rx.swapaxes(1, 2), dtype=np.complex64))
 
     def matched(self, y: Samples) -> Samples:
         """T^H Y conj(R)."""
