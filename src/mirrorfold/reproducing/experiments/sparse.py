@@ -373,8 +373,8 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the matched "
         "filter A^H y of the same measurement, with a Hann taper over frequency.",
         f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
-        "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as wide "
-        "as a resolution cell, which single pixels are not. The image is therefore "
+        "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
+        "wide as a resolution cell, which single pixels are not. The image is therefore "
         "restored as radio astronomers restore the components of CLEAN (Hogbom 1974): x predicts the samples of all "
         "channels, measured ones keep their values, and the completed sweep is focused as usual. That is the model "
         "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself.",
