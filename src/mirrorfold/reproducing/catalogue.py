@@ -133,6 +133,12 @@ _ALL = (
         "Errors of mirrors and antennas, fold by fold",
         "",
         "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
+        "sparse",
+        "Few channels and metasurfaces",
+        "",
+        "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
+        "folded: how few will do.",
+        "sparse",
     ),
 )
 
