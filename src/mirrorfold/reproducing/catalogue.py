@@ -78,6 +78,12 @@ class Experiment:
 
 _ALL = (
     Experiment(
+        "scattering",
+        "What walls mirror and what they scatter, from microwaves to light",
+        "Scattering of building materials",
+        "Shares of the power that walls mirror and scatter, against frequency, angle and roughness.",
+    ),
+    Experiment(
         "principle",
         "The principle of mirror folding",
         "The principle",
@@ -139,6 +145,16 @@ _ALL = (
         "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
         "folded: how few will do.",
         "sparse",
+        "frequency",
+        "Two walls from 60 GHz to 1 THz",
+        "",
+        "How well two-wall scenes are folded, against frequency, roughness, aperture and bandwidth.",
+    ),
+    Experiment(
+        "bounces",
+        "How far folding carries: one to five bounces",
+        "",
+        "Targets that are seen by way of one to five walls: accuracy and completeness, against the link budget.",
     ),
 )
 
