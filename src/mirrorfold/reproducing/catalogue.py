@@ -104,11 +104,6 @@ _ALL = (
         "walls.",
     ),
     Experiment(
-        "runtime",
-        "How long imaging and folding take",
-        "The computing time",
-        "The initial image and the folding at the published size and larger ones, on this machine, with the image's "
-        "error against the float64 sum.",
         "drywall-mannequin",
         "A mannequin around a drywall, and the foil under its shirt",
         "Fig. 5",
@@ -123,6 +118,8 @@ _ALL = (
         "A raster scan of two walls at right angles, one of which shows a mannequin, a wall and a metal box around the "
         "corner: the angle between the walls, what is folded where, how bright the box is and why.",
         extra="mesh",
+    ),
+    Experiment(
         "synthetic-aperture",
         "Drywall, carpet roll and boxes by synthetic apertures",
         "Fig. 7",
@@ -135,16 +132,13 @@ _ALL = (
         "Widths of a point and errors of its place, in line of sight and after one to three folds, against theory.",
     ),
     Experiment(
-        "errors",
-        "Errors of mirrors and antennas, fold by fold",
-        "",
-        "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
-        "sparse",
-        "Few channels and metasurfaces",
-        "",
-        "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
-        "folded: how few will do.",
-        "sparse",
+        "runtime",
+        "How long imaging and folding take",
+        "The computing time",
+        "The initial image and the folding at the published size and larger ones, on this machine, with the image's "
+        "error against the float64 sum.",
+    ),
+    Experiment(
         "frequency",
         "Two walls from 60 GHz to 1 THz",
         "",
@@ -155,6 +149,20 @@ _ALL = (
         "How far folding carries: one to five bounces",
         "",
         "Targets that are seen by way of one to five walls: accuracy and completeness, against the link budget.",
+    ),
+    Experiment(
+        "errors",
+        "Errors of mirrors and antennas, fold by fold",
+        "",
+        "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
+    ),
+    Experiment(
+        "sparse",
+        "Few channels and metasurfaces",
+        "",
+        "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
+        "folded: how few will do.",
+        extra="sparse",
     ),
 )
 
