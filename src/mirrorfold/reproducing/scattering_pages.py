@@ -32,9 +32,9 @@ def by_frequency(data: xr.Dataset) -> Figure:
     right.set_title("concrete, rms height / correlation length", fontsize=10)
     for ax in (left, right):
         ax.set(xscale="log", ylim=(-80, 3), xlabel="frequency [GHz]")
-        for level, word in ((DULL_DB, "dull below"), (INVISIBLE_DB, "invisible below")):
+        for level, word, place in ((DULL_DB, "dull below", 11.0), (INVISIBLE_DB, "invisible below", 110.0)):
             ax.axhline(level, color="0.5", linewidth=0.8)
-            ax.text(11.0, level + 0.8, word, color="0.4", fontsize=8)
+            ax.text(place, level + 0.8, word, color="0.4", fontsize=8)
         ax.legend(fontsize=8, loc="lower right")
         ax.grid(alpha=0.2)
     left.set_ylabel("share of the power [dB]")

@@ -1,8 +1,8 @@
-"""Random scenes with two walls, seen by a radar of any frequency, aperture and bandwidth, and how well they are folded."""
+"""Random scenes with two walls, seen by any radar, and how well they are folded."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import mirrorfold as mf
 from mirrorfold.describing.planning import TEMPERATURE, Instrument
 from mirrorfold.describing.quality import cell_diagonal
 from mirrorfold.describing.walls import shares
+from mirrorfold.focusing.grid import default_grid
 from mirrorfold.reproducing.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
@@ -22,13 +23,18 @@ from mirrorfold.scenes.surfaces import Roughness
 UNAMBIGUOUS = 5.0
 """Range [m]: the farthest ghosts of what is hidden stand at 3.5 m, and echoes of rays end soon after."""
 
-MOST_RX = 81
+MOST_RX = 165
 """Receivers; where half a wavelength would take more, every second, third ... is left out, which transmitters half a
 wavelength apart allow: their beam has no grating lobes, so the product of both has none of the same strength."""
 
 MIRRORS = ("wall 1", "wall 2")
-OBJECT_ROUGHNESS = Roughness(rms_height=0.10e-3, correlation_length=0.2e-3)
-"""That of the published objects."""
+"""The one that hides, and the one that shows."""
+
+OBJECT_HEIGHT = 0.10e-3
+"""Rms height of the published objects [m]."""
+
+VIEW = (-1.7, 3.3), 4.3
+"""From where to where pixels are needed, in x and up to which y [m]: all scenes and their images."""
 
 Row = dict[str, Any]
 
@@ -45,6 +51,10 @@ class Setting:
     aperture : float [m]
     rms_height, correlation_length : float [m]
         Of the walls.
+    material : str
+        Of the walls.
+    object_correlation : float [m]
+        Correlation length of the objects' heights.
     """
 
     frequency: float
@@ -52,6 +62,8 @@ class Setting:
     aperture: float = 0.08
     rms_height: float = 0.05e-3
     correlation_length: float = 0.2e-3
+    material: str = "pec"
+    object_correlation: float = 0.2e-3
 
     @property
     def radar(self) -> Radar:
@@ -72,7 +84,7 @@ class Setting:
     def mirrored_db(self) -> float:
         """Share of the power that the walls mirror at 45 degrees [dB]."""
         rough = (self.rms_height, self.correlation_length)
-        return float(10.0 * np.log10(shares("pec", np.array(self.frequency), np.array(np.pi / 4), rough)[0][0]))
+        return float(10.0 * np.log10(shares(self.material, np.array(self.frequency), np.array(np.pi / 4), rough)[0][0]))
 
     def scene(self, seed: int) -> Scene:
         """The published scene for seed 0, random ones for others; the same for all radars."""
@@ -80,6 +92,7 @@ class Setting:
         drawn = shipped_plan("two_walls") if seed == 0 else draw("two walls", seed, radar=radar)
         assert isinstance(drawn, Scene)
         walls = Roughness(rms_height=self.rms_height, correlation_length=self.correlation_length)
+        objects = Roughness(rms_height=OBJECT_HEIGHT, correlation_length=self.object_correlation)
         content = dict(radar.array)
         rx = content.pop("rx", None)
         array = LinearArray(**content, rx=LinearArray(**rx) if rx else None)
@@ -88,7 +101,11 @@ class Setting:
             array=array,
             band=Band(**radar.band),
             surface=tuple(
-                replace(surface, roughness=walls if surface.name in MIRRORS else OBJECT_ROUGHNESS)
+                (
+                    replace(surface, roughness=walls, material=self.material)
+                    if surface.name in MIRRORS
+                    else replace(surface, roughness=objects)
+                )
                 for surface in drawn.surface
             ),
         )
@@ -110,7 +127,7 @@ def noise_power(frequency: float) -> float:
 
 def judged(work: Work, setting: Setting, seed: int, **settings: Any) -> Row:
     """How well a scene is folded, as numbers; kept."""
-    return work.kept(lambda: judge(setting, seed, **settings))
+    return work.kept(lambda: asdict(setting) | {"seed": seed} | judge(setting, seed, **settings))
 
 
 def judge(setting: Setting, seed: int, **settings: Any) -> Row:
@@ -119,11 +136,13 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
     sweep = mf.simulate(scene, seed=seed, **settings)
     level = 10.0 * np.log10(float((np.abs(sweep["s"].values) ** 2).mean()) / noise_power(setting.frequency))
     sweep = mf.sweep.add_noise(sweep, snr_db=float(level), seed=seed)
-    score = mf.score(mf.reconstruct(sweep), scene)
+    x, y = default_grid(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
+    x, y = x[(x >= VIEW[0][0]) & (x <= VIEW[0][1])], y[y <= VIEW[1]]
+    score = mf.score(mf.reconstruct(sweep, x=x, y=y), scene)
     first = {name: [one for one in score.mirrors if one.surface == name and one.generation == 1] for name in MIRRORS}
-    angles = [min(one.angle_error_deg for one in found) for found in first.values() if found]
+    angles = [min(one.angle_error_deg or 0.0 for one in found) for found in first.values() if found]
     hidden = score.hidden
-    wall = float(np.mean([_length(scene, name) for name in MIRRORS]))
+    at_wall = cell_diagonal(setting.frequency, setting.bandwidth, setting.aperture, _distance(scene, "wall 2"))
     far = float(np.median([_range(scene, name) for name in score.surfaces])) if score.surfaces else 3.0
     cell = cell_diagonal(setting.frequency, setting.bandwidth, setting.aperture, far)
     return {
@@ -131,10 +150,11 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
         "f_5cm": hidden.f_score_5cm,
         "f_cells": hidden.f_score_cells,
         "accuracy_m": hidden.accuracy_m,
+        "shown": float(bool(first["wall 2"])),
         "both_walls": float(all(first.values())),
         "angle_deg": float(np.mean(angles)) if angles else None,
         "cell_m": cell,
-        "wall_cells": wall / cell,
+        "wall_cells": _length(scene, "wall 2") / at_wall,
         "target_cells": float(np.mean([one.reachable_m for one in score.surfaces.values()])) / cell,
         "mirrored_db": setting.mirrored_db,
     }
@@ -143,6 +163,11 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
 def _length(scene: Scene, name: str) -> float:
     """Of a surface [m]."""
     return float(next(s.sample(0.01)[2].sum() for s in scene.surface if s.name == name))
+
+
+def _distance(scene: Scene, name: str) -> float:
+    """Of the middle of a surface from the radar [m]."""
+    return float(np.linalg.norm(next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)))
 
 
 def _range(scene: Scene, name: str) -> float:

@@ -31,7 +31,7 @@ ROUGHNESSES = (
 OBLIQUE = np.radians(45.0)
 """Angle of incidence of a wall that serves as a mirror [rad]."""
 
-LOWEST, HIGHEST, EXTRAPOLATED = 1e9, 30e12, 3e12
+LOWEST, HIGHEST, EXTRAPOLATED = 0.1e9, 30e12, 3e12
 """Ends of the search for the window, and up to where the recommendation's formulas are extrapolated [Hz]."""
 
 VISIBLE_DB = (INVISIBLE_DB, -40.0, -30.0)

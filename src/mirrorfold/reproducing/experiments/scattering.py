@@ -71,7 +71,7 @@ def run(work: Work) -> Findings:
             ),
             "window": (
                 draw_windows(windows),
-                "The window for five roughnesses (rms height / correlation length): in each "
+                "The window for six roughnesses (rms height / correlation length): in each "
                 "bar, walls mirror above -25 dB and scatter above -60 dB; the darker part scatters above -40 dB.",
             ),
             "fullwave": (
@@ -239,7 +239,7 @@ def _claims(numbers: dict[str, float]) -> tuple[Claim, ...]:
         Claim(
             claim="To light walls scatter alone: they are visible and no mirrors.",
             source=source,
-            measured=f"mirrored {light:.0f} dB at most, scattered {numbers['scattered_light_db']:.0f} dB",
+            measured=f"mirrored below {max(light, -100.0):.0f} dB, scattered {numbers['scattered_light_db']:.0f} dB",
             verdict="agrees" if light < DULL_DB and numbers["scattered_light_db"] > INVISIBLE_DB else "differs",
             why="The smoothest wall of all (10 um) at 45 degrees, and the published roughness at 85 degrees.",
         ),
