@@ -7,8 +7,8 @@ import pytest
 
 from mirrorfold.reproducing.experiments import bounces
 from mirrorfold.reproducing.findings import Findings
+from mirrorfold.reproducing.parts.zigzag import corridor, way
 from mirrorfold.reproducing.work import Work
-from mirrorfold.reproducing.zigzag import corridor, way
 from mirrorfold.scenes.visibility import visible_truth
 
 pytestmark = pytest.mark.slow

@@ -5,8 +5,9 @@ import pytest
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.geometry import segment_normal
-from mirrorfold.reproducing import Findings, Work, hall
+from mirrorfold.reproducing import Findings, Work
 from mirrorfold.reproducing.experiments import errors
+from mirrorfold.reproducing.parts import hall
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ import pytest
 
 from mirrorfold.reproducing.experiments import frequency
 from mirrorfold.reproducing.findings import Findings
-from mirrorfold.reproducing.quality_table import quality_table
-from mirrorfold.reproducing.two_walls_family import MOST_RX, Setting, noise_power
+from mirrorfold.reproducing.parts.quality_table import quality_table
+from mirrorfold.reproducing.parts.two_walls_family import MOST_RX, Setting, noise_power
 from mirrorfold.reproducing.work import Work
 
 pytestmark = pytest.mark.slow

@@ -5,8 +5,9 @@ import pytest
 from scipy.optimize import brentq
 
 from mirrorfold.common.windows import hann
-from mirrorfold.reproducing import Findings, Work, hall
+from mirrorfold.reproducing import Findings, Work
 from mirrorfold.reproducing.experiments import resolution
+from mirrorfold.reproducing.parts import hall
 
 pytestmark = pytest.mark.slow
 

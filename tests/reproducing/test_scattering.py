@@ -8,7 +8,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.reproducing.experiments import scattering
 from mirrorfold.reproducing.findings import Findings
-from mirrorfold.reproducing.window import MATERIALS, PAPER_ROUGHNESS, ROUGHNESSES, Window, reflected
+from mirrorfold.reproducing.parts.window import MATERIALS, PAPER_ROUGHNESS, ROUGHNESSES, Window, reflected
 from mirrorfold.reproducing.work import Work
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
-from mirrorfold.reproducing.sparse_imaging import Channels, Modes, focused, random_channels, sparse_reflectivity
+from mirrorfold.reproducing.parts.sparse_imaging import Channels, Modes, focused, random_channels, sparse_reflectivity
 
 SHAPE = (24, 20, 20)
 X, Y = np.arange(-0.5, 0.5, 0.03), np.arange(0.5, 1.3, 0.04)

@@ -5,7 +5,7 @@ import pytest
 
 from mirrorfold.reproducing import Findings, Work
 from mirrorfold.reproducing.experiments import synthetic_aperture
-from mirrorfold.reproducing.scenes import shipped_plan
+from mirrorfold.reproducing.parts.scenes import shipped_plan
 
 pytestmark = pytest.mark.slow
 

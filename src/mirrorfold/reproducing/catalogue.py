@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mirrorfold.reproducing.findings import Findings
     from mirrorfold.reproducing.work import Work
 
-PACKAGE = "mirrorfold.reproducing.experiments"
+PACKAGE, PARTS = "mirrorfold.reproducing.experiments", "mirrorfold.reproducing.parts"
 
 NEEDS = {"mesh": ("trimesh", "embreex", "skimage"), "sparse": ("pylops",)}
 """What each extra of the package installs, by the names that are imported."""
@@ -56,9 +56,11 @@ class Experiment:
         return cast("Callable[[Work], Findings]", import_module(f"{PACKAGE}.{self.module}").run)
 
     def digest(self, *, quick: bool) -> str:
-        """Digest of the program that makes it: version, size, and the text of its module."""
-        text = files(PACKAGE).joinpath(f"{self.module}.py").read_bytes()
-        return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + text).hexdigest()
+        """Digest of the program that makes it: version, size, and the text of its module and of what several share."""
+        shared = sorted(files(PARTS).iterdir(), key=lambda file: file.name)
+        texts = [file.read_bytes() for file in shared if file.name.endswith(".py")]
+        texts.append(files(PACKAGE).joinpath(f"{self.module}.py").read_bytes())
+        return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + b"".join(texts)).hexdigest()
 
     def check_installed(self) -> None:
         """Refuse to begin without what the experiment needs.

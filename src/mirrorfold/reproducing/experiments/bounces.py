@@ -15,7 +15,8 @@ from mirrorfold.common.types import Array
 from mirrorfold.describing.planning import Instrument, Plan
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.reproducing.bounces_pages import (
+from mirrorfold.reproducing.findings import Claim, Findings
+from mirrorfold.reproducing.parts.bounces_pages import (
     accuracies,
     budget_table,
     case_key,
@@ -23,10 +24,8 @@ from mirrorfold.reproducing.bounces_pages import (
     found_by_snr,
     result_table,
 )
-from mirrorfold.reproducing.findings import Claim, Findings
-from mirrorfold.reproducing.frequency_pages import mean_error
-from mirrorfold.reproducing.work import Work
-from mirrorfold.reproducing.zigzag import (
+from mirrorfold.reproducing.parts.frequency_pages import mean_error
+from mirrorfold.reproducing.parts.zigzag import (
     ELEMENTS,
     EVERY,
     FIRST,
@@ -39,6 +38,7 @@ from mirrorfold.reproducing.zigzag import (
     corridor,
     way,
 )
+from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
 
 MOST = 5

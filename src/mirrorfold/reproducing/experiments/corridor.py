@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 import mirrorfold as mf
 from mirrorfold.plotting import volumes as plot_volume
-from mirrorfold.reproducing import bodies
-from mirrorfold.reproducing.bodies import Facing, Folded
-from mirrorfold.reproducing.corners import MIRROR, angle_of_corner, in_view, inner_angle
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.raster import (
+from mirrorfold.reproducing.parts import bodies
+from mirrorfold.reproducing.parts.bodies import Facing, Folded
+from mirrorfold.reproducing.parts.corners import MIRROR, angle_of_corner, in_view, inner_angle
+from mirrorfold.reproducing.parts.raster import (
     SNR_DB,
     Wall,
     hidden_points,
@@ -22,10 +22,10 @@ from mirrorfold.reproducing.raster import (
     walls_of,
     without_pictures,
 )
-from mirrorfold.reproducing.scenes import shipped_solids
-from mirrorfold.reproducing.sections import draw_sections, sections
-from mirrorfold.reproducing.spread import Row, spread, spread_table
-from mirrorfold.reproducing.textures import (
+from mirrorfold.reproducing.parts.scenes import shipped_solids
+from mirrorfold.reproducing.parts.sections import draw_sections, sections
+from mirrorfold.reproducing.parts.spread import Row, spread, spread_table
+from mirrorfold.reproducing.parts.textures import (
     BEHIND,
     BOX,
     box_of,

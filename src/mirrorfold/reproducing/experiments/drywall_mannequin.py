@@ -15,14 +15,22 @@ from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting import volumes as plot_volume
 from mirrorfold.plotting.axes import outer_edges
 from mirrorfold.plotting.outlines import covered
-from mirrorfold.reproducing import bodies
-from mirrorfold.reproducing.bodies import Facing, Folded
 from mirrorfold.reproducing.findings import Claim, Findings
-from mirrorfold.reproducing.raster import SNR_DB, TOLD_DB, hidden_points, places_of, reduced, walls_of, without_pictures
-from mirrorfold.reproducing.scenes import shipped_solids
-from mirrorfold.reproducing.sections import draw_sections, sections
-from mirrorfold.reproducing.spread import Row, spread, spread_table
-from mirrorfold.reproducing.thickness import draw_thickness, measure_thickness
+from mirrorfold.reproducing.parts import bodies
+from mirrorfold.reproducing.parts.bodies import Facing, Folded
+from mirrorfold.reproducing.parts.raster import (
+    SNR_DB,
+    TOLD_DB,
+    hidden_points,
+    places_of,
+    reduced,
+    walls_of,
+    without_pictures,
+)
+from mirrorfold.reproducing.parts.scenes import shipped_solids
+from mirrorfold.reproducing.parts.sections import draw_sections, sections
+from mirrorfold.reproducing.parts.spread import Row, spread, spread_table
+from mirrorfold.reproducing.parts.thickness import draw_thickness, measure_thickness
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes import families
 from mirrorfold.scenes.solids import Patch, Scene3D

@@ -16,9 +16,9 @@ import mirrorfold as mf
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.reproducing.antennas import EFFECTS, antenna_errors
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.hall import (
+from mirrorfold.reproducing.parts.antennas import EFFECTS, antenna_errors
+from mirrorfold.reproducing.parts.hall import (
     CHAINS,
     ELEMENTS,
     LABELS,
@@ -30,7 +30,7 @@ from mirrorfold.reproducing.hall import (
     image_mirrors,
     unfolding,
 )
-from mirrorfold.reproducing.stated import stated_errors
+from mirrorfold.reproducing.parts.stated import stated_errors
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import draw
 from mirrorfold.scenes.floor_plan import Scene

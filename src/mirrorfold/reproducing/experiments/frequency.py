@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.frequency_pages import (
+from mirrorfold.reproducing.parts.frequency_pages import (
     against_waves,
     aperture_map,
     by_bandwidth,
@@ -19,8 +19,8 @@ from mirrorfold.reproducing.frequency_pages import (
     mean_error,
     scene_table,
 )
-from mirrorfold.reproducing.quality_table import FEWEST, quality_table
-from mirrorfold.reproducing.two_walls_family import Row, Setting, judged
+from mirrorfold.reproducing.parts.quality_table import FEWEST, quality_table
+from mirrorfold.reproducing.parts.two_walls_family import Row, Setting, judged
 from mirrorfold.reproducing.work import Work
 
 SHARE, FIXED = 0.034, 10e9

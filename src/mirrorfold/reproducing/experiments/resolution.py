@@ -16,7 +16,7 @@ from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.hall import (
+from mirrorfold.reproducing.parts.hall import (
     CHAINS,
     ELEMENTS,
     LABELS,

@@ -20,7 +20,7 @@ from mirrorfold.focusing.checks import make_problem
 from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.walls import hidden_walls
+from mirrorfold.reproducing.parts.walls import hidden_walls
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 

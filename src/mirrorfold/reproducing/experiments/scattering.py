@@ -16,7 +16,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.describing.planning import DULL_DB, INVISIBLE_DB, TEMPERATURE, Instrument
 from mirrorfold.describing.walls import shares
 from mirrorfold.reproducing.findings import Claim, Findings
-from mirrorfold.reproducing.scattering_pages import (
+from mirrorfold.reproducing.parts.scattering_pages import (
     against_waves,
     by_angle,
     by_frequency,
@@ -25,8 +25,8 @@ from mirrorfold.reproducing.scattering_pages import (
     wave_table,
     window_table,
 )
-from mirrorfold.reproducing.scenes import plan_scene
-from mirrorfold.reproducing.window import MATERIALS, OBLIQUE, PAPER_ROUGHNESS, ROUGHNESSES, Window, reflected
+from mirrorfold.reproducing.parts.scenes import plan_scene
+from mirrorfold.reproducing.parts.window import MATERIALS, OBLIQUE, PAPER_ROUGHNESS, ROUGHNESSES, Window, reflected
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.materials import Dielectric, coherent_factor
 

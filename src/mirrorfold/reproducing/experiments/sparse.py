@@ -12,9 +12,9 @@ from scipy.sparse.linalg import lsqr
 import mirrorfold as mf
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.sparse_figures import draw_example, draw_quality, draw_unexplained
-from mirrorfold.reproducing.sparse_imaging import Channels, Measurement, Modes, focused, random_channels
-from mirrorfold.reproducing.sparse_imaging import sparse_reflectivity as solve
+from mirrorfold.reproducing.parts.sparse_figures import draw_example, draw_quality, draw_unexplained
+from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, focused, random_channels
+from mirrorfold.reproducing.parts.sparse_imaging import sparse_reflectivity as solve
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import Radar, draw
 

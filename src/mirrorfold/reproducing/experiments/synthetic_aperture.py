@@ -20,7 +20,7 @@ from mirrorfold.common.geometry import segment_normal, unit
 from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.scenes import shipped_plan
+from mirrorfold.reproducing.parts.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Circle, Segment

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mirrorfold.common.decibels import COLOURS, bounce_label
 from mirrorfold.describing.planning import Plan
 from mirrorfold.reproducing.findings import Table
-from mirrorfold.reproducing.frequency_pages import mean_error
+from mirrorfold.reproducing.parts.frequency_pages import mean_error
 
 Row = dict[str, Any]
 Plans = dict[tuple[str, float], Plan]

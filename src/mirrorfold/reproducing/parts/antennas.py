@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 import mirrorfold as mf
 from mirrorfold.common.types import Array
-from mirrorfold.reproducing.hall import CHAINS, PITCH, START, STOP, drawn, unfolding
+from mirrorfold.reproducing.parts.hall import CHAINS, PITCH, START, STOP, drawn, unfolding
 
 COMMON = {"scale": 1e-3, "turned": np.radians(0.1), "cable": 1e-3}
 """Errors that all positions share: relative error of a step; angle of one stage against the other [rad]; length [m] of

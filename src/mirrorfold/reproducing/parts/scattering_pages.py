@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from mirrorfold.describing.planning import DULL_DB, INVISIBLE_DB
 from mirrorfold.reproducing.findings import Table
-from mirrorfold.reproducing.window import MATERIALS, PAPER_ROUGHNESS, ROUGHNESSES, Window
+from mirrorfold.reproducing.parts.window import MATERIALS, PAPER_ROUGHNESS, ROUGHNESSES, Window
 
 COLOURS = ("#0072B2", "#009E73", "#E69F00", "#D55E00", "#CC79A7", "#000000")
 """Of the materials (Okabe and Ito)."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mirrorfold.common.types import Array
-from mirrorfold.reproducing.scenes import plan_scene
+from mirrorfold.reproducing.parts.scenes import plan_scene
 from mirrorfold.scenes.families.parts import OBJECT_ROUGHNESS, Generator, arc, wall
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import visible_truth

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.plotting.outlines import covered
-from mirrorfold.reproducing.raster import Wall, hidden_points, places_of
+from mirrorfold.reproducing.parts.raster import Wall, hidden_points, places_of
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.scoring.truth import Truth
 from mirrorfold.scoring.volumes import truth

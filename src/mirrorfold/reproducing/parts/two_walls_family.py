@@ -13,7 +13,7 @@ from mirrorfold.describing.planning import TEMPERATURE, Instrument
 from mirrorfold.describing.quality import cell_diagonal
 from mirrorfold.describing.walls import shares
 from mirrorfold.focusing.grid import default_grid
-from mirrorfold.reproducing.scenes import shipped_plan
+from mirrorfold.reproducing.parts.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 from mirrorfold.scenes.families import Radar, draw

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mirrorfold.describing.quality import NEAR, WIDE
 from mirrorfold.reproducing.findings import Table
-from mirrorfold.reproducing.quality_table import MIRRORED_EDGES_DB
+from mirrorfold.reproducing.parts.quality_table import MIRRORED_EDGES_DB
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

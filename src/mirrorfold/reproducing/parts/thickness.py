@@ -13,7 +13,15 @@ import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Table
-from mirrorfold.reproducing.raster import DEPTHS, SNR_DB, TOLD_DB, thickness, wall_profile, walls_of, without_pictures
+from mirrorfold.reproducing.parts.raster import (
+    DEPTHS,
+    SNR_DB,
+    TOLD_DB,
+    thickness,
+    wall_profile,
+    walls_of,
+    without_pictures,
+)
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.materials import scattering_depth
 from mirrorfold.scenes.scanner import Steps

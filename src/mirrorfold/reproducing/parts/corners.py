@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.reproducing.raster import SNR_DB, Wall, walls_of, without_pictures
+from mirrorfold.reproducing.parts.raster import SNR_DB, Wall, walls_of, without_pictures
 from mirrorfold.scenes.scanner import Steps
 from mirrorfold.scenes.solids import Panel, Scene3D
 from mirrorfold.scoring.mirrors import mirror_errors

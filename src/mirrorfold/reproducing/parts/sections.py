@@ -17,8 +17,8 @@ from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import outer_edges
 from mirrorfold.plotting.outlines import cut
-from mirrorfold.reproducing.bodies import Facing
-from mirrorfold.reproducing.raster import Wall, around, folded_voxels, upright
+from mirrorfold.reproducing.parts.bodies import Facing
+from mirrorfold.reproducing.parts.raster import Wall, around, folded_voxels, upright
 from mirrorfold.scenes.solids import Scene3D
 
 if TYPE_CHECKING:

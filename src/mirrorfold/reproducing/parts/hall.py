@@ -8,7 +8,7 @@ import numpy as np
 
 from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array
-from mirrorfold.reproducing.scenes import plan_scene
+from mirrorfold.reproducing.parts.scenes import plan_scene
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene

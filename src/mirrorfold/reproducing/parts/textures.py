@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.plotting.volumes import FEWEST
-from mirrorfold.reproducing import bodies
-from mirrorfold.reproducing.bodies import Folded
-from mirrorfold.reproducing.raster import SNR_DB, without_pictures
+from mirrorfold.reproducing.parts import bodies
+from mirrorfold.reproducing.parts.bodies import Folded
+from mirrorfold.reproducing.parts.raster import SNR_DB, without_pictures
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.speckle import diffuse_share
 
