@@ -254,6 +254,9 @@ def _numbers(rows: list[Row], plans: dict[tuple[str, float], Plan]) -> dict[str,
             if share is not None:
                 key = f"threshold_{-threshold:.0f}_db_found_{label}_13_db"
                 numbers[key], numbers[f"{key}_error"] = share
+        lost = [float(any(angle is None for angle, _ in row["walls"])) for row in of if not row["found"]]
+        if lost:
+            numbers[f"threshold_{-threshold:.0f}_db_lost_for_want_of_a_wall"] = float(np.mean(lost))
         needed = _needed_snr(of)
         if needed is not None:
             numbers[f"threshold_{-threshold:.0f}_db_snr_needed_db"] = needed
@@ -333,15 +336,19 @@ def _text(numbers: dict[str, float | None]) -> tuple[str, ...]:
     usual, lowered = (
         numbers.get(f"threshold_{-threshold:.0f}_db_found_above_13_db") or 0.0 for threshold in THRESHOLDS
     )
+    walls = numbers.get(f"threshold_{-THRESHOLDS[0]:.0f}_db_lost_for_want_of_a_wall") or 0.0
     return (
-        "Folding itself loses little from bounce to bounce. A mirror seen in others is fitted about as well as one "
-        "in line of sight: its image is as sharp as its range allows, and only across. The errors of all walls on "
-        "the way add up at the target, but each is far below a resolution cell.",
-        "Loss ends it, in two ways. Each wall takes twice its loss from all that is seen in it, so echoes sink below "
-        f"the threshold, {-THRESHOLDS[0]:.0f} dB under a robust reference echo, long before they sink into noise: of "
-        f"the corridors whose target stands {DETECTION_DB:g} dB above the noise, {usual:.0%} are folded with the usual "
-        f"threshold, and {lowered:.0%} with one of {THRESHOLDS[1]:g} dB. `plan` knows of noise alone: its number of "
-        "bounces is what a lowered threshold can reach.",
+        "Folding itself loses little from bounce to bounce. A mirror seen in others is fitted about as well as one in "
+        "line of sight: its image is as sharp as its range allows. The errors of all walls on the way add up at the "
+        "target, but each is far below a resolution cell.",
+        "Loss ends it, earlier than the link budget says. The budget is that of the target alone. Yet every wall on "
+        "the way must be found, too, by what it scatters: an oblique wall of concrete scatters 17 dB less than it meets, "
+        "and what is seen in it sinks by twice its loss with each bounce. Of the targets that are not found, "
+        f"{walls:.0%} miss a wall on their way.",
+        "The usual threshold takes part in that: echoes count down to "
+        f"{-THRESHOLDS[0]:.0f} dB under a robust reference. Of the corridors whose target stands {DETECTION_DB:g} dB "
+        f"above the noise by `plan`, {usual:.0%} are folded with it, and {lowered:.0%} with one of {THRESHOLDS[1]:g} "
+        "dB. `plan` knows of the target's noise alone: its number of bounces is an upper bound.",
         "A lower threshold is not free. These corridors by rays have no multiple scattering that would fill the "
         "depth; in full waves speckle behind objects lies 20 to 40 dB below the brightest echoes.",
     )

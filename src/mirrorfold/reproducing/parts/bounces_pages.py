@@ -81,10 +81,11 @@ def accuracies(rows: Sequence[Row]) -> Figure:
         panels[0].boxplot(off, positions=counts, widths=0.5)
         panels[0].plot(counts, [np.mean(one) if one else np.nan for one in mean], "D", color=COLOURS[4], markersize=5,
                        label="mean distance")  # fmt: skip
-        panels[0].legend(fontsize=8)
+        panels[0].legend(fontsize=8, loc="lower right")
     panels[0].set(xlabel="bounces", ylabel="median distance from the target [mm]")
     panels[0].set_ylim(bottom=0.0)
-    for ax, index, label in ((panels[1], 0, "error of the angle [degree]"), (panels[2], 1, "error of the offset [mm]")):
+    kinds = (0, "error of the angle [degree]", (1e-3, 3.0)), (1, "error of the offset [mm]", (1e-2, 30.0))
+    for ax, (index, label, limits) in zip(panels[1:], kinds, strict=True):
         errors = [
             [
                 row["walls"][g - 1][index]
@@ -95,7 +96,7 @@ def accuracies(rows: Sequence[Row]) -> Figure:
         ]
         if counts:
             ax.boxplot([one or [np.nan] for one in errors], positions=counts, widths=0.5)
-        ax.set(xlabel="generation of the wall", ylabel=label, yscale="log")
+        ax.set(xlabel="generation of the wall", ylabel=label, yscale="log", ylim=limits)
     for ax in panels:
         ax.grid(alpha=0.2, axis="y")
     return figure
