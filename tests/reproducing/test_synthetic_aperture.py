@@ -50,6 +50,7 @@ def test_folded_to_the_true_set_up(findings):
     assert findings.numbers["hidden_f_smallest"] >= 0.9
     assert findings.numbers["accuracy_m"] < findings.numbers["cell_m"]
     assert findings.claims[2].verdict == "agrees"
+    assert findings.numbers["usual_f_smallest"] > 0.6
     precision, completeness = (float(findings.data["draws"][f"hidden_{name}"][0]) for name in
                                ("precision", "completeness"))  # fmt: skip
     score = 2.0 * precision * completeness / (precision + completeness)

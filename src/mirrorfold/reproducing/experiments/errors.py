@@ -62,15 +62,15 @@ MOST_ASTRAY = 3.0
 
 def run(work: Work) -> Findings:
     """Perturb mirrors that are given, then antennas; then ask whether what the program says of its errors is true."""
-    draws, scenes, families = work.size(16, 8), work.size(10, 1), work.size(FAMILIES, FAMILIES[:1])
+    draws, scenes, families = work.size(16, 8), work.size(6, 1), work.size(FAMILIES, FAMILIES[:1])
     steps = 3 + len(families) * scenes
     moved = mirror_errors(range(draws))
     work.step(1, steps)
     folded, apart = _folded_by_program(work)
     work.step(2, steps)
     antennas = antenna_errors(
-        range(work.size(4, 1)), work.size(SPREADS, SPREADS[1:3]), elements=work.size(ELEMENTS, 81),
-        trials=work.size(5, 1),
+        range(work.size(3, 1)), work.size(SPREADS, SPREADS[1:3]), elements=work.size(ELEMENTS, 81),
+        trials=work.size(4, 1),
     )  # fmt: skip
     work.step(3, steps)
     stated: list[dict[str, list[float]]] = []

@@ -18,7 +18,9 @@ import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import segment_normal, unit
 from mirrorfold.common.types import Array
+from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding.shown import shown_points
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
@@ -33,6 +35,13 @@ SPHERE, RADIUS = (0.03, 0.9), 0.02
 
 ASKED_ANGLE_DEG, ASKED_SCORE = 0.1, 0.9
 """What is asked of every draw: the drywall's angle, and the hidden F-score within 1.5 resolution cells."""
+
+FIRST_SEED = 10
+"""Of the draws; with others it was found out what the threshold should be."""
+
+THRESHOLD_DB = -24.0
+"""Instead of the usual -18 dB, which is for scenes of one material: the wood of the roll reflects 16 dB less than the
+foil on the boxes, which set the reference, and its diffuse echoes fall around the usual threshold."""
 
 BEYOND = 0.02
 """So far behind the drywall an echo is no echo of the drywall itself [m]."""
@@ -56,20 +65,21 @@ def run(work: Work) -> Findings:
     rows: list[dict[str, float]] = []
     figures: dict[str, tuple[Figure, str]] = {}
     parts: dict[str, xr.DataTree] = {}
-    for seed in range(draws):
+    for number in range(draws):
+        seed = FIRST_SEED + number
         drawn = _drawn(seed, truth.array.elements)
         ideal = work.sweep(truth, seed=seed, bounces=2)
         sphere = work.sweep(replace(truth, name="sphere", surface=(_sphere(),)), seed=seed)
-        if seed == 0:
+        if number == 0:
             swept = _measured(ideal, drawn, seed), _measured(sphere, drawn, seed + 1)
             # At reduced size the files of some transmitters must do.
-            (read, of_sphere), apart = _through_files(swept, work.size(truth.array.elements, 5))
+            (read, of_sphere), apart = _through_files(swept, work.size(truth.array.elements, 4))
             calibrated, worst = _calibrated(read, of_sphere, drawn)
-            images = [mf.focus(one, x=np.arange(-1.0, 1.4, 4e-3), y=np.arange(0.6, 3.2, 4e-3), tolerance=1e-3)
+            images = [mf.focus(one, x=np.arange(-1.0, 1.4, 5e-3), y=np.arange(0.6, 3.2, 5e-3), tolerance=1e-3)
                       for one in (mf.calibrate.remove_cable(read, CABLE), calibrated)]  # fmt: skip
-            reconstruction = mf.reconstruct(calibrated)
+            reconstruction, usual = _folded(calibrated)
             peaks = [float(np.abs(image.values).max()) for image in images]
-            row = _judged(reconstruction, truth) | {"worst_delay_m": worst, "files_apart": apart}
+            row = _judged(reconstruction, usual, truth) | {"worst_delay_m": worst, "files_apart": apart}
             row["uncalibrated_db"] = 20.0 * float(np.log10(peaks[0] / peaks[1]))
             rows.append(row)
             figures = {
@@ -81,13 +91,13 @@ def run(work: Work) -> Findings:
             parts["points"] = xr.DataTree(shown_points(reconstruction))
         else:
             rows.append(work.kept(partial(_draw, truth, drawn, ideal, sphere)))
-        work.step(seed + 1, draws)
+        work.step(number + 1, draws)
     names = [name for name in rows[-1] if name not in ("files_apart", "uncalibrated_db")]
     units = {"deg": "degree", "m": "m"}
     data = xr.Dataset(
         {name: ("draw", np.array([row[name] for row in rows]), {"units": units.get(name.split("_")[-1], "1")})
          for name in names},
-        {"draw": np.arange(draws)},
+        {"draw": FIRST_SEED + np.arange(draws)},
     )  # fmt: skip
     numbers = _numbers(data, rows[0])
     figures["draws"] = (
@@ -110,18 +120,24 @@ def run(work: Work) -> Findings:
             f"{SNR_DB:g} dB over noise: each position is heard in {truth.array.elements} pairs at "
             f"{truth.band.points} frequencies.",
             "The drywall scatters from inside, a centimetre deep, and it is seen askew, so that what the image shows "
-            "of it is speckle of a slanting cell some 25 mm wide across it. How well its angle can be told is then a "
-            "matter of how many independent speckles its length holds, and the angle errs to both sides from draw to "
-            "draw, as its standard error says: this is no bias.",
-            "Its front is seen too deep by the share of its depth that cannot be resolved; this moves all that was "
-            "folded by twice as much, well within a resolution cell.",
+            "of it is speckle of a slanting cell some 25 mm wide across it. Such a cell strays by about 4 mm across "
+            "the wall; the 1.1 m in view hold some 70 independent ones; a line through them has a standard error of "
+            f"4 mm / (1.1 m sqrt(70 / 12)), 0.09 degree. It was {numbers['angle_rms_deg']:.3f} r.m.s., to both sides. "
+            "About one draw in four is then expected beyond 0.1 degree, which therefore needs a longer aperture or "
+            "view, or more than the power of the speckle.",
+            f"The front is seen {1e3 * numbers['deeper_m']:.0f} mm too deep, by the share of the wall's depth that the "
+            "slanting cell does not tell from a face alone. This moves all that was folded by twice as much, within a "
+            "tenth of a resolution cell.",
+            "What a threshold must be depends on the materials: boxes lined with foil set the reference, and a dim "
+            "thing beside them is lost first.",
         ),
         assumptions=(
             "The publication gives no plan with numbers: places and materials are chosen after its figure. Rays, not "
             "full waves; a drywall whose inside scatters uniformly 1 cm deep; horns of 1.5 mm.",
             f"Delays of the positions up to {1e3 * LARGEST_DELAY:g} mm, {CABLE:g} m of cable, and {SNR_DB:g} dB SNR "
             "are assumed. The first draw goes through Touchstone files; since these bring back the same bits, the "
-            f"others do not. Draws have the seeds 0 to {draws - 1}, of scatterers, delays and noise.",
+            f"others do not. Draws have the seeds {FIRST_SEED} to "
+            f"{FIRST_SEED + draws - 1}, of scatterers, delays and noise.",
         ),
     )
 
@@ -191,10 +207,16 @@ def _draw(truth: Scene, drawn: Drawn, ideal: xr.Dataset, sphere: xr.Dataset) -> 
     """The figures of a draw."""
     measured = _measured(ideal, drawn, drawn.seed), _measured(sphere, drawn, drawn.seed + 1)
     calibrated, worst = _calibrated(*measured, drawn)
-    return _judged(mf.reconstruct(calibrated), truth) | {"worst_delay_m": worst}
+    return _judged(*_folded(calibrated), truth) | {"worst_delay_m": worst}
 
 
-def _judged(reconstruction: xr.DataTree, truth: Scene) -> dict[str, float]:
+def _folded(sweep: xr.Dataset) -> tuple[xr.DataTree, xr.DataTree]:
+    """What `mirrorfold.reconstruct` makes of the sweep: with the lower threshold, and with the usual one."""
+    plan = FoldPlan(mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD), sweep=sweep)
+    return plan.fold(threshold_db=THRESHOLD_DB), plan.fold()
+
+
+def _judged(reconstruction: xr.DataTree, usual: xr.DataTree, truth: Scene) -> dict[str, float]:
     """Where the drywall is, and what was folded."""
     wall = next(surface for surface in truth.surface if surface.name == "drywall")
     assert isinstance(wall, Segment)
@@ -224,6 +246,7 @@ def _judged(reconstruction: xr.DataTree, truth: Scene) -> dict[str, float]:
         "hidden_completeness": float(hidden["completeness_cells"] or 0.0),
         "hidden_f": float(hidden["f_score_cells"] or 0.0),
         "hidden_f_2cm": float(hidden["f_score_2cm"] or 0.0),
+        "usual_f": float(mf.score(usual, truth)["hidden"]["f_score_cells"] or 0.0),
         "accuracy_m": _number(hidden["accuracy_m"]),
         "cell_m": _number(hidden["cell_m"]),
     }
@@ -248,6 +271,9 @@ def _numbers(data: xr.Dataset, first: dict[str, float]) -> dict[str, float]:
         "deeper_m": float(data["deeper_m"].mean()),
         "hidden_f_smallest": float(data["hidden_f"].min()),
         "hidden_f_mean": float(data["hidden_f"].mean()),
+        "usual_f_smallest": float(data["usual_f"].min()),
+        "usual_f_mean": float(data["usual_f"].mean()),
+        "usual_f_enough": float(np.sum(data["usual_f"].values >= ASKED_SCORE)),
         "hidden_f_2cm_mean": float(data["hidden_f_2cm"].mean()),
         "accuracy_m": float(data["accuracy_m"].mean()),
         "cell_m": float(data["cell_m"].mean()),
@@ -289,7 +315,9 @@ def _claims(numbers: dict[str, float], draws: int) -> tuple[Claim, ...]:
             f"{numbers['hidden_f_mean']:.2f} in the mean, {numbers['hidden_f_smallest']:.2f} at least; within 2 cm "
             f"{numbers['hidden_f_2cm_mean']:.2f}; points {1e3 * numbers['accuracy_m']:.0f} mm off in the mean",
             verdict="agrees" if folded else "differs",
-            why=f"It agrees if every one of {draws} draws reaches {ASKED_SCORE:g}.",
+            why=f"It agrees if every one of {draws} draws reaches {ASKED_SCORE:g}. The threshold is {THRESHOLD_DB:g} "
+            f"dB; with the usual one {numbers['usual_f_enough']:.0f} of {draws} do, the least with "
+            f"{numbers['usual_f_smallest']:.2f}: of the dim roll little is left.",
         ),
     )
 
@@ -299,12 +327,13 @@ def _table(data: xr.Dataset) -> Table:
     for draw in range(data.sizes["draw"]):
         one = {name: float(values[draw]) for name, values in data.data_vars.items()}
         rows.append([
-            str(draw), f"{one['angle_deg']:+.3f} +- {one['angle_error_deg']:.3f}", f"{1e3 * one['deeper_m']:+.1f}",
-            f"{one['hidden_precision']:.2f}", f"{one['hidden_completeness']:.2f}", f"{one['hidden_f']:.2f}",
-            f"{one['hidden_f_2cm']:.2f}", f"{1e3 * one['accuracy_m']:.0f}", f"{1e6 * one['worst_delay_m']:.1f}",
+            str(int(data["draw"][draw])), f"{one['angle_deg']:+.3f} +- {one['angle_error_deg']:.3f}",
+            f"{1e3 * one['deeper_m']:+.1f}", f"{one['hidden_precision']:.2f}", f"{one['hidden_completeness']:.2f}",
+            f"{one['hidden_f']:.2f}", f"{one['hidden_f_2cm']:.2f}", f"{one['usual_f']:.2f}",
+            f"{1e3 * one['accuracy_m']:.0f}", f"{1e6 * one['worst_delay_m']:.1f}",
         ])  # fmt: skip
     columns = ["draw", "angle of the drywall [degree]", "too deep by [mm]", "hidden precision", "completeness",
-               "F-score", "F at 2 cm", "accuracy [mm]", "worst delay left [um]"]  # fmt: skip
+               "F-score", "F at 2 cm", "F, usual threshold", "accuracy [mm]", "worst delay left [um]"]  # fmt: skip
     return Table(title="Every draw; shares within 1.5 resolution cells", columns=columns, rows=rows)
 
 
@@ -330,6 +359,7 @@ def _draws_figure(data: xr.Dataset) -> Figure:
         left.axhline(limit, color="black", linestyle=":", linewidth=0.8)
     left.set(xlabel="draw", ylabel="angle error of the drywall [degree]", xticks=data["draw"].values)
     right.plot(data["draw"], data["hidden_f"], "o", markersize=5, label="within 1.5 cells")
+    right.plot(data["draw"], data["usual_f"], "x", markersize=5, label="the same, usual threshold")
     right.plot(data["draw"], data["hidden_f_2cm"], "s", markersize=4, label="within 2 cm")
     right.axhline(ASKED_SCORE, color="black", linestyle=":", linewidth=0.8)
     right.set(xlabel="draw", ylabel="hidden F-score", ylim=(0.0, 1.05), xticks=data["draw"].values)
