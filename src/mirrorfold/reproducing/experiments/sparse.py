@@ -64,7 +64,7 @@ class Setting(NamedTuple):
 def run(work: Work) -> Findings:
     """Every scene, measured in every way, imaged by both methods and folded."""
     setting = work.size(
-        Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(6)), 60),
+        Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(6)), 40),
         Setting(FAMILIES[:1], _radar(61, 121), *_grid(0.02, 0.0225), (0.1,), (3,), 30),
     )
     tasks = [(family, seed) for family in setting.families for seed in setting.seeds]
@@ -377,7 +377,8 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "wide as a resolution cell, which single pixels are not. The image is therefore "
         "restored as radio astronomers restore the components of CLEAN (Hogbom 1974): x predicts the samples of all "
         "channels, measured ones keep their values, and the completed sweep is focused as usual. That is the model "
-        "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself.",
+        "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself. What modes "
+        "leave unexplained is added by their matched filter.",
         "How few channels suffice is a matter of where their side lobes lie. Any channels at random spread the side "
         "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
         "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "

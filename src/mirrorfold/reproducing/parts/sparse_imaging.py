@@ -34,7 +34,7 @@ class Measurement(Protocol):
         """The matched filter of measurements: samples (frequency, tx, rx) to be focused."""
 
     def completed(self, y: Samples, x: Samples) -> Samples:
-        """The whole sweep that reflectivities x predict, corrected by what was measured."""
+        """The whole sweep that reflectivities x predict, and what was measured besides."""
 
 
 class Channels:
@@ -108,11 +108,14 @@ class Modes:
         return np.asarray(self._tx.conj().swapaxes(1, 2) @ y.reshape(self.size) @ self._rx.conj())
 
     def completed(self, y: Samples, x: Samples) -> Samples:
-        """What x predicts, and the least correction that gives the measurements."""
+        """What x predicts, and the matched filter of what it leaves unexplained.
+
+        The least correction that gives the measurements exactly would amplify noise where modes are nearly as many as
+        elements. T^H / n is the inverse but for the modes' overlap.
+        """
         s = self._model.all_samples(x)
-        left = (y - self.measured(s)).reshape(self.size)
-        correction = np.linalg.pinv(self._tx) @ left @ np.linalg.pinv(self._rx).swapaxes(1, 2)
-        return np.asarray(s + correction, dtype=np.complex64)
+        elements = self._shape[1] * self._shape[2]
+        return np.asarray(s + self.matched(y - self.measured(s)) / np.float32(elements), dtype=np.complex64)
 
 
 def random_channels(kind: str, share: float, shape: tuple[int, ...], random: np.random.Generator) -> Mask:
