@@ -38,7 +38,7 @@ class Steps:
         self.scene = mf.parse_scene(_scene(201))
         self.sweep = mf.simulate(self.scene)
         self.plan = mf.FocusPlan(self.sweep)
-        self.image = self.plan(self.sweep)
+        self.image = self.plan(self.sweep["s"].values)
         mf.fold(self.image, sweep=self.sweep)
 
     def time_simulate(self) -> None:
@@ -48,7 +48,7 @@ class Steps:
         mf.FocusPlan(self.sweep)
 
     def time_focus(self) -> None:
-        self.plan(self.sweep)
+        self.plan(self.sweep["s"].values)
 
     def time_fold(self) -> None:
         mf.fold(self.image, sweep=self.sweep)
