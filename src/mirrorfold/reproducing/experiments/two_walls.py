@@ -304,8 +304,8 @@ def _claims(cases: Sequence[Case], numbers: Mapping[str, Number]) -> tuple[Claim
             claim="The corrected image agrees with the geometry.",
             source="Fig. 4 (e)",
             measured=each(cases, "{accuracy_mm:.1f} mm off, F-score {f_score_2cm:.2f} at 2 cm and "
-                          "{f_score_cells:.2f} in cells, of what is hidden {hidden_f_score_2cm:.2f} and {hidden_f_score_cells:.2f}, "
-                          "invented {invented_fraction:.1%}"),
+                          "{f_score_cells:.2f} in cells, of what is hidden {hidden_f_score_2cm:.2f} and "
+                          "{hidden_f_score_cells:.2f}, invented {invented_fraction:.1%}"),
             verdict="agrees" if true else "differs",
             why="Mean distance below half a range cell, F-score within 1.5 resolution cells, overall and of what is "
             f"hidden, at least {LEAST_F_SCORE}, and invented points at most {MOST_INVENTED:.0%}.",
