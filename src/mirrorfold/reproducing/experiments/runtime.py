@@ -245,8 +245,8 @@ def _claims(timed: list[Timed]) -> tuple[Claim, ...]:
         Claim(
             claim="Is it still one where the image is made fast?",
             source="",
-            measured=f"up to {fast:.0%} of the time; the image is {_rounded(min(gains))} to {_rounded(max(gains))} times "
-            f"as fast as the plain sum, with an error of up to {errors:.1e}",
+            measured=f"up to {fast:.0%} of the time; the image is {_rounded(min(gains))} to {_rounded(max(gains))} "
+            f"times as fast as the plain sum, with an error of up to {errors:.1e}",
             verdict="new",
             why="The image is so much cheaper that what was an overhead is most of what is left.",
         ),
