@@ -23,6 +23,8 @@ GROUPS = {
     "From the sweep to the folded scene": (
         "focus", "FocusPlan", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame", "score",
         "benchmark", "reproduce", "compare",
+        "focus", "FocusPlan", "FocusOperator", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct",
+        "pick_frame", "score", "benchmark", "compare",
     ),
     "Pages": ("report", "view"),
     "Errors": ("InputError",),

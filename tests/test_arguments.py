@@ -30,6 +30,7 @@ CALLS = {
     "conjugate": mf.calibrate.conjugate,
     "focus": lambda value: mf.focus(value, **GRID),
     "FocusPlan": lambda value: mf.FocusPlan(value, **GRID),
+    "FocusOperator": lambda value: mf.FocusOperator(value, **GRID),
     "tolerance": lambda value: mf.FocusPlan(None, tolerance=value),
     "plan_view": mf.plan_view,
     "to_voxels": lambda value: mf.to_voxels(value, **GRID, z=[0.0, 0.1]),

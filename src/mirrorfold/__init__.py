@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mirrorfold.describing.info import info
     from mirrorfold.describing.planning import plan
     from mirrorfold.errors import InputError
-    from mirrorfold.focusing import FocusPlan, focus, plan_view, to_voxels
+    from mirrorfold.focusing import FocusOperator, FocusPlan, focus, plan_view, to_voxels
     from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
     from mirrorfold.plotting import volumes as plot_volume
@@ -46,6 +46,7 @@ except ImportError:  # the bare sources
     __version__ = "0.0.0"
 
 _HOME = {
+    "FocusOperator": "focusing",
     "FocusPlan": "focusing",
     "FoldPlan": "reconstruction",
     "InputError": "errors",
@@ -107,6 +108,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "info",
     "calibrate",
     "focus",
+    "FocusOperator",
     "FocusPlan",
     "plan_view",
     "to_voxels",

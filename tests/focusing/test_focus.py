@@ -290,6 +290,14 @@ def test_the_published_taper_is_triangular():
     np.testing.assert_allclose(window("triangular", m, "taper").real, 1 - 2 / (m - 1) * np.abs(n - (m + 1) / 2))
 
 
+@pytest.mark.parametrize("speed", [1e-3, 3.0, 340.0])
+def test_an_ambiguous_range_shorter_than_the_array_is_refused_before_any_pixel(speed):
+    """As with the speed of sound for radio waves: at 340 m/s and 25 MHz a range of 7 micrometres."""
+    frequency, tx = np.linspace(290e9, 300e9, 401), np.linspace(-0.04, 0.04, 21)[:, None] * [1.0, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"ambiguous range of .* ends before 0\.08 m"):
+        default_grid(frequency, tx, tx, speed)
+
+
 def test_the_default_grid_covers_what_can_be_seen():
     frequency, tx = np.linspace(290e9, 300e9, 401), line(161, 0.5e-3)
     x, y = default_grid(frequency, tx, tx)

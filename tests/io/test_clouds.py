@@ -134,8 +134,15 @@ def test_pictures_of_a_folded_volume(reconstruction):
     # What faces the mirror is drawn as large as it is.
     assert np.ptp(front.get_xlim()) == pytest.approx(0.32 + 0.16, abs=0.06)
     assert side.get_ylim() == front.get_ylim()
-    labels = [text.get_text() for text in plot_volume.space(result, world).axes[0].get_legend().get_texts()]
-    assert {"1 bounce", "radar"} <= set(labels)
+    assert not front.collections
+    labels = [text.get_text() for text in plot_volume.space(result, world).legends[0].get_texts()]
+    assert {"1 bounce: mirrors and points", "true walls", "radar"} <= set(labels)
+    # The truth, drawn thin, is a circle around the ball from the front, and the ball's own from the side.
+    front, side, _ = plot_volume.body(result, world).axes
+    outline = max((path.vertices for path in front.collections[0].get_paths()), key=len)
+    assert np.ptp(outline, axis=0) == pytest.approx([0.32, 0.32], abs=0.02)
+    lines = np.concatenate([path.vertices for path in side.collections[-1].get_paths()])
+    assert np.ptp(lines[:, 1]) == pytest.approx(0.32, abs=0.01)
     with pytest.raises(mf.InputError, match="no heights"):
         plot_volume.body(reconstruction)
 

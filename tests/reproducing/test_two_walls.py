@@ -10,9 +10,9 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import mirror_lines
 from mirrorfold.reproducing import EXPERIMENTS, Work
-from mirrorfold.reproducing.ghosts import ghosts_of, image_in, walls_of
-from mirrorfold.reproducing.steps import folded_down_to, partial_folds
-from mirrorfold.reproducing.walls import THINNED_RADAR, at_lower_band, facing_walls, hidden_walls
+from mirrorfold.reproducing.parts.ghosts import ghosts_of, image_in, walls_of
+from mirrorfold.reproducing.parts.steps import folded_down_to, partial_folds
+from mirrorfold.reproducing.parts.walls import THINNED_RADAR, at_lower_band, facing_walls, hidden_walls
 
 pytestmark = pytest.mark.slow
 

@@ -123,9 +123,12 @@ def plan(
         show_json(found.but(files=files))
         return
     show_plan(found)
-    show_info({name: value for name, value in found.items() if name not in ("walls", "link_budget", "kind", "files")})
+    show_info({name: value for name, value in found.items() if name not in UNLISTED})
     show_files(files)
 
+
+UNLISTED = ("walls", "link_budget", "hidden_quality", "kind", "files")
+"""Facts of a plan that have tables of their own, or are not for people."""
 
 PICTURES = (".png", ".pdf", ".svg")
 

@@ -113,7 +113,7 @@ def write_results(
     plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
     names.append(SPACE)
     if plot_volume.has_body(reconstruction):
-        plot_volume.body(reconstruction).savefig(directory / BODY)
+        plot_volume.body(reconstruction, scene).savefig(directory / BODY)
         names.append(BODY)
     return names
 

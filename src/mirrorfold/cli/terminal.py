@@ -289,6 +289,17 @@ def show_plan(found: Plan) -> None:
             _number(row.snr_db, ".1f"),
         )
     _console().print(budget)
+    quality = found.hidden_quality
+    expected = _table(f"hidden F-score to expect behind a wall of 1 m ({quality.wall_cells:.0f} cells)")
+    for heading in ("points right within", "F-score", "standard error"):
+        expected.add_column(heading, justify="right")
+    for label, score, error in (
+        ("2 cm", quality.f_score_2cm, quality.f_score_2cm_error),
+        ("5 cm", quality.f_score_5cm, quality.f_score_5cm_error),
+        (f"1.5 cells ({150.0 * quality.cell_m:.1f} cm)", quality.f_score_cells, quality.f_score_cells_error),
+    ):
+        expected.add_row(label, _number(score, ".2f"), _number(error, ".2f"))
+    _console().print(expected)
 
 
 def show_score(score: PlanScore | VolumeScore) -> None:

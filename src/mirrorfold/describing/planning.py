@@ -13,6 +13,7 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.common.plausible import frequency_unit, length_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
+from mirrorfold.describing.quality import ExpectedQuality, expected_quality
 from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.errors import InputError
@@ -120,6 +121,7 @@ class Plan(Arrays, PlanHead):
     focusing_algorithm: str
     memory_gb: float = fact("for focusing, samples and image included")
     folding_s: float
+    hidden_quality: ExpectedQuality = fact("to expect behind a wall of 1 m at `range`, by one bounce")
     remarks: list[str] = fact("sentences on what looks wrong")
     files: list[str] = fact("what was written")
 
@@ -149,6 +151,9 @@ def plan(
     *Link budget.* A target of cross section sigma at the range r returns ``P G^2 lambda^2 sigma / ((4 pi)^3 r^4)``, by
     way of n mirrors ``(|R|^2 rho^2)^(2 n)`` of it, from ``r = range + n leg``. Focusing adds up all samples in phase,
     which multiplies signal over noise, ``k T F`` times the bandwidth of the receiver, by their number.
+
+    *Quality.* The F-score to expect of what a wall of 1 m at `range` shows by one bounce, from a table that is made by
+    ``mirrorfold reproduce frequency``; see `expected_quality`.
 
     Parameters
     ----------
@@ -242,6 +247,14 @@ def plan(
         focusing_algorithm=focusing.algorithm,
         memory_gb=focusing.memory_gb,
         folding_s=pixels / FOLDING_PIXELS_PER_SECOND,
+        hidden_quality=expected_quality(
+            frequency=float(frequency.mean()),
+            bandwidth=band[1] - band[0],
+            aperture=float(np.hypot(aperture, aperture if rx_aperture is None else rx_aperture) / np.sqrt(2.0)),
+            range=range + leg,
+            wall_range=range,
+            mirrored_db=mirrored,
+        ),
         remarks=remarks,
         files=[],
     )

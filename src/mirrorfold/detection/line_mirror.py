@@ -94,7 +94,8 @@ class LineMirror(Mirror):
         across, along = (view.extent(self.ends, axis) for axis in (self.normal, self.direction))
         overlap = view.range_cell * view.cross_cell(self.ends) / (across * along)
         left_out = END_CELLS * np.sqrt(np.maximum(1.0 - overlap**2, 0.0)) * along
-        left_out *= min(1.0, 0.5 * self.length / left_out.sum())
+        if left_out.any():
+            left_out *= min(1.0, 0.5 * self.length / left_out.sum())
         count = max(8, int(self.length / (SPACING * view.range_cell)))
         return self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
 

@@ -3,8 +3,9 @@
 `imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
 the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast. `choice`
 takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for frame
-after frame. `accuracy` compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by
-`range_profiles`.
+after frame. `operator` is the model of a measurement with focusing as its adjoint, for the solvers of inverse problems:
+`line_transpose` runs the fast path of `line_array` backwards, and `pair_sums` serves any other array. `accuracy`
+compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.choice import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
     from mirrorfold.focusing.imaging import focus
+    from mirrorfold.focusing.operator import FocusOperator
     from mirrorfold.focusing.plan import FocusPlan
     from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
     from mirrorfold.focusing.settings import FocusSettings
 
 _HOME = {
+    "FocusOperator": "operator",
     "FocusPlan": "plan",
     "FocusSettings": "settings",
     "PlanCache": "caching",
@@ -38,6 +41,7 @@ _HOME = {
 """The module of each name: imported when first asked for, so that settings can be read without compiled kernels."""
 
 __all__ = [
+    "FocusOperator",
     "FocusPlan",
     "FocusSettings",
     "PlanCache",

@@ -19,6 +19,7 @@ from mirrorfold.focusing.exact import TABLE_BYTES
 from mirrorfold.focusing.lattice import Lattice
 from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.nodes import CANDIDATES, EQUATIONS, PAIR_SAMPLES, SPARE_EQUATIONS, table_size
+from mirrorfold.focusing.pair_sums import PIXELS_A_BLOCK
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.range_tables import TERMS, table_cells
 from mirrorfold.focusing.sector_design import SectorDesign
@@ -74,6 +75,15 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
     tables = antennas * (1 if problem.monostatic else chunks)
     memory = TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
     return Cost(0.0, exact_seconds(cells, pairs, tables, pixels), memory)
+
+
+def pair_sums_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
+    """Of the matrix products of `pair_sums` on some of the pixels, as of one image; they are as exact as can be."""
+    speed = machine()
+    alone = problem.monostatic or problem.coincident
+    antennas = len(problem.rx) if alone else len(problem.tx) + len(problem.rx)
+    each = 4.0 * problem.pairs * speed.multiply + antennas * speed.table
+    return Cost(0.0, CALL + problem.k.size * pixels * each, 8.0 * antennas * PIXELS_A_BLOCK * cpu_count())
 
 
 def exact_seconds(cells: int, pairs: float, antennas: float, pixels: float) -> float:

@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
 from mirrorfold.sweep import antenna_positions, wave_speed
 
 FIELD_OF_VIEW = 0.9
@@ -100,6 +101,11 @@ def default_grid(
     Returns
     -------
     x, y : 1D arrays [m]
+
+    Raises
+    ------
+    InputError
+        If nothing lies between the array and the ambiguous range.
     """
     see = extent(frequency, tx, rx, wave_speed)
     if centre is not None:
@@ -112,6 +118,12 @@ def default_grid(
     pitch_y = see.range_resolution / CELLS_PER_RESOLUTION
     pitch_x = min(pitch_y, NEAR_SHARE * far * see.angle_resolution / CELLS_PER_RESOLUTION)
     last = 0.5 * float(tx[:, 1].mean() + rx[:, 1].mean()) + far
+    if last <= see.near:
+        raise InputError(
+            f"pixels: the ambiguous range of {see.ambiguous_range:.3g} m ends before {see.near:.3g} m, the least "
+            f"distance at which an array of {see.aperture:.3g} m sees, with waves of {wave_speed:.3g} m/s; measure at "
+            "smaller frequency steps, correct wave_speed, or give the pixels x and y"
+        )
     wanted = 2.0 * side / pitch_x * (last - see.near) / pitch_y
     growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
     pitch_x, pitch_y = growth * pitch_x, growth * pitch_y

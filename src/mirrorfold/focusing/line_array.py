@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,14 +68,29 @@ class Layout:
     cost: Cost
 
 
-def lay_out(problem: Problem, tolerance: float) -> Layout:
+Rival = Callable[[Problem, float, float, int | None], Cost]
+"""What some of the pixels cost by the other way: of problem, number of pixels, tolerance, frequencies if gated."""
+
+
+def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, frames: int = 1) -> Layout:
     """The cheapest division of a problem into antennas and sectors, in some hundredths of a second.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    rival : callable, optional
+        The cost of what images the pixels that are left over; sectors that cost more are left to it. By default the
+        exact kernel's.
+    frames : int, default 1
+        Images over which a sector has to pay.
 
     Raises
     ------
     UnsuitedError
         If no sector is faster than the exact kernel.
     """
+    rival = rival or exact_cost
     if problem.pairs * BYTES_A_PAIR > MEMORY_SHARE * available_memory():
         raise UnsuitedError("the tables of so many pairs do not fit into memory")
     every = np.arange(len(problem.tx)), np.arange(len(problem.rx))
@@ -85,16 +101,16 @@ def lay_out(problem: Problem, tolerance: float) -> Layout:
     found, reason = [], ""
     for division in divisions:
         try:
-            parts, costs = zip(*(_part(problem, tx, rx, tolerance) for tx, rx in division), strict=True)
+            parts, costs = zip(*(_part(problem, tx, rx, tolerance, rival, frames) for tx, rx in division), strict=True)
             found.append(Layout(parts, sum(costs, Cost())))
         except UnsuitedError as error:
             reason = str(error)
     if not found:
         raise UnsuitedError(reason)
-    return min(found, key=lambda layout: layout.cost.processor_seconds())
+    return min(found, key=lambda layout: layout.cost.processor_seconds(frames))
 
 
-def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Part, Cost]:
+def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival, frames: int) -> tuple[Part, Cost]:
     """Some antennas on the sectors that pay."""
     if max(tx.size, rx.size) < 3:
         raise UnsuitedError("two antennas make no line")
@@ -121,7 +137,8 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Par
             design = SectorDesign(problem, lattice, spans[n], tolerance)
             nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
             cost = sector_cost(problem, lattice, design, nodes, pixels[n])
-            if cost.processor_seconds() > exact_cost(problem, pixels[n], tolerance).processor_seconds():
+            other = rival(problem, pixels[n], tolerance, None)
+            if cost.processor_seconds(frames) > other.processor_seconds(frames):
                 raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
             total, fast = total + cost, [*fast, n]
         except UnsuitedError as error:
@@ -132,7 +149,7 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float) -> tuple[Par
         label[~np.isin(label, fast)] = 0
         z, y, x = _box(label.reshape(coarse.shape) == 0) or (slice(None),) * 3
         box = coarse.on(coarse.x[x], coarse.y[y], coarse.z[z])
-        total = total + exact_cost(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
+        total = total + rival(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
     return Part(problem, tx, rx, lattice, tuple(fast)), total
 
 

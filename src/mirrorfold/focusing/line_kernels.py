@@ -110,62 +110,76 @@ _sum_2, _sum_4, _sum_6, _sum_8, _sum_10, _sum_12 = (_tap_sum(taps) for taps in (
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
+def locate(  # type: ignore[no-untyped-def]
+    row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first,
+    turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
+):  # fmt: skip
+    """Of `size` pixels of a row: first cell of the polar grid, place in it, and exp(2j k_c (r + c (1 - u^2) / r)).
+
+    The coordinates r, u and w are those of `Lattice.polar`; where the foci are the centre, one distance is both.
+    """
+    r, u, w = np.empty(size), np.empty(size), np.empty(size)
+    apart = False
+    for f in range(2):
+        for c in range(3):
+            apart = apart or foci[f, c] != centre[c]
+    py, pz = y[row % y.size], z[row // y.size]
+    dy, dz = py - centre[1], pz - centre[2]
+    across = dy * dy + dz * dz
+    along = dy * frame[0, 1] + dz * frame[0, 2]
+    for p in range(size):
+        dx = x[start + p] - centre[0]
+        r[p] = np.sqrt(dx * dx + across)
+        u[p] = (dx * frame[0, 0] + along) / r[p]
+    if planar:
+        for p in range(size):
+            dx = x[start + p] - centre[0]
+            w[p] = np.arctan2(u[p] * r[p], dx * frame[1, 0] + dy * frame[1, 1])
+    else:
+        w[:] = u
+    if apart:
+        tx_y, tx_z, rx_y, rx_z = py - foci[0, 1], pz - foci[0, 2], py - foci[1, 1], pz - foci[1, 2]
+        tx_across, rx_across = tx_y * tx_y + tx_z * tx_z, rx_y * rx_y + rx_z * rx_z
+        for p in range(size):
+            tx_x, rx_x = x[start + p] - foci[0, 0], x[start + p] - foci[1, 0]
+            r[p] = 0.5 * (np.sqrt(tx_x * tx_x + tx_across) + np.sqrt(rx_x * rx_x + rx_across))
+    for p in range(size):
+        a = r[p] * per_range - row_first
+        b = w[p] * per_direction - line_first
+        below_a, below_b = np.floor(a), np.floor(b)
+        part_r[p] = a - below_a
+        part_w[p] = b - below_b
+        cell[p] = np.uint32(np.int32(below_b) * rows + np.int32(below_a) + shift)
+        turns = (r[p] + curvature * (1.0 - u[p] * u[p]) / r[p]) * turns_per_metre
+        phase_re[p], phase_im[p] = unit_phasor(turns)
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def interpolate(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, polar, range_coefficients, direction_coefficients, image,
 ):  # fmt: skip
     """image[p] += exp(2j k_c (r + curvature (1 - u^2) / r)) sum_ab w_b(w) w_a(r) polar[b, a].
 
-    The pixels come in runs (row, start, stop) along x. Their coordinates r, u and w are those of `Lattice.polar`; where
-    the foci are the centre, one distance is both.
+    The pixels come in runs (row, start, stop) along x.
     """
     taps_r, taps_w = range_coefficients.shape[0], direction_coefficients.shape[0]
     rows = polar.shape[1]
     flat = polar.reshape(-1).view(np.float32)
     cell = np.empty(RUN, np.uint32)
-    r, u, w = np.empty(RUN), np.empty(RUN), np.empty(RUN)
     part_r, part_w = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     weight_r, weight_w = np.empty((taps_r, RUN), np.float32), np.empty((taps_w, RUN), np.float32)
     phase_re, phase_im = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     sum_re, sum_im = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     shift = (1 - taps_w // 2) * rows + 1 - taps_r // 2
-    apart = False
-    for f in range(2):
-        for c in range(3):
-            apart = apart or foci[f, c] != centre[c]
     for n in range(runs.shape[0]):
         row = runs[n, 0]
-        py, pz = y[row % y.size], z[row // y.size]
-        dy, dz = py - centre[1], pz - centre[2]
-        across = dy * dy + dz * dz
-        along = dy * frame[0, 1] + dz * frame[0, 2]
         for start in range(runs[n, 1], runs[n, 2], RUN):
             size = min(RUN, runs[n, 2] - start)
-            for p in range(size):
-                dx = x[start + p] - centre[0]
-                r[p] = np.sqrt(dx * dx + across)
-                u[p] = (dx * frame[0, 0] + along) / r[p]
-            if planar:
-                for p in range(size):
-                    dx = x[start + p] - centre[0]
-                    w[p] = np.arctan2(u[p] * r[p], dx * frame[1, 0] + dy * frame[1, 1])
-            else:
-                w[:size] = u[:size]
-            if apart:
-                tx_y, tx_z, rx_y, rx_z = py - foci[0, 1], pz - foci[0, 2], py - foci[1, 1], pz - foci[1, 2]
-                tx_across, rx_across = tx_y * tx_y + tx_z * tx_z, rx_y * rx_y + rx_z * rx_z
-                for p in range(size):
-                    tx_x, rx_x = x[start + p] - foci[0, 0], x[start + p] - foci[1, 0]
-                    r[p] = 0.5 * (np.sqrt(tx_x * tx_x + tx_across) + np.sqrt(rx_x * rx_x + rx_across))
-            for p in range(size):
-                a = r[p] * per_range - row_first
-                b = w[p] * per_direction - line_first
-                below_a, below_b = np.floor(a), np.floor(b)
-                part_r[p] = a - below_a
-                part_w[p] = b - below_b
-                cell[p] = np.uint32(np.int32(below_b) * rows + np.int32(below_a) + shift)
-                turns = (r[p] + curvature * (1.0 - u[p] * u[p]) / r[p]) * turns_per_metre
-                phase_re[p], phase_im[p] = unit_phasor(turns)
+            locate(
+                row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction,
+                line_first, turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
+            )  # fmt: skip
             kernel_weights(range_coefficients, part_r[:size], weight_r)
             kernel_weights(direction_coefficients, part_w[:size], weight_w)
             if taps_r == 2:

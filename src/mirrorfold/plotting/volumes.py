@@ -9,17 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres
+from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres, outer_edges
+from mirrorfold.plotting.outlines import cut, silhouette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
 
     from mirrorfold.scenes.solids import Scene3D
 
@@ -32,6 +36,9 @@ SMOOTHING = 0.013
 
 CELL = 0.008
 """Pixels of the cross-section [m]."""
+
+SECTION_WIDTH, SECTION_DEPTH = 0.10, 0.35
+"""Of the picture from the side: half the thickness of the slice that is shown, and least depth of the picture [m]."""
 
 FEWEST = 30
 """Points that make a body."""
@@ -80,13 +87,15 @@ def has_body(reconstruction: xr.DataTree) -> bool:
     return int(((columns["bounces"] > 0) & (columns["surface"] == "object")).sum()) >= FEWEST
 
 
-def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
+def body(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, floor_db: float = FLOOR_DB) -> Figure:
     """The largest hidden thing as it stands, seen from the front, and cut from the side.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
         Of a volume.
+    scene : Scene3D, optional
+        The truth: its outlines are drawn thin.
     floor_db : float [dB]
         Amplitude shown as the darkest, below the brightest.
 
@@ -95,8 +104,6 @@ def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
     InputError
         If the reconstruction has two dimensions, or nothing was seen by way of a mirror.
     """
-    from scipy.spatial import cKDTree
-
     columns = _points(reconstruction)
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
     if hidden.sum() < FEWEST:
@@ -108,39 +115,114 @@ def body(reconstruction: xr.DataTree, *, floor_db: float = FLOOR_DB) -> Figure:
     # Across: the horizontal direction of largest extent; ahead: the way to it from where the waves came.
     middle = points.mean(axis=0)
     flat = np.linalg.eigh(np.cov((points - middle)[:, :2].T))[1]
-    across = np.array([*flat[:, 1], 0.0])
     ahead = np.array([*flat[:, 0], 0.0])
     if (_last_mirror(reconstruction, columns["chain"][hidden][mine][0]) - middle) @ ahead < 0.0:
         ahead = -ahead
     # As whoever faces the thing sees it: its own right is on the left.
-    across = np.cross(ahead, [0.0, 0.0, 1.0]) * -1.0
+    across = np.cross([0.0, 0.0, 1.0], ahead)
     u, v = (points - middle) @ across, (points - middle) @ ahead
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    front, side = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     x = np.arange(u.min() - 0.08, u.max() + 0.08, CELL)
     z = np.arange(points[:, 2].min() - 0.08, points[:, 2].max() + 0.08, CELL)
-    grid = np.stack(np.broadcast_arrays(x[None, :], z[:, None]), axis=-1).reshape(-1, 2)
-    tree = cKDTree(np.stack([u, points[:, 2]], axis=1))
-    distance, index = tree.query(grid, k=min(12, len(u)), distance_upper_bound=2.5 * SMOOTHING)
-    weight = np.where(np.isfinite(distance), np.exp(-0.5 * (distance / SMOOTHING) ** 2), 0.0)
-    power = np.append(amplitude**2, 0.0)[index]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        shown = 10.0 * np.log10(np.sum(weight * power, axis=1) / np.sum(weight, axis=1))
-    shown[distance[:, 0] > 1.4 * SMOOTHING] = np.nan
-    shown -= np.nanmax(shown)
-    extent = (x[0], x[-1], z[0], z[-1])
-    picture = front.imshow(
-        shown.reshape(z.size, x.size), origin="lower", extent=extent, vmin=floor_db, vmax=0.0, cmap="inferno"
-    )
+    # Both panels at one scale, side by side.
+    wide, deep, high = np.ptp(x), max(float(np.ptp(v)), SECTION_DEPTH) + 0.16, np.ptp(z)
+    inch = min(5.4 / high, 4.5 / wide)
+    figure = Figure(figsize=(inch * (wide + deep) + 3.4, inch * high + 1.3), layout="constrained")
+    front, side = figure.subplots(1, 2, width_ratios=(wide, deep))
+    picture = draw_front(front, u, points[:, 2], amplitude, x, z, floor_db=floor_db)
     front.set(title="seen from the front", xlabel="across [m]", ylabel="height z [m]", aspect="equal", facecolor="0.92")
     figure.colorbar(picture, ax=front, label=f"amplitude [dB], floor {floor_db:g} dB", shrink=0.8)
-    cut = np.abs(u) < 0.10
-    side.scatter(v[~cut], points[~cut, 2], s=3, color="0.8", label="all of it", linewidths=0)
-    side.scatter(v[cut], points[cut, 2], s=7, color=COLOURS[1], label="within 10 cm of the middle", linewidths=0)
-    side.set(title="cross-section from the side", xlabel="ahead [m]", ylabel="height z [m]", aspect="equal")
-    side.set_ylim(front.get_ylim())
-    side.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize=8, markerscale=2.0, frameon=False)
+    cut_here = np.abs(u) < SECTION_WIDTH
+    side.scatter(v[~cut_here], points[~cut_here, 2], s=3, color="0.8", label="all of it", linewidths=0)
+    label = f"within {100 * SECTION_WIDTH:.0f} cm of the middle"
+    side.scatter(v[cut_here], points[cut_here, 2], s=7, color=COLOURS[1], label=label, linewidths=0)
+    middle_v = 0.5 * (v.min() + v.max())
+    side.set(title="cut from the side", xlabel="ahead [m]", ylabel="height z [m]", aspect="equal",
+             xlim=(middle_v - 0.5 * deep, middle_v + 0.5 * deep), ylim=front.get_ylim())  # fmt: skip
+    if scene is not None:
+        draw_silhouette(front, scene, points, middle, across, x, z)
+        draw_cut(side, scene, middle, ahead)
+    figure.legend(*side.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, markerscale=2.0,
+                  frameon=False)  # fmt: skip
     return figure
+
+
+def draw_front(
+    ax: Axes,
+    u: Array,
+    z: Array,
+    amplitude: Array,
+    columns: Array,
+    rows: Array,
+    *,
+    floor_db: float,
+    reference: float | None = None,
+) -> AxesImage:
+    """Draw points as an image: the mean power of those around each pixel, which averages speckle.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    u, z, amplitude : (n,) arrays
+        Places in the picture [m], and amplitudes.
+    columns, rows : 1D arrays [m]
+        Centres of the pixels.
+    floor_db : float [dB]
+    reference : float, optional
+        Amplitude shown as 0 dB; by default that of the brightest pixel.
+    """
+    power = smoothed_power(u, z, amplitude, columns, rows)
+    level = 10.0 * np.log10(power / (np.nanmax(power) if reference is None else reference**2))
+    extent = (*outer_edges(columns), *outer_edges(rows))
+    return ax.imshow(level, origin="lower", extent=extent, vmin=floor_db, vmax=0.0, cmap="inferno")
+
+
+def smoothed_power(u: Array, z: Array, amplitude: Array, columns: Array, rows: Array) -> Array:
+    """Mean power of the points around each pixel (rows, columns), weighted with a Gaussian; NaN where there are none.
+
+    Points (n,) have places [m] and amplitudes; the pixels' centres are given [m].
+    """
+    from scipy.spatial import cKDTree
+
+    grid = np.stack(np.broadcast_arrays(columns[None, :], rows[:, None]), axis=-1).reshape(-1, 2)
+    tree = cKDTree(np.stack([u, z], axis=1))
+    distance, index = tree.query(grid, k=min(12, len(u)), distance_upper_bound=2.5 * SMOOTHING)
+    weight = np.where(np.isfinite(distance), np.exp(-0.5 * (distance / SMOOTHING) ** 2), 0.0)
+    squares = np.append(amplitude**2, 0.0)[index]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        power = np.sum(weight * squares, axis=1) / np.sum(weight, axis=1)
+    power[distance[:, 0] > 1.4 * SMOOTHING] = np.nan
+    return np.asarray(power.reshape(rows.size, columns.size))
+
+
+def draw_silhouette(ax: Axes, scene: Scene3D, points: Array, middle: Array, across: Array, u: Array, z: Array) -> None:
+    """Draw the outline of the solid that most of the points (n, 3) [m] are nearest to, seen from the front, thin.
+
+    The pixels u and z [m] are those of the picture; u is counted from `middle` (3,) [m] along `across`. Flat walls have
+    no outline worth drawing.
+    """
+    from scipy.spatial import cKDTree
+
+    from mirrorfold.simulation.raster.meshes import solids
+
+    round_ones = [solid for solid in solids(scene) if not solid.quads]
+    if not round_ones:
+        return
+    distance = [cKDTree(solid.vertices).query(points)[0] for solid in round_ones]
+    solid = round_ones[int(np.argmax(np.bincount(np.argmin(distance, axis=0), minlength=len(round_ones))))]
+    up = np.array([0.0, 0.0, 1.0])
+    mask = silhouette(solid.vertices - [*middle[:2], 0.0], solid.faces, across, up, u, z)
+    ax.contour(u, z, mask, levels=[0.5], colors=TRUTH_COLOUR, linewidths=0.8)
+
+
+def draw_cut(ax: Axes, scene: Scene3D, middle: Array, along: Array) -> None:
+    """Draw what an upright plane through `middle` (3,) [m] cuts out of a scene, thin: distances `along` it, heights."""
+    normal = np.cross(along, [0.0, 0.0, 1.0])
+    limits = ax.get_xlim(), ax.get_ylim()
+    for number, lines in enumerate(cut(scene, middle, normal).values()):
+        flat = np.stack([(lines - middle) @ along, lines[..., 2]], axis=-1)
+        ax.add_collection(LineCollection(list(flat), colors=TRUTH_COLOUR, linewidths=0.8,
+                                         label="truth" if number == 0 else None))  # fmt: skip
+    ax.set(xlim=limits[0], ylim=limits[1])
 
 
 def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: bool = True) -> Figure:
@@ -177,18 +259,30 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: 
             chosen = points[which]
             if wall:
                 chosen = chosen[:: max(1, len(chosen) // 1500)]
-            label = f"{bounces} bounce{'s' if bounces != 1 else ''}{', mirrors' if wall else ''}"
             axes.scatter(*chosen.T, s=1.2 if wall else 4.0, color=colour, alpha=0.25 if wall else 0.8, linewidths=0,
-                         label=label, depthshade=not wall)  # fmt: skip
+                         depthshade=not wall)  # fmt: skip
     origin = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
-    axes.scatter(*origin, marker="^", color="black", s=50, label="radar")
+    axes.scatter(*origin, marker="^", color="black", s=50)
     axes.set(xlabel="cross-range x [m]", ylabel="range y [m]", zlabel="height z [m]")
     everything = np.vstack([points, [origin]])
     axes.set_box_aspect(np.maximum(np.ptp(everything, axis=0), 0.3), zoom=1.05)
     axes.view_init(elev=24.0, azim=-62.0)
     axes.set_title("corrected: every echo folded back" if folded else "as the radar sees it, ghosts behind the walls")
-    axes.legend(loc="upper left", fontsize=8, markerscale=1.5, frameon=False)
+    figure.legend(handles=_space_legend(columns["bounces"], scene), loc="outside lower center", ncols=5, fontsize=9,
+                  frameon=False)  # fmt: skip
     return figure
+
+
+def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
+    """An entry for each colour, for the truth and for the radar: what is drawn itself is too small to be told apart."""
+    handles = [
+        Line2D([], [], color=COLOURS[int(count) % len(COLOURS)], linewidth=1.4, marker="o", markersize=4,
+               label=f"{bounce_label(int(count))}: mirrors and points")
+        for count in np.unique(bounces)
+    ]  # fmt: skip
+    if scene is not None:
+        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.7, label="true walls"))
+    return [*handles, Line2D([], [], color="black", marker="^", markersize=7, linestyle="none", label="radar")]
 
 
 def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
@@ -224,7 +318,7 @@ def _draw_walls(axes: Any, scene: Scene3D) -> None:
     for solid in solids(scene):
         for quad in solid.quads[::2]:
             corners = quad.center + np.array([u * quad.right + v * quad.up for u, v in _AROUND])
-            axes.plot(*corners.T, color="#CC0000", linewidth=0.7)
+            axes.plot(*corners.T, color=TRUTH_COLOUR, linewidth=0.7)
 
 
 _AROUND = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))

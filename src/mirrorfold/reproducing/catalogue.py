@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mirrorfold.reproducing.findings import Findings
     from mirrorfold.reproducing.work import Work
 
-PACKAGE = "mirrorfold.reproducing.experiments"
+PACKAGE, PARTS = "mirrorfold.reproducing.experiments", "mirrorfold.reproducing.parts"
 
 NEEDS = {"mesh": ("trimesh", "embreex", "skimage"), "sparse": ("pylops",)}
 """What each extra of the package installs, by the names that are imported."""
@@ -56,9 +56,11 @@ class Experiment:
         return cast("Callable[[Work], Findings]", import_module(f"{PACKAGE}.{self.module}").run)
 
     def digest(self, *, quick: bool) -> str:
-        """Digest of the program that makes it: version, size, and the text of its module."""
-        text = files(PACKAGE).joinpath(f"{self.module}.py").read_bytes()
-        return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + text).hexdigest()
+        """Digest of the program that makes it: version, size, and the text of its module and of what several share."""
+        shared = sorted(files(PARTS).iterdir(), key=lambda file: file.name)
+        texts = [file.read_bytes() for file in shared if file.name.endswith(".py")]
+        texts.append(files(PACKAGE).joinpath(f"{self.module}.py").read_bytes())
+        return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + b"".join(texts)).hexdigest()
 
     def check_installed(self) -> None:
         """Refuse to begin without what the experiment needs.
@@ -77,6 +79,12 @@ class Experiment:
 
 
 _ALL = (
+    Experiment(
+        "scattering",
+        "What walls mirror and what they scatter, from microwaves to light",
+        "Scattering of building materials",
+        "Shares of the power that walls mirror and scatter, against frequency, angle and roughness.",
+    ),
     Experiment(
         "principle",
         "The principle of mirror folding",
@@ -98,11 +106,65 @@ _ALL = (
         "walls.",
     ),
     Experiment(
+        "drywall-mannequin",
+        "A mannequin around a drywall, and the foil under its shirt",
+        "Fig. 5",
+        "A raster scan of a drywall at an oblique angle shows a mannequin beside the field of view: where the wall is, "
+        "how thick it appears and why, the body's outline and pose, and an L of foil on its chest, with a control.",
+        extra="mesh",
+    ),
+    Experiment(
+        "corridor",
+        "Around the corner of a corridor",
+        "Fig. 6",
+        "A raster scan of two walls at right angles, one of which shows a mannequin, a wall and a metal box around the "
+        "corner: the angle between the walls, what is folded where, how bright the box is and why.",
+        extra="mesh",
+    ),
+    Experiment(
+        "synthetic-aperture",
+        "Drywall, carpet roll and boxes by synthetic apertures",
+        "Fig. 7",
+        "81 x 81 positions of two stages, through Touchstone files and calibration, folded about a drywall.",
+    ),
+    Experiment(
+        "resolution",
+        "Resolution, directly and after folds",
+        "The abstract and Section II",
+        "Widths of a point and errors of its place, in line of sight and after one to three folds, against theory.",
+    ),
+    Experiment(
         "runtime",
         "How long imaging and folding take",
         "The computing time",
         "The initial image and the folding at the published size and larger ones, on this machine, with the image's "
         "error against the float64 sum.",
+    ),
+    Experiment(
+        "frequency",
+        "Two walls from 60 GHz to 1 THz",
+        "",
+        "How well two-wall scenes are folded, against frequency, roughness, aperture and bandwidth.",
+    ),
+    Experiment(
+        "bounces",
+        "How far folding carries: one to five bounces",
+        "",
+        "Targets that are seen by way of one to five walls: accuracy and completeness, against the link budget.",
+    ),
+    Experiment(
+        "errors",
+        "Errors of mirrors and antennas, fold by fold",
+        "",
+        "Mirrors and antennas are displaced by known errors; what is folded then is compared with their propagation.",
+    ),
+    Experiment(
+        "sparse",
+        "Few channels and metasurfaces",
+        "",
+        "Random channels, frequencies, elements or modes, imaged by delay and sum and by sparse reconstruction, and "
+        "folded: how few will do.",
+        extra="sparse",
     ),
 )
 

@@ -12,7 +12,7 @@ from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.scenes import plan_scene
+from mirrorfold.reproducing.parts.scenes import plan_scene
 from mirrorfold.reproducing.work import Work
 
 if TYPE_CHECKING:

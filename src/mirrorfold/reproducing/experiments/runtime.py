@@ -21,7 +21,7 @@ from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.walls import hidden_walls
+from mirrorfold.reproducing.parts.walls import hidden_walls
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 

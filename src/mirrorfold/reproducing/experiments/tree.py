@@ -15,8 +15,8 @@ from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.ghosts import Ghost, Identified, ghosts_of, identified, surface_of
-from mirrorfold.reproducing.walls import (
+from mirrorfold.reproducing.parts.ghosts import Ghost, Identified, ghosts_of, identified, surface_of
+from mirrorfold.reproducing.parts.walls import (
     SMALL_RADAR,
     THINNED_RADAR,
     at_lower_band,

@@ -15,9 +15,9 @@ from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table, Verdict
-from mirrorfold.reproducing.ghosts import Identified, Shown, identified, objects_shown, way_name
-from mirrorfold.reproducing.steps import steps
-from mirrorfold.reproducing.walls import (
+from mirrorfold.reproducing.parts.ghosts import Identified, Shown, identified, objects_shown, way_name
+from mirrorfold.reproducing.parts.steps import steps
+from mirrorfold.reproducing.parts.walls import (
     MIDDLE_RADAR,
     SMALL_RADAR,
     THINNED_RADAR,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from mirrorfold.reproducing.scenes import plan_scene, shipped_plan
+from mirrorfold.reproducing.parts.scenes import plan_scene, shipped_plan
 from mirrorfold.scenes.arrays import Band, LinearArray
 from mirrorfold.scenes.floor_plan import Scene
 

@@ -1,0 +1,147 @@
+"""How well hidden things can be expected to be folded, before anything is measured.
+
+The table `expected_quality.json` is made by ``mirrorfold reproduce frequency`` from random two-wall scenes by rays. It
+splits the hidden F-score into factors. Two depend on one length in resolution cells each: whether the wall that shows
+the hidden things is found at all, and how many of its echoes then lie within a distance of the truth. The third is what
+walls that mirror less leave of it.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.records import Number, Record, fact
+
+TABLE = "expected_quality.json"
+
+NEAR, WIDE, CELLS = 0.02, 0.05, 1.5
+"""Distances from the truth at which the F-score is stated [m], [m] and [resolution cells]."""
+
+
+class ExpectedQuality(Record):
+    """The hidden F-score to expect behind one wall, and its standard error over scenes."""
+
+    cell_m: float = fact("diagonal of the resolution cell at the way by one bounce")
+    wall_cells: float = fact("length of the wall in resolution cells where it stands")
+    wall_found: Number = fact("chance that the wall shows them at all; None outside of what was tried")
+    wall_found_error: Number
+    f_score_2cm: Number
+    f_score_2cm_error: Number
+    f_score_5cm: Number
+    f_score_5cm_error: Number
+    f_score_cells: Number = fact("at 1.5 resolution cells")
+    f_score_cells_error: Number
+
+
+def cell_diagonal(frequency: float, bandwidth: float, aperture: float, range: float) -> float:
+    """Diagonal of the resolution cell [m], ``sqrt((c / 2B)^2 + (lambda r / D)^2)``.
+
+    Parameters
+    ----------
+    frequency, bandwidth : float [Hz]
+        Middle and width of the band.
+    aperture : float [m]
+    range : float [m]
+        The whole way, by way of walls.
+    """
+    return float(np.hypot(speed_of_light / (2.0 * bandwidth), speed_of_light / frequency * range / aperture))
+
+
+def expected_quality(
+    *,
+    frequency: float,
+    bandwidth: float,
+    aperture: float,
+    range: float,
+    wall_range: float,
+    wall: float = 1.0,
+    mirrored_db: float | None = 0.0,
+    table: dict[str, Any] | None = None,
+) -> ExpectedQuality:
+    """The hidden F-score to expect of objects of 10 to 40 cm that one wall shows.
+
+    ``F(d) = mirrored(m) found(w / c_w) close(d / c)`` with the level m that the wall mirrors, its length w, the
+    diagonals c_w and c of the resolution cell at the wall and at the hidden things, and the distance d at which a point
+    counts as right. The factors are tables, interpolated over the level and the logarithms.
+
+    Parameters
+    ----------
+    frequency, bandwidth : float [Hz]
+        Middle and width of the band.
+    aperture : float [m]
+        Length of the transmitting array, and of the receiving one.
+    range : float [m]
+        Way from the radar to the hidden things by the wall.
+    wall_range : float [m]
+        Distance of the wall.
+    wall : float [m], default 1
+        Length of the wall.
+    mirrored_db : float [dB], optional
+        Share of the power that the wall mirrors; None for none.
+    table : dict, optional
+        As in `expected_quality.json`; that by default.
+
+    Returns
+    -------
+    ExpectedQuality
+        With None where the cell, the wall or its reflection are outside of what was tried.
+
+    Examples
+    --------
+    >>> sharp = expected_quality(frequency=295e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=1.5)
+    >>> dim = expected_quality(frequency=100e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=1.5)
+    >>> sharp.f_score_2cm > dim.f_score_2cm
+    True
+    """
+    known = _shipped() if table is None else table
+    cell = cell_diagonal(frequency, bandwidth, aperture, range)
+    wall_cells = wall / cell_diagonal(frequency, bandwidth, aperture, wall_range)
+    found = _product(_of_loss(known["mirrored"], mirrored_db), _interpolated(known["found"], wall_cells))
+    folded = known["close_in_cells"]
+    pairs = (
+        found,
+        *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR, WIDE)),
+        _product(found, (folded["mean"], folded["standard_error"])),
+    )
+    names = ("wall_found", "f_score_2cm", "f_score_5cm", "f_score_cells")
+    facts: dict[str, float | None] = {}
+    for name, pair in zip(names, pairs, strict=True):
+        facts[name], facts[f"{name}_error"] = (None, None) if pair is None else (round(pair[0], 4), round(pair[1], 4))
+    return ExpectedQuality(cell_m=cell, wall_cells=wall_cells, **facts)
+
+
+def _interpolated(curve: dict[str, list[float]], value: float) -> tuple[float, float] | None:
+    """Mean and standard error at a value, over its logarithm; None beyond the ends of the curve."""
+    at = curve["at"]
+    if not at[0] <= value <= at[-1]:
+        return None
+    mean, error = (float(np.interp(np.log(value), np.log(at), curve[name])) for name in ("mean", "standard_error"))
+    return mean, error
+
+
+def _of_loss(curve: dict[str, list[float]], level_db: float | None) -> tuple[float, float] | None:
+    """What lossy walls leave of the F-score, at a mirrored share of the power [dB]."""
+    if level_db is None or level_db < curve["at"][0]:
+        return None
+    mean, error = (float(np.interp(level_db, curve["at"], curve[name])) for name in ("mean", "standard_error"))
+    return mean, error
+
+
+def _product(one: tuple[float, float] | None, other: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Of two means, with its standard error."""
+    if one is None or other is None:
+        return None
+    return one[0] * other[0], float(np.hypot(one[0] * other[1], one[1] * other[0]))
+
+
+@cache
+def _shipped() -> dict[str, Any]:
+    """The table that comes along."""
+    found: dict[str, Any] = json.loads(files("mirrorfold.describing").joinpath(TABLE).read_text(encoding="utf-8"))
+    return found

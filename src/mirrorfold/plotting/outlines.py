@@ -1,0 +1,84 @@
+"""Outlines of the true solids of a scene: what a plane cuts out of them, and what they cover of a view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing
+
+from mirrorfold.common.types import Array, Index
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.solids import Scene3D
+
+SHARES = np.array([[i, k, 6 - i - k] for i in range(7) for k in range(7 - i)]) / 6.0
+"""Places on a triangle, in shares of its corners: at most a sixth of an edge from one to the next."""
+
+
+def cut(scene: Scene3D, point: Array, normal: Array) -> dict[str, Array]:
+    """Where a plane cuts the surfaces of a scene.
+
+    Parameters
+    ----------
+    scene : Scene3D
+    point, normal : (3,) arrays [m]
+        A point of the plane, and its normal of any length.
+
+    Returns
+    -------
+    dict of (n, 2, 3) arrays [m]
+        Line segments by the names of the surfaces that the plane meets.
+    """
+    from mirrorfold.simulation.raster.meshes import solids
+
+    found = {}
+    for solid in solids(scene):
+        lines = cut_triangles(solid.vertices, solid.faces, point, normal)
+        if len(lines):
+            found[scene.surface[solid.surface].name] = lines
+    return found
+
+
+def cut_triangles(vertices: Array, faces: Index, point: Array, normal: Array) -> Array:
+    """Line segments (n, 2, 3) [m] in which a plane cuts triangles; those that it only touches are left out."""
+    height = (vertices - point) @ np.asarray(normal, dtype=float)
+    side = height[faces] > 0.0
+    crossed = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
+    start, end = faces[crossed], np.roll(faces[crossed], -1, axis=1)
+    met = side[crossed] != np.roll(side[crossed], -1, axis=1)  # two of the three edges
+    first, last = start[met], end[met]
+    share = height[first] / (height[first] - height[last])
+    return np.asarray((vertices[first] + share[:, None] * (vertices[last] - vertices[first])).reshape(-1, 2, 3))
+
+
+def silhouette(vertices: Array, faces: Index, right: Array, up: Array, u: Array, v: Array) -> NDArray[np.bool_]:
+    """Which pixels a solid covers, seen along the axis that is upright on both directions of the picture.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array [m]
+    faces : (f, 3) array of int
+        Of a solid with facets of few pixels; larger ones leave holes.
+    right, up : (3,) arrays
+        Unit vectors.
+    u, v : 1D arrays [m]
+        Centres of the pixels, in equal steps.
+
+    Returns
+    -------
+    (v, u) bool array
+    """
+    flat = vertices @ np.stack([right, up], axis=1)
+    return covered(np.einsum("sk,fkd->fsd", SHARES, flat[faces]).reshape(-1, 2), u, v)
+
+
+def covered(points: Array, u: Array, v: Array) -> NDArray[np.bool_]:
+    """Pixels (v, u) that hold any of the points (n, 2) [m], single gaps between them closed."""
+    column = np.rint((points[:, 0] - u[0]) / (u[1] - u[0])).astype(np.intp)
+    row = np.rint((points[:, 1] - v[0]) / (v[1] - v[0])).astype(np.intp)
+    inside = (column >= 0) & (column < u.size) & (row >= 0) & (row < v.size)
+    mask = np.zeros((v.size, u.size), dtype=bool)
+    mask[row[inside], column[inside]] = True
+    return np.asarray(binary_closing(np.pad(mask, 2), np.ones((3, 3)))[2:-2, 2:-2])

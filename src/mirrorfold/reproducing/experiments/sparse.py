@@ -1,0 +1,395 @@
+"""Few channels: random subsets of elements and frequencies, or random modes, imaged by l1 and folded."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.sparse.linalg import lsqr
+
+import mirrorfold as mf
+from mirrorfold.common.types import Array
+from mirrorfold.reproducing.findings import Claim, Findings, Table
+from mirrorfold.reproducing.parts.sparse_figures import draw_example, draw_quality, draw_unexplained
+from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, focused, random_channels
+from mirrorfold.reproducing.parts.sparse_imaging import sparse_reflectivity as solve
+from mirrorfold.reproducing.work import Work
+from mirrorfold.scenes.families import Radar, draw
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.floor_plan import Scene
+
+FAMILIES = ("discs", "two walls")
+"""Both hide objects behind one wall and show them in another: small discs, or corners, arcs and discs."""
+
+KINDS = ("channels", "frequencies", "elements", "modes")
+"""What is chosen at random: any channels, frequencies, elements of either array, or phases of two apertures."""
+
+METHODS = ("delay and sum", "sparse", "sparse, not restored")
+
+MEASURES = {
+    "f_cells": "hidden F at 1.5 cells",
+    "f_2cm": "hidden F at 2 cm",
+    "mirrors": "mirrors found",
+    "invented": "hidden points invented",
+}
+"""What is judged of each reconstruction; the last three, too, from 0 to 1."""
+
+SNR_DB = 20.0
+"""Signal over noise of a sample: noise is far below the echoes of walls, and near those of hidden objects."""
+
+ENOUGH = 0.9
+"""A method serves where its mean quality is as large a share of that with all channels."""
+
+EXAMPLE = ("channels", 0.1)
+LSQR_ITERATIONS = 20
+
+Scores = dict[str, dict[str, float]]
+
+
+class Setting(NamedTuple):
+    """Sizes of a run."""
+
+    families: tuple[str, ...]
+    radar: Radar
+    x: Array
+    y: Array
+    shares: tuple[float, ...]
+    seeds: tuple[int, ...]
+    iterations: int
+
+
+def run(work: Work) -> Findings:
+    """Every scene, measured in every way, imaged by both methods and folded."""
+    setting = work.size(
+        Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(6)), 40),
+        Setting(FAMILIES[:1], _radar(61, 121), *_grid(0.02, 0.0225), (0.1,), (3,), 30),
+    )
+    tasks = [(family, seed) for family in setting.families for seed in setting.seeds]
+    found: dict[str, list[Scores]] = {family: [] for family in setting.families}
+    example: dict[str, xr.DataTree] = {}
+    scenes = {}
+    for number, (family, seed) in enumerate(tasks):
+        scene: Any = draw(family, seed, radar=setting.radar)
+        sweep = work.sweep(scene, solver="rays", seed=seed, snr_db=SNR_DB)
+        shown = family == setting.families[-1] and seed == setting.seeds[0]
+        pictures: dict[str, xr.DataTree] = {}
+        study = partial(_study, scene, sweep, seed, setting, pictures)
+        found[family].append(study() if shown else work.kept(study))  # pictures are not kept, and are made anew
+        if shown:
+            scenes[family], example = scene, pictures
+        work.step(number + 1, len(tasks))
+    data = _data(found, setting)
+    numbers = _numbers(data)
+    return Findings(
+        claims=_claims(data, numbers),
+        numbers=numbers,
+        figures=_figures(data, example, scenes[setting.families[-1]], setting),
+        data=xr.DataTree(children={"scores": xr.DataTree(data), **_example_data(example)}),
+        tables=_tables(data, setting),
+        text=_text(data, numbers, setting),
+        assumptions=(
+            "Nothing was published on few channels. The radar is one for cars, 77-81 GHz, whose sweeps are small; a "
+            f"range cell is 3.75 cm. Scenes are simulated by rays, with noise {SNR_DB:g} dB below the mean power of a "
+            "sample; of modes, too, the noise is that of the samples that they combine.",
+            "The modes have random phases at every element, mode and frequency, on either side: frequency-diverse "
+            "apertures that are perfectly known.",
+        ),
+    )
+
+
+def _radar(elements: int, points: int) -> Radar:
+    """A radar at 77-81 GHz with antennas half a wavelength apart."""
+    return Radar(
+        name=f"{elements} antennas",
+        what="77-81 GHz",
+        band={"start": 77e9, "stop": 81e9, "points": points},
+        array={"kind": "linear", "elements": elements, "pitch": 1.8e-3},
+    )
+
+
+def _grid(x: float, y: float) -> tuple[Array, Array]:
+    """Pixels x, y [m] over all that the scenes show, ghosts included, at these steps [m]: half a cell or less."""
+    return np.arange(-2.4, 3.6, x), np.arange(0.45, 4.25, y)
+
+
+def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example: dict[str, xr.DataTree]) -> Scores:
+    """The scores of one scene by way and method; pictures of one way are put into `example`."""
+    s = np.asarray(sweep["s"].values)
+    model = mf.FocusOperator(sweep, x=setting.x, y=setting.y, tolerance=1e-3)
+    everything = mf.fold(focused(sweep, s, setting.x, setting.y))
+    scores = {"full": _score(everything, scene)}
+    left = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
+    # What no reflectivities explain, less the noise, as a share of the amplitude.
+    power = (np.linalg.norm(left) / np.linalg.norm(s)) ** 2 - 10.0 ** (-SNR_DB / 10.0)
+    scores["scene"] = {"unexplained": float(np.sqrt(max(power, 0.0)))}
+    falls, filled = [], []
+    for kind in KINDS:
+        for share in setting.shares:
+            random = np.random.default_rng([seed, KINDS.index(kind), round(100 * share)])
+            measurement: Measurement = (
+                Modes(model, s.shape, share, random)
+                if kind == "modes"
+                else Channels(model, random_channels(kind, share, s.shape, random))
+            )
+            y = measurement.measured(s)
+            x, fell = solve(measurement, y, setting.iterations)
+            falls.append(fell)
+            filled.append(np.count_nonzero(x) / x.size)
+            images = (
+                focused(sweep, measurement.matched(y), setting.x, setting.y),
+                focused(sweep, measurement.completed(y, x), setting.x, setting.y),
+                model.image(x),
+            )
+            for method, image in zip(METHODS, images, strict=True):
+                folded = mf.fold(image)
+                scores[f"{kind}, {share:g}, {method}"] = _score(folded, scene)
+                if (kind, share) == EXAMPLE:
+                    example[method] = folded
+    example["all channels"] = everything
+    scores["scene"] |= {"falls": float(np.mean(falls)), "filled": float(np.mean(filled))}
+    return scores
+
+
+def _score(reconstruction: xr.DataTree, scene: Scene) -> dict[str, float]:
+    """What `MEASURES` names."""
+    found: Any = mf.score(reconstruction, scene)
+    walls = {mirror.surface for mirror in found.mirrors if (mirror.surface or "").startswith("wall")}
+    return {
+        "f_cells": float(found.hidden.f_score_cells or 0.0),
+        "f_2cm": float(found.hidden.f_score_2cm or 0.0),
+        "mirrors": len(walls) / sum(surface.name.startswith("wall") for surface in scene.surface),
+        "invented": float(found.hidden.invented_fraction or 0.0),
+    }
+
+
+def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
+    """All scores in one data set."""
+    dims = ("family", "kind", "share", "imaging", "scene")
+    units = {"units": "1"}
+
+    def whole(name: str) -> tuple[Any, ...]:
+        values = [[scores["full"][name] for scores in found[family]] for family in setting.families]
+        return ("family", "scene"), values, units
+
+    variables: dict[str, Any] = {
+        name: (
+            dims,
+            [
+                [
+                    [
+                        [
+                            [scores[f"{kind}, {share:g}, {method}"][name] for scores in found[family]]
+                            for method in METHODS
+                        ]
+                        for share in setting.shares
+                    ]
+                    for kind in KINDS
+                ]
+                for family in setting.families
+            ],
+            units | {"long_name": label},
+        )
+        for name, label in MEASURES.items()
+    }
+    variables |= {f"full_{name}": whole(name) for name in MEASURES}
+    variables |= {
+        name: (
+            ("family", "scene"),
+            [[scores["scene"][name] for scores in found[family]] for family in setting.families],
+            units,
+        )
+        for name in ("unexplained", "falls", "filled")
+    }
+    coords = {
+        "family": list(setting.families),
+        "kind": list(KINDS),
+        "share": ("share", list(setting.shares), units),
+        "imaging": list(METHODS),
+        "scene": list(setting.seeds),
+    }
+    return xr.Dataset(variables, coords)
+
+
+def _example_data(example: dict[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """The initial images of the example, and its points."""
+    return {
+        _word(name): xr.DataTree(
+            one["initial"].to_dataset()[["initial"]].drop_attrs(),
+            children={"objects": xr.DataTree(one["objects"].to_dataset())},
+        )
+        for name, one in example.items()
+    }
+
+
+def _numbers(data: xr.Dataset) -> dict[str, float]:
+    """Means over the scenes of both families, and of each."""
+    numbers = {"full_f_cells": float(data["full_f_cells"].mean()), "full_f_2cm": float(data["full_f_2cm"].mean())}
+    for family in data["family"].values:
+        for name in ("full_f_cells", "unexplained"):
+            numbers[f"{_word(family)}_{name}"] = float(data[name].sel(family=family).mean())
+    for kind in KINDS:
+        for share in data["share"].values:
+            for method in METHODS:
+                at = {"kind": kind, "share": share, "imaging": method}
+                label = f"{kind}_{100 * share:.0f}_percent_{_word(method)}_f_cells"
+                numbers[label] = float(data["f_cells"].sel(at).mean())
+                for family in data["family"].values:
+                    numbers[f"{_word(family)}_{label}"] = float(data["f_cells"].sel(at | {"family": family}).mean())
+    numbers["pixels_not_zero"] = float(data["filled"].mean())
+    numbers["cost_still_falls"] = float(data["falls"].max())
+    if data["unexplained"].size > 2:
+        numbers["unexplained_against_elements_correlation"] = _correlation(data)
+    return numbers
+
+
+def _correlation(data: xr.Dataset) -> float:
+    """Of what the model leaves unexplained, and what sparse imaging with the fewest elements loses."""
+    lost = data["full_f_cells"] - data["f_cells"].sel(kind="elements", imaging="sparse").mean("share")
+    return float(xr.corr(data["unexplained"], lost))
+
+
+def _claims(data: xr.Dataset, numbers: dict[str, float]) -> tuple[Claim, ...]:
+    """Questions that were left open, answered by numbers."""
+    shares = data["share"].values
+    full = numbers["full_f_cells"]
+    found = []
+    for kind in KINDS:
+        least: dict[str, str] = {}
+        for method in METHODS[:2]:
+            serves = [share for share in shares if _of(numbers, kind, share, method) >= ENOUGH * full]
+            least[method] = f"{100 * min(serves):.0f} %" if serves else f"more than {100 * max(shares):.0f} %"
+        fewest = min(shares)
+        what = {
+            "channels": "of the channels, chosen at random,",
+            "frequencies": "of the frequencies, chosen at random,",
+            "elements": "of the pairs, by random elements,",
+            "modes": "of the measurements, by random modes of two metasurfaces,",
+        }[kind]
+        found.append(
+            Claim(
+                claim=f"What share {what} does folding need?",
+                source="",
+                measured=f"sparse {least['sparse']}, delay and sum {least['delay and sum']}; at {100 * fewest:.0f} % "
+                f"F is {_of(numbers, kind, fewest, 'sparse'):.2f} and "
+                f"{_of(numbers, kind, fewest, 'delay and sum'):.2f}",
+                verdict="new",
+                why="The least share tried at which the mean hidden F at 1.5 cells is at least "
+                f"{100 * ENOUGH:.0f} % of the {full:.2f} with all channels.",
+            )
+        )
+    mean = {method: float(data["f_cells"].sel(imaging=method).mean()) for method in METHODS[1:]}
+    gain = mean["sparse"] - mean["sparse, not restored"]
+    found.append(
+        Claim(
+            claim="Can the sparse image be folded as it is?",
+            source="",
+            measured=f"{'no' if gain > 0.05 else 'yes'}: F is {mean['sparse, not restored']:.2f} as it is, "
+            f"{mean['sparse']:.2f} restored",
+            verdict="new",
+            why="Means over all that was measured; a difference of more than 0.05 counts.",
+        )
+    )
+    return tuple(found)
+
+
+def _of(numbers: dict[str, float], kind: str, share: float, method: str, family: str = "") -> float:
+    """A mean hidden F at 1.5 cells."""
+    before = f"{_word(family)}_" if family else ""
+    return numbers[f"{before}{kind}_{100 * share:.0f}_percent_{_word(method)}_f_cells"]
+
+
+def _word(text: str) -> str:
+    return text.replace(",", "").replace(" ", "_")
+
+
+def _figures(
+    data: xr.Dataset, example: dict[str, xr.DataTree], scene: Scene, setting: Setting
+) -> dict[str, tuple[Any, str]]:
+    """Quality against share, an example, and what the model leaves unexplained."""
+    found = {
+        "quality": (
+            draw_quality(data),
+            "Quality of what is hidden against the share of the measurement that is made; mean and standard error over "
+            f"{_scenes(setting)} of each family. Grey: all channels.",
+        )
+    }
+    if EXAMPLE[1] in setting.shares:
+        caption = (
+            f"A scene of the family {setting.families[-1]!r}: initial images, relative to the brightest pixel, and the "
+            f"folded points over the truth; {100 * EXAMPLE[1]:.0f} % of the channels at random, and all of them."
+        )
+        found["example"] = draw_example(example, scene), caption
+    found["unexplained"] = (
+        draw_unexplained(data),
+        "What sparse imaging loses against the share of the samples' amplitude that no reflectivities explain; each "
+        "point is a scene, the mean over the shares tried.",
+    )
+    return found
+
+
+def _tables(data: xr.Dataset, setting: Setting) -> tuple[Table, ...]:
+    """Every mean with its standard error."""
+    columns = ["scenes", "chosen at random", "share [%]", "method", *MEASURES.values()]
+    rows = []
+    for family in setting.families:
+        whole = [_with_error(data[f"full_{name}"].sel(family=family)) for name in MEASURES]
+        rows.append([family, "all", "100", METHODS[0], *whole])
+        for kind in KINDS:
+            for share in setting.shares:
+                for method in METHODS:
+                    at = {"family": family, "kind": kind, "share": share, "imaging": method}
+                    cells = [_with_error(data[name].sel(at)) for name in MEASURES]
+                    rows.append([family, kind, f"{100 * share:.0f}", method, *cells])
+    title = f"Means and standard errors over {_scenes(setting)} of each family"
+    return (Table(title=title, columns=columns, rows=rows),)
+
+
+def _with_error(values: xr.DataArray) -> str:
+    """Mean and standard error."""
+    mean = float(values.mean())
+    if values.size < 2:
+        return f"{mean:.2f}"
+    return f"{mean:.2f} ± {float(values.std(ddof=1)) / np.sqrt(values.size):.2f}"
+
+
+def _scenes(setting: Setting) -> str:
+    """How many there are."""
+    count = len(setting.seeds)
+    return f"{count} random scenes" if count > 1 else "one random scene"
+
+
+def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tuple[str, ...]:
+    """What can be learnt."""
+    left = [
+        f"{100 * numbers[f'{_word(family)}_unexplained']:.0f} % of the amplitude in the family {family!r}"
+        for family in setting.families
+    ]
+    paragraphs = [
+        "Sparse imaging looks for the fewest reflectivities that explain what was measured: it minimises "
+        "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
+        f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the matched "
+        "filter A^H y of the same measurement, with a Hann taper over frequency.",
+        f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
+        "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
+        "wide as a resolution cell, which single pixels are not. The image is therefore "
+        "restored as radio astronomers restore the components of CLEAN (Hogbom 1974): x predicts the samples of all "
+        "channels, measured ones keep their values, and the completed sweep is focused as usual. That is the model "
+        "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself. What modes "
+        "leave unexplained is added by their matched filter.",
+        "How few channels suffice is a matter of where their side lobes lie. Any channels at random spread the side "
+        "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
+        "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "
+        "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
+        "Paths that leave and arrive by different ways, such as those between the legs of a corner, are of no point "
+        f"reflector: no reflectivities explain {' and '.join(left)}. They stay in the residual, with all their side "
+        "lobes. Whoever wants fewer elements than that allows has to model them.",
+    ]
+    if "unexplained_against_elements_correlation" in numbers:
+        paragraphs.append(
+            "Over the scenes the share that is unexplained and what sparse imaging loses with few elements have a "
+            f"correlation of {numbers['unexplained_against_elements_correlation']:.2f}."
+        )
+    return tuple(paragraphs)

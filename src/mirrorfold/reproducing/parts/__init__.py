@@ -1,0 +1,1 @@
+"""What several experiments measure and draw, and the longer pages of single ones."""

@@ -1,0 +1,182 @@
+"""What the experiments with the raster radar share: scenes at reduced size, folded volumes, the walls that were found.
+
+All scans are simulated by rays: frozen diffuse scatterers on surfaces and inside walls, seen directly and by way of
+specular mirrors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import map_coordinates
+
+import mirrorfold as mf
+from mirrorfold.common.geometry import reflect
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection import find_echoes, see, usual_settings
+from mirrorfold.detection.volume_view import to_volume_view
+from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.pictures import Grid, draw
+from mirrorfold.folding.points import fold_back, owned_blobs
+from mirrorfold.folding.shown import shown_points
+from mirrorfold.reconstruction import find_tree
+from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+
+SNR_DB = 20.0
+"""Per sample; a hidden body then stands some 30 dB above the noise of the volume."""
+
+TOLD_DB = 10.0
+"""A wall is as thick as its mean profile is above its peak less this."""
+
+EDGE = 0.10
+"""Beams this close to the edge of a wall, three times their radius, also see what is beside it [m]."""
+
+DEPTHS = np.arange(-0.06, 0.08, 0.0005)
+"""Depths across a wall at which its profile is taken [m]: a tenth of a range cell apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A mirror that was found, at its true place.
+
+    Attributes
+    ----------
+    chain : str
+        By which it shows things.
+    center, normal : (3,) arrays [m]
+        The normal has length one.
+    corners : (4, 3) array [m]
+    angle_error : float [degree]
+        Standard error of the fit.
+    """
+
+    chain: str
+    center: Array
+    normal: Array
+    corners: Array
+    angle_error: float
+
+    def image(self, points: Array) -> Array:
+        """Mirror images of points (n, 3) [m]."""
+        return reflect(points, self.center, self.normal)
+
+
+def reduced(scene: Scene3D, *, beams: int, frequencies: int) -> Scene3D:
+    """The same scene, scanned with fewer beams on each side, and fewer frequencies of the same band."""
+    azimuth, elevation = scene.scanner.azimuth, scene.scanner.elevation
+    assert azimuth is not None  # a grid, in all scenes that come along
+    assert elevation is not None
+    sides = replace(azimuth, points=beams), replace(elevation, points=beams)
+    scanner = replace(scene.scanner, azimuth=sides[0], elevation=sides[1])
+    return replace(scene, scanner=scanner, band=replace(scene.band, points=frequencies))
+
+
+def without_pictures(sweep: xr.Dataset) -> xr.DataTree:
+    """The reconstruction of a scan, whose pictures are a few pixels: they take most of the time."""
+    few = np.array([0.0, 1.0])
+    return mf.FoldPlan(mf.focus(sweep)).fold(grid=(few, few + 1.0, few))
+
+
+def walls_of(reconstruction: xr.DataTree) -> list[Wall]:
+    """The mirrors that were found, at their true places."""
+    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    found = []
+    for i in range(held.sizes.get("mirror", 0)):
+        center, normal = (np.array([float(held[f"folded_{what}_{axis}"][i]) for axis in "xyz"]) for what in
+                          ("center", "normal"))  # fmt: skip
+        corners = np.stack([held[f"folded_corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
+        error = float(held["angle_error"].values[i])
+        found.append(Wall(str(held["chain"].values[i]), center, normal, corners, error))
+    return found
+
+
+def hidden_points(reconstruction: xr.DataTree) -> xr.Dataset:
+    """The points that were seen by way of a mirror: of objects, and on the faces of further mirrors."""
+    points = shown_points(reconstruction)
+    return points.isel(point=points["bounces"].values > 0)
+
+
+def places_of(points: xr.Dataset) -> Array:
+    """Where points stand, (n, 3) [m]."""
+    return np.stack([points[axis].values for axis in "xyz"], axis=-1)
+
+
+def wall_profile(volume: xr.DataArray, wall: Wall) -> xr.DataArray:
+    """Mean power across a wall, at depths behind its plane [m], relative to the largest.
+
+    Each beam that meets the wall looks through it along its own direction; what it shows a range d behind the plane
+    lies ``d cos(t)`` deep, with t the angle of incidence. Noise is taken off.
+    """
+    view = to_volume_view(volume)
+    cosine = np.abs(view.sight @ wall.normal)
+    range_ = ((wall.center - view.radar) @ wall.normal) / (view.sight @ wall.normal)
+    beams = np.flatnonzero(_inside(view.radar + range_[:, None] * view.sight, wall) & (range_ > 0.0))
+    along = range_[beams, None] + DEPTHS / cosine[beams, None]
+    power = view.power_at(along, beams[:, None]).mean(axis=0)
+    attrs = {"units": "1", "long_name": "mean power across the wall, over its maximum"}
+    depth = ("depth", DEPTHS, {"units": "m", "long_name": "behind the plane"})
+    return xr.DataArray(power / power.max(), dims="depth", coords={"depth": depth}, attrs=attrs)
+
+
+def _inside(points: Array, wall: Wall) -> Mask:
+    """Which points (n, 3) of its plane lie on a wall, away from its edges."""
+    center = wall.corners.mean(axis=0)
+    inside = np.ones(len(points), dtype=bool)
+    for i in (0, 1):
+        side = wall.corners[(1, 3)[i]] - wall.corners[0]
+        half = 0.5 * float(np.linalg.norm(side))
+        inside &= np.abs((points - center) @ side / (2.0 * half)) <= half - EDGE
+    return inside
+
+
+def thickness(profile: xr.DataArray) -> float:
+    """Width of a profile of power where it has fallen by `TOLD_DB` [m], interpolated between its samples."""
+    power, depth = profile.values, profile["depth"].values
+    level = 10.0 ** (-TOLD_DB / 10.0) * power.max()
+    above = np.flatnonzero(power >= level)
+    first, last = int(above[0]), int(above[-1])
+    rise = np.interp(level, power[first - 1 : first + 1], depth[first - 1 : first + 1])
+    fall = np.interp(-level, -power[last : last + 2], depth[last : last + 2])
+    return float(fall - rise)
+
+
+def folded_voxels(volume: xr.DataArray, grids: list[tuple[Grid, bool]]) -> list[xr.DataArray]:
+    """Amplitude of the scene on grids (x, y, z) [m]: as the radar sees it, or folded where `folded` is true.
+
+    Each voxel of the folded scene looks up the volume where a chain of mirrors shows it.
+    """
+    view = see(volume)
+    echoes = find_echoes(view)
+    settings = FoldSettings().completed(normalization=view.normalization, **usual_settings(view, echoes))
+    found = find_tree(view, echoes, settings)
+    folds, margin = found.tree.folds(), settings.wall_margin or 0.0
+    blobs = owned_blobs(fold_back(found.tree), found.sight)
+    result = []
+    for grid, folded in grids:
+        if folded:
+            values = draw(found.sight, folds, margin, grid, blobs)
+        else:
+            values = draw(LinesOfSight.unfolded(view), folds, margin, grid, np.full_like(blobs, ROOT))
+        coords = {name: (name, axis, {"units": "m"}) for name, axis in zip("xyz", grid, strict=True)}
+        result.append(xr.DataArray(values, dims=("z", "y", "x"), coords=coords, attrs={"long_name": "amplitude"}))
+    return result
+
+
+def upright(voxels: xr.DataArray, middle: Array, along: Array, distance: Array, height: Array) -> xr.DataArray:
+    """An upright section (height, distance) of voxels: through `middle` (3,) [m], horizontally `along` (3,)."""
+    place = middle[:2] + distance[:, None] * along[:2]
+    index = []
+    for name, values in (("z", height[:, None]), ("y", place[None, :, 1]), ("x", place[None, :, 0])):
+        axis = voxels[name].values
+        index.append((values - axis[0]) / (axis[1] - axis[0]))
+    values = map_coordinates(voxels.values, np.stack(np.broadcast_arrays(*index)), order=1)
+    coords = {"height": ("height", height, {"units": "m"}), "distance": ("distance", distance, {"units": "m"})}
+    return xr.DataArray(values, dims=("height", "distance"), coords=coords, attrs={"long_name": "amplitude"})
+
+
+def around(middle: Array, half: tuple[float, float, float], step: float = 0.01) -> Grid:
+    """Coordinates x, y and z [m] of voxels around a place, up to half the sides of the box."""
+    return tuple(np.arange(m - h, m + h + 0.5 * step, step) for m, h in zip(middle, half, strict=True))

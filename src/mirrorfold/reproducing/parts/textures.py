@@ -1,0 +1,101 @@
+"""How bright a flat metal box is that is seen obliquely, by the share of its reflection that is diffuse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+import mirrorfold as mf
+from mirrorfold.common.decibels import COLOURS
+from mirrorfold.plotting.volumes import FEWEST
+from mirrorfold.reproducing.parts import bodies
+from mirrorfold.reproducing.parts.bodies import Folded
+from mirrorfold.reproducing.parts.raster import SNR_DB, without_pictures
+from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.simulation.raster.speckle import diffuse_share
+
+BOX, BEHIND, MIRROR = "extinguisher box", "inner wall", "outer wall"
+"""The box, the wall behind it that it is compared with, and the wall that shows both."""
+
+LEAST = 0.006
+"""Left end of the picture: what is diffuse there is 12 dB below the wall."""
+
+
+def box_of(scene: Scene3D) -> Any:
+    """The box."""
+    return next(one for one in scene.surface if one.name == BOX)
+
+
+def over_wall_db(body: Folded) -> float:
+    """Level of the points on the box over those on the wall behind it [dB]; minus infinity where hardly any are.
+
+    A few points of what stands near the box are none of it.
+    """
+    if np.count_nonzero(body.of(BOX)) < FEWEST:
+        return -np.inf
+    return body.level_db(BOX) - body.level_db(BEHIND)
+
+
+def level_of(scene: Scene3D, share: float) -> float:
+    """The same for a box of another texture: `share` of its reflection is diffuse."""
+    changed = tuple(replace(one, diffuse_fraction=share) if one.name == BOX else one for one in scene.surface)
+    other = replace(scene, surface=changed)
+    return over_wall_db(bodies.folded(without_pictures(mf.simulate(other, snr_db=SNR_DB, bounces=1)), other))
+
+
+def predicted_db(scene: Scene3D, body: Folded) -> float:
+    """The same by Lambert's law: a beam that a surface fills returns ``Q(t) cos(t)``, Q the share that is diffuse."""
+    frequency, means = 0.5 * (scene.band.start + scene.band.stop), []
+    mirror = next(one for one in scene.surface if one.name == MIRROR)
+    center, normal = mirror.frame.shift, mirror.frame.linear[:, 1]
+    radar = np.array(scene.scanner.origin)
+    radar = radar - 2.0 * ((radar - center) @ normal) * normal
+    known = body.known
+    for name in (BOX, BEHIND):
+        finish: Any = next(one for one in scene.surface if one.name == name)
+        mine = known.reachable & (np.array([known.names[int(one)] == name for one in known.owner]))
+        sight = radar - known.place[mine]
+        cosine = np.einsum("nd,nd->n", sight, known.normals[mine]) / np.linalg.norm(sight, axis=1)
+        share = diffuse_share(finish, frequency, cosine, inside=False)
+        if finish.volume_depth > 0.0:
+            share = share + diffuse_share(finish, frequency, cosine, inside=True)
+        means.append(float(np.mean(share * cosine)))
+    return float(10.0 * np.log10(means[0] / means[1]))
+
+
+def told(levels: dict[float, float]) -> str:
+    """Level of the box by its texture, in words."""
+    words = (f"{level:+.1f} dB" if np.isfinite(level) else "not seen" for _, level in sorted(levels.items()))
+    return ", ".join(f"at {100 * share:g} % {word}" for share, word in zip(sorted(levels), words, strict=True))
+
+
+def levels_dataset(levels: dict[float, float]) -> xr.Dataset:
+    """Level of the box by its texture."""
+    shares = sorted(levels)
+    level = ("diffuse_share", [levels[share] for share in shares], {"units": "dB", "long_name": "over the inner wall"})
+    return xr.Dataset({"level": level}, coords={"diffuse_share": ("diffuse_share", shares, {"units": "1"})})
+
+
+def draw_levels(levels: dict[float, float], share: float, predicted: float, body: float) -> Figure:
+    """Level of the box against its texture, with what is `predicted` [dB] at one `share`, and that of the `body`."""
+    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+    ax = figure.subplots()
+    line = np.geomspace(LEAST, 1.0, 50)
+    ax.plot(line, predicted + 10.0 * np.log10(line / share), color="black", linestyle="dashed", linewidth=0.9,
+            label="box, by Lambert's law")  # fmt: skip
+    shown = sorted(one for one, level in levels.items() if np.isfinite(level))
+    ax.plot(shown, [levels[one] for one in shown], "o", color=COLOURS[1], label="box, folded points")
+    gone = ", ".join(f"{100 * one:g} %" for one, level in sorted(levels.items()) if not np.isfinite(level))
+    if gone:
+        ax.text(0.99, 0.03, f"a box of which {gone} is diffuse shows no points", fontsize=9, ha="right",
+                transform=ax.transAxes)  # fmt: skip
+    ax.axhline(0.0, color=COLOURS[0], label="inner wall")
+    ax.axhline(body, color=COLOURS[5], label="mannequin")
+    ax.set(xscale="log", xlabel="share of the box's reflection that is diffuse", ylim=(-15, 15))
+    ax.set_ylabel("level over the inner wall [dB]")
+    ax.legend(frameon=False, fontsize=9)
+    return figure

@@ -1,0 +1,178 @@
+"""Random scenes with two walls, seen by any radar, and how well they are folded."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.constants import Boltzmann, speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.describing.planning import TEMPERATURE, Instrument
+from mirrorfold.describing.quality import cell_diagonal
+from mirrorfold.describing.walls import shares
+from mirrorfold.focusing.grid import default_grid
+from mirrorfold.reproducing.parts.scenes import shipped_plan
+from mirrorfold.reproducing.work import Work
+from mirrorfold.scenes.arrays import Band, LinearArray
+from mirrorfold.scenes.families import Radar, draw
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Roughness
+
+UNAMBIGUOUS = 5.0
+"""Range [m]: the farthest ghosts of what is hidden stand at 3.5 m, and echoes of rays end soon after."""
+
+MOST_RX = 165
+"""Receivers; where half a wavelength would take more, every second, third ... is left out, which transmitters half a
+wavelength apart allow: their beam has no grating lobes, so the product of both has none of the same strength."""
+
+MIRRORS = ("wall 1", "wall 2")
+"""The one that hides, and the one that shows."""
+
+OBJECT_HEIGHT = 0.10e-3
+"""Rms height of the published objects [m]."""
+
+VIEW = (-1.7, 3.3), 4.3
+"""From where to where pixels are needed, in x and up to which y [m]: all scenes and their images."""
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A radar, and the roughness of the walls that it meets.
+
+    Attributes
+    ----------
+    frequency : float [Hz]
+        The middle of the band.
+    bandwidth : float [Hz]
+    aperture : float [m]
+    rms_height, correlation_length : float [m]
+        Of the walls.
+    material : str
+        Of the walls.
+    object_correlation : float [m]
+        Correlation length of the objects' heights.
+    """
+
+    frequency: float
+    bandwidth: float
+    aperture: float = 0.08
+    rms_height: float = 0.05e-3
+    correlation_length: float = 0.2e-3
+    material: str = "pec"
+    object_correlation: float = 0.2e-3
+
+    @property
+    def radar(self) -> Radar:
+        """The radar: antennas half a wavelength apart at the top of the band, or nearly so to fill the aperture."""
+        top = self.frequency + 0.5 * self.bandwidth
+        steps = int(np.ceil(2.0 * self.aperture * top / speed_of_light))
+        sparse = int(np.ceil((steps + 1) / MOST_RX))
+        steps = sparse * int(np.ceil(steps / sparse))
+        pitch = self.aperture / steps
+        points = int(np.ceil(2.0 * self.bandwidth * UNAMBIGUOUS / speed_of_light)) + 1
+        array: dict[str, Any] = {"kind": "linear", "elements": steps + 1, "pitch": pitch}
+        if sparse > 1:
+            array["rx"] = {"kind": "linear", "elements": steps // sparse + 1, "pitch": sparse * pitch}
+        band = {"start": self.frequency - 0.5 * self.bandwidth, "stop": top, "points": points}
+        return Radar(name=f"{self.frequency / 1e9:.0f} GHz", what="", band=band, array=array)
+
+    @property
+    def mirrored_db(self) -> float:
+        """Share of the power that the walls mirror at 45 degrees [dB]."""
+        rough = (self.rms_height, self.correlation_length)
+        return float(10.0 * np.log10(shares(self.material, np.array(self.frequency), np.array(np.pi / 4), rough)[0][0]))
+
+    def scene(self, seed: int) -> Scene:
+        """The published scene for seed 0, random ones for others; the same for all radars."""
+        radar = self.radar
+        drawn = shipped_plan("two_walls") if seed == 0 else draw("two walls", seed, radar=radar)
+        assert isinstance(drawn, Scene)
+        walls = Roughness(rms_height=self.rms_height, correlation_length=self.correlation_length)
+        objects = Roughness(rms_height=OBJECT_HEIGHT, correlation_length=self.object_correlation)
+        content = dict(radar.array)
+        rx = content.pop("rx", None)
+        array = LinearArray(**content, rx=LinearArray(**rx) if rx else None)
+        return replace(
+            drawn,
+            array=array,
+            band=Band(**radar.band),
+            surface=tuple(
+                (
+                    replace(surface, roughness=walls, material=self.material)
+                    if surface.name in MIRRORS
+                    else replace(surface, roughness=objects)
+                )
+                for surface in drawn.surface
+            ),
+        )
+
+
+def noise_power(frequency: float) -> float:
+    """Of a sample, in units of the simulated field, with the electronics that `mirrorfold.plan` assumes.
+
+    A smooth endless conducting wall at 1 m returns ``P G^2 lambda^2 / ((4 pi)^2 (2 m)^2)`` by Friis' formula and the
+    image of the radar, and ``|s|^2 = 1 / (2 m)`` in the simulated plane.
+    """
+    electronics = Instrument()
+    wavelength = speed_of_light / frequency
+    received = 1e-3 * 10.0 ** (0.1 * (electronics.power_dbm + 2.0 * electronics.gain_dbi)) * wavelength**2
+    received /= (4.0 * np.pi) ** 2 * 2.0**2
+    noise = Boltzmann * TEMPERATURE * electronics.if_bandwidth * 10.0 ** (0.1 * electronics.noise_figure_db)
+    return float(noise / received / 2.0)
+
+
+def judged(work: Work, setting: Setting, seed: int, **settings: Any) -> Row:
+    """How well a scene is folded, as numbers; kept."""
+    return work.kept(lambda: asdict(setting) | {"seed": seed} | judge(setting, seed, **settings))
+
+
+def judge(setting: Setting, seed: int, **settings: Any) -> Row:
+    """Simulate, add noise, reconstruct and score."""
+    scene = setting.scene(seed)
+    sweep = mf.simulate(scene, seed=seed, **settings)
+    level = 10.0 * np.log10(float((np.abs(sweep["s"].values) ** 2).mean()) / noise_power(setting.frequency))
+    sweep = mf.sweep.add_noise(sweep, snr_db=float(level), seed=seed)
+    x, y = default_grid(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
+    x, y = x[(x >= VIEW[0][0]) & (x <= VIEW[0][1])], y[y <= VIEW[1]]
+    score = mf.score(mf.reconstruct(sweep, x=x, y=y), scene)
+    first = {name: [one for one in score.mirrors if one.surface == name and one.generation == 1] for name in MIRRORS}
+    angles = [min(one.angle_error_deg or 0.0 for one in found) for found in first.values() if found]
+    hidden = score.hidden
+    at_wall = cell_diagonal(setting.frequency, setting.bandwidth, setting.aperture, _distance(scene, "wall 2"))
+    far = float(np.median([_range(scene, name) for name in score.surfaces])) if score.surfaces else 3.0
+    cell = cell_diagonal(setting.frequency, setting.bandwidth, setting.aperture, far)
+    return {
+        "f_2cm": hidden.f_score_2cm,
+        "f_5cm": hidden.f_score_5cm,
+        "f_cells": hidden.f_score_cells,
+        "accuracy_m": hidden.accuracy_m,
+        "shown": float(bool(first["wall 2"])),
+        "both_walls": float(all(first.values())),
+        "angle_deg": float(np.mean(angles)) if angles else None,
+        "cell_m": cell,
+        "wall_cells": _length(scene, "wall 2") / at_wall,
+        "target_cells": float(np.mean([one.reachable_m for one in score.surfaces.values()])) / cell,
+        "mirrored_db": setting.mirrored_db,
+    }
+
+
+def _length(scene: Scene, name: str) -> float:
+    """Of a surface [m]."""
+    return float(next(s.sample(0.01)[2].sum() for s in scene.surface if s.name == name))
+
+
+def _distance(scene: Scene, name: str) -> float:
+    """Of the middle of a surface from the radar [m]."""
+    return float(np.linalg.norm(next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)))
+
+
+def _range(scene: Scene, name: str) -> float:
+    """Of the image of a surface in wall 2, seen from the radar [m]: how long the way by that wall is."""
+    wall = next(s for s in scene.surface if s.name == "wall 2").pieces(1.0)[0]
+    normal = np.array([wall[0, 1] - wall[1, 1], wall[1, 0] - wall[0, 0]]) / np.linalg.norm(wall[1] - wall[0])
+    middle = next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)
+    return float(np.linalg.norm(middle - 2.0 * ((middle - wall[0]) @ normal) * normal))
