@@ -342,8 +342,8 @@ def _text(numbers: dict[str, float | None]) -> tuple[str, ...]:
         "line of sight: its image is as sharp as its range allows. The errors of all walls on the way add up at the "
         "target, but each is far below a resolution cell.",
         "Loss ends it, earlier than the link budget says. The budget is that of the target alone. Yet every wall on "
-        "the way must be found, too, by what it scatters: an oblique wall of concrete scatters 17 dB less than it "
-        "meets, and what is seen in it sinks by twice its loss with each bounce. Of the targets that are not found, "
+        "the way must be found, too, by what it scatters: an oblique wall of concrete scatters 17 dB less than meets "
+        "it, and what is seen in it sinks by twice its loss with each bounce. Of the targets that are not found, "
         f"{walls:.0%} miss a wall on their way.",
         "The usual threshold takes part in that: echoes count down to "
         f"{-THRESHOLDS[0]:.0f} dB under a robust reference. Of the corridors whose target stands {DETECTION_DB:g} dB "

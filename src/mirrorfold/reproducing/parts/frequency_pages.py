@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 COLOURS = ("#0072B2", "#009E73", "#E69F00", "#D55E00")
-TICKS = (60, 100, 200, 300, 500, 1000)
+TICKS = (60, 80, 110, 150, 220, 300, 450, 670, 1000)
 """Frequencies that are labelled [GHz]."""
 
 SCORES = {"f_2cm": "within 2 cm", "f_5cm": "within 5 cm", "f_cells": "within 1.5 cells"}
@@ -114,6 +114,9 @@ def collapse(rows: Sequence[Row], table: dict[str, Any]) -> Figure:
                     markersize=4, label="mean of each class")  # fmt: skip
         ax.set(xscale="log", ylim=(-0.05, 1.07))
         ax.grid(alpha=0.2)
+    for ax, ticks in ((left, (5, 10, 20, 40, 80)), (right, (0.1, 0.2, 0.5, 1, 2))):
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.set_xticks([], minor=True)
     left.set(xlabel="length of the wall [cells]", ylabel="wall that shows is found")
     right.set(xlabel="distance at which a point is right [cells]", ylabel="hidden F-score")
     left.set_title(f"orange: walls that mirror less than {MIRRORED_EDGES_DB[-1]:g} dB", fontsize=9)
@@ -134,6 +137,7 @@ def against_waves(rows: Sequence[Row]) -> Figure:
         ax.set(ylim=(-0.03, 1.05))
         ax.set_title(SCORES[name], fontsize=10)
         _frequencies(ax)
+        ax.set_xlim(50, 130)
     panels[0].set_ylabel("hidden F-score")
     panels[1].legend(fontsize=8)
     return figure
@@ -184,6 +188,6 @@ def _curve(ax: Axes, rows: Sequence[Row], name: str, **style: Any) -> None:
 def _frequencies(ax: Axes) -> None:
     """A logarithmic axis with a few frequencies."""
     ax.set(xscale="log", xlabel="frequency [GHz]", xlim=(50, 1200))
-    ax.set_xticks(TICKS, [str(tick) for tick in TICKS])
+    ax.set_xticks(TICKS, [str(tick) for tick in TICKS], fontsize=7)
     ax.set_xticks([], minor=True)
     ax.grid(alpha=0.2)
