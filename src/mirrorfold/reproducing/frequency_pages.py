@@ -159,8 +159,8 @@ def scene_table(rows: Sequence[Row]) -> Table:
         radar = [f"{f / 1e9:.0f}", f"{bandwidth / 1e9:.3g}", f"{100 * aperture:.0f}"]
         lines.append([group, material, *radar, f"{1e6 * height:.0f}", f"{cell:.0f}", str(len(of)), *cells])
     columns = [
-        "scenes", "walls", "frequency [GHz]", "bandwidth [GHz]", "aperture [cm]", "rms height [um]", "cell [mm]", "count",
-        "F, 2 cm", "F, 5 cm", "F, 1.5 cells", "both walls", "angle [degree]",
+        "scenes", "walls", "frequency [GHz]", "bandwidth [GHz]", "aperture [cm]", "rms height [um]", "cell [mm]",
+        "count", "F, 2 cm", "F, 5 cm", "F, 1.5 cells", "both walls", "angle [degree]",
     ]  # fmt: skip
     return Table(title="Mean and standard error over scenes", columns=columns, rows=lines)
 

@@ -42,8 +42,8 @@ def quality_table(rows: Sequence[Row], fewest: int = FEWEST) -> dict[str, Any]:
     Returns
     -------
     dict
-        `found` and `close`, each with `at`, `mean`, `standard_error` and `scenes` by class, and the range in which it is
-        `valid`; `close_in_cells` with a mean and its standard error; `mirrored`, the factor of lossy walls by their
+        `found` and `close`, each with `at`, `mean`, `standard_error` and `scenes` by class, and the range in which it
+        is `valid`; `close_in_cells` with a mean and its standard error; `mirrored`, the factor of lossy walls by their
         level [dB]; and the number of scenes.
     """
     used = [row for row in rows if row["mirrored_db"] >= MIRRORED_EDGES_DB[-1]]
