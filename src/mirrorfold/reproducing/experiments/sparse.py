@@ -64,7 +64,7 @@ class Setting(NamedTuple):
 def run(work: Work) -> Findings:
     """Every scene, measured in every way, imaged by both methods and folded."""
     setting = work.size(
-        Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(6)), 40),
+        Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(4)), 100),
         Setting(FAMILIES[:1], _radar(61, 121), *_grid(0.02, 0.0225), (0.1,), (3,), 30),
     )
     tasks = [(family, seed) for family in setting.families for seed in setting.seeds]
@@ -371,7 +371,9 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "Sparse imaging looks for the fewest reflectivities that explain what was measured: it minimises "
         "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
         f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the matched "
-        "filter A^H y of the same measurement, with a Hann taper over frequency.",
+        "filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the iterations the "
+        f"cost still fell by {100 * numbers['cost_still_falls']:.0f} %, in the mean over a scene, where most: glints tens "
+        "of decibels above the rest are removed slowly.",
         f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
         "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
         "wide as a resolution cell, which single pixels are not. The image is therefore "
@@ -385,7 +387,7 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
         "Paths that leave and arrive by different ways, such as those between the legs of a corner, are of no point "
         f"reflector: no reflectivities explain {' and '.join(left)}. They stay in the residual, with all their side "
-        "lobes. Whoever wants fewer elements than that allows has to model them.",
+        "lobes, however long the solver runs. Whoever wants fewer elements than that allows has to model them.",
     ]
     if "unexplained_against_elements_correlation" in numbers:
         paragraphs.append(
