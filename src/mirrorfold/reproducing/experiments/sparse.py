@@ -372,8 +372,8 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
         f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the "
         "matched filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the "
-        f"iterations the cost still fell by {100 * numbers['cost_still_falls']:.0f} %, in the mean over a scene, where most: glints tens "
-        "of decibels above the rest are removed slowly.",
+        f"iterations the cost still fell by {100 * numbers['cost_still_falls']:.0f} %, in the mean over a scene, "
+        "where most: glints tens of decibels above the rest are removed slowly.",
         f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
         "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
         "wide as a resolution cell, which single pixels are not. The image is therefore "
