@@ -89,7 +89,8 @@ def run(work: Work) -> Findings:
             f"and is visible from {INVISIBLE_DB:g} dB of scattered power. The scattered share counts all directions.",
             "The recommendation's fits are for frequencies up to some hundred gigahertz. They are extrapolated to 3 "
             "THz, and the reflection of the half-space is kept above; for light the refractive index is taken as "
-            "1.5. Where the window ends is decided by the exponential of roughness, not by the material: 3 dB of reflection move it by 8 percent.",
+            "1.5. Where the window ends is decided by the exponential of roughness, not by the material: 3 dB of "
+            "reflection move it by 8 percent.",
             "Heights are Gaussian with one correlation length. Real walls are rough at several scales, and boards and "
             "plaster also scatter from inside, which makes them visible at lower frequencies than the surface alone.",
         ),
