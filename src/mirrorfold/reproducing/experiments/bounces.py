@@ -300,11 +300,14 @@ def _claims(numbers: dict[str, float | None], rows: list[Row]) -> tuple[Claim, .
         off = [row["median_m"] for row in rows if row["found"] and row["bounces"] == count and row["median_m"]]
         if off:
             by_count.append(f"{count}: {1e3 * float(np.median(off)):.1f} mm")
-    angles = [
-        f"{numbers[f'generation_{g}_median_angle_deg']:.2f}"
-        for g in range(1, most + 1)
-        if f"generation_{g}_median_angle_deg" in numbers
-    ]
+    angles, offsets = (
+        [
+            f"{numbers[f'generation_{g}_median_{name}']:.{digits}f}"
+            for g in range(1, most + 1)
+            if f"generation_{g}_median_{name}" in numbers
+        ]
+        for name, digits in (("angle_deg", 2), ("offset_mm", 1))
+    )
     needed = [numbers.get(f"threshold_{-threshold:.0f}_db_snr_needed_db") for threshold in THRESHOLDS]
     said = ["not decided" if one is None else f"{one:.0f} dB" for one in needed]
     return (
@@ -326,9 +329,9 @@ def _claims(numbers: dict[str, float | None], rows: list[Row]) -> tuple[Claim, .
         Claim(
             claim="Do errors of mirrors grow from generation to generation?",
             source="",
-            measured=f"{', '.join(angles)} degrees",
+            measured=f"{', '.join(angles)} degrees; {', '.join(offsets)} mm",
             verdict="new",
-            why="Median error of the angle of the first, second, ... wall, where the target is found.",
+            why="Median errors of angle and place of the first, second, ... wall, where the target is found.",
         ),
         Claim(
             claim="Which signal over noise, as `plan` predicts it, does a target need?",
@@ -347,9 +350,9 @@ def _text(numbers: dict[str, float | None]) -> tuple[str, ...]:
     )
     walls = numbers.get(f"threshold_{-THRESHOLDS[0]:.0f}_db_lost_for_want_of_a_wall") or 0.0
     return (
-        "Folding itself loses little from bounce to bounce. A mirror seen in others is fitted about as well as one in "
-        "line of sight: its image is as sharp as its range allows. The errors of all walls on the way add up at the "
-        "target, but each is far below a resolution cell.",
+        "Folding itself loses little from bounce to bounce. The angle of a mirror seen in others is fitted about as "
+        "well as that of one in line of sight. Its place drifts, since errors of all mirrors before it add up, from "
+        "less than a millimetre to a few; so does the target's, and both stay far below a resolution cell.",
         "Loss ends it, earlier than the link budget says. The budget is that of the target alone. Yet every wall on "
         "the way must be found, too, by what it scatters: an oblique wall of concrete scatters 17 dB less than meets "
         "it, and what is seen in it sinks by twice its loss with each bounce. Of the targets that are not found, "

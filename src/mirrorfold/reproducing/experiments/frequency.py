@@ -111,7 +111,7 @@ def _tasks(quick: bool) -> list[Task]:
     rough = (150,) if quick else (110, 220, 450)
     narrow, wide = ((100,), ()) if quick else ((60, 80, 110, 150, 220, 300), (60, 80, 110, 150))
     lossy = () if quick else (110, 220)
-    wave = (60,) if quick else (60, 80, 110)
+    wave = (80,) if quick else (60, 80, 110)
     tasks: list[Task] = []
 
     def add(group: str, setting: Setting, count: int | None = None, **options: Any) -> None:
