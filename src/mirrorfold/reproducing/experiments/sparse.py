@@ -371,9 +371,9 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "Sparse imaging looks for the fewest reflectivities that explain what was measured: it minimises "
         "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
         f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the matched "
-        "filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the iterations "
-        f"the cost fell by {100 * numbers['cost_still_falls']:.0f} % of its end, in the mean over the scene where it did "
-        "most: glints tens of decibels above the rest are removed slowly.",
+        "filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the "
+        f"iterations the cost fell by {100 * numbers['cost_still_falls']:.0f} % of its end, in the mean over the scene "
+        "where it did most: glints tens of decibels above the rest are removed slowly.",
         f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
         "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
         "wide as a resolution cell, which single pixels are not. The image is therefore "
@@ -385,10 +385,10 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
         "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "
         "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
-        f"No reflectivities explain {' and '.join(left)}, noise apart. Paths that leave and arrive by different ways, such "
-        "as those between the legs of a corner, are of this kind, as no point reflector makes them; other causes were not "
-        "told apart. This part stays in the residual, with all its side lobes. Whoever wants fewer elements or modes than "
-        "it allows has to model it.",
+        f"No reflectivities explain {' and '.join(left)}, noise apart. Paths that leave and arrive by different ways, "
+        "such as those between the legs of a corner, are of this kind, as no point reflector makes them; other causes "
+        "were not told apart. This part stays in the residual, with all its side lobes. Whoever wants fewer elements or "
+        "modes than it allows has to model it.",
     ]
     if "unexplained_against_elements_correlation" in numbers:
         paragraphs.append(
