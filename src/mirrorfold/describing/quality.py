@@ -117,9 +117,9 @@ def expected_quality(
 
 
 def _interpolated(curve: dict[str, list[float]], value: float) -> tuple[float, float] | None:
-    """Mean and standard error at a value, over its logarithm; None beyond the ends of the curve."""
+    """Mean and standard error at a value, over its logarithm; None where no scenes were."""
     at = curve["at"]
-    if not at[0] <= value <= at[-1]:
+    if not curve["valid"][0] <= value <= curve["valid"][1]:
         return None
     mean, error = (float(np.interp(np.log(value), np.log(at), curve[name])) for name in ("mean", "standard_error"))
     return mean, error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -82,7 +83,7 @@ def run(work: Work) -> Findings:
             ),
             "fullwave": (against_waves(rows), "The same scenes by full waves and by rays."),
         },
-        data=_data(rows),
+        data=_data(rows).assign_attrs(expected_quality=json.dumps(table)),
         tables=(scene_table(rows), *_expected_tables(table)),
         text=_text(numbers, table),
         assumptions=(
@@ -106,9 +107,9 @@ Task = tuple[str, Setting, int, dict[str, Any]]
 def _tasks(quick: bool) -> list[Task]:
     """Name of the group, radar and walls, seed, and options of the simulator, for every scene."""
     share = (60, 100, 150) if quick else (60, 80, 110, 150, 220, 300, 450)
-    fixed = (60, 150) if quick else (60, 80, 110, 150, 220, 300, 670, 1000)
-    rough = (150,) if quick else (110, 220, 450, 1000)
-    narrow, wide = ((100,), ()) if quick else ((60, 80, 110, 150, 220, 300), (60, 80, 110, 150, 220))
+    fixed = (60, 150) if quick else (60, 80, 110, 150, 220, 300, 450, 670, 1000)
+    rough = (150,) if quick else (110, 220, 450)
+    narrow, wide = ((100,), ()) if quick else ((60, 80, 110, 150, 220, 300), (60, 80, 110, 150))
     lossy = () if quick else (110, 220)
     wave = (60,) if quick else (60, 80, 110)
     tasks: list[Task] = []
@@ -126,7 +127,7 @@ def _tasks(quick: bool) -> list[Task]:
         add("3.4 percent", Setting(frequency=f * 1e9, bandwidth=SHARE * f * 1e9))
     for length, some in ((APERTURES[0], narrow), (APERTURES[2], wide)):
         for f in some:
-            add("3.4 percent", Setting(frequency=f * 1e9, bandwidth=SHARE * f * 1e9, aperture=length), 4)
+            add("3.4 percent", Setting(frequency=f * 1e9, bandwidth=SHARE * f * 1e9, aperture=length), 3)
     for f in fixed:
         add("10 GHz", Setting(frequency=f * 1e9, bandwidth=FIXED))
     for height, length in ROUGHNESSES[-1:] if quick else (ROUGHNESSES[0], *ROUGHNESSES[2:]):
@@ -134,13 +135,13 @@ def _tasks(quick: bool) -> list[Task]:
             walls = Setting(frequency=f * 1e9, bandwidth=FIXED, rms_height=height, correlation_length=length)
             add("10 GHz", walls, 3 if f < 300 else 2)
     for f, material in product(lossy, MATERIALS):
-        add("materials", Setting(frequency=f * 1e9, bandwidth=FIXED, material=material), 4)
+        add("materials", Setting(frequency=f * 1e9, bandwidth=FIXED, material=material), 3)
     return tasks
 
 
 def _scenes(frequency: float) -> int:
     """How many scenes: computing grows with the third power of frequency."""
-    return 6 if frequency < 250e9 else 4 if frequency < 400e9 else 2
+    return 4 if frequency < 250e9 else 3 if frequency < 400e9 else 2
 
 
 def _of(rows: list[Row], group: str, **wanted: float) -> list[Row]:
@@ -208,7 +209,8 @@ def _claims(numbers: dict[str, float], rows: list[Row]) -> tuple[Claim, ...]:
     def value(key: str) -> str:
         return f"{numbers[key]:.2f}" if key in numbers else "not computed"
 
-    highest = max(row["frequency"] for row in _of(rows, "10 GHz", rms_height=0.2e-3)) / 1e9
+    both = [{row["frequency"] for row in _of(rows, "10 GHz", rms_height=height)} for height in (0.05e-3, 0.2e-3)]
+    highest = max(both[0] & both[1]) / 1e9
     return (
         Claim(
             claim="From which frequency on does an aperture of 8 cm find both walls?",

@@ -87,9 +87,10 @@ def run(work: Work) -> Findings:
             "The publication gives no levels for a mirror and for a visible wall. Those of `mirrorfold plan` serve: a "
             f"wall mirrors from {DULL_DB:g} dB of the power at 45 degrees (E perpendicular to the plane of incidence), "
             f"and is visible from {INVISIBLE_DB:g} dB of scattered power. The scattered share counts all directions.",
-            "The recommendation's fits end between 100 and 450 GHz. They are extrapolated to 3 THz, and the reflection "
-            "of the half-space is kept above; for light the refractive index is taken as 1.5. Where the window ends is "
-            "decided by the exponential of roughness, not by the material: 3 dB of reflection move it by 6 percent.",
+            "The recommendation's fits are for frequencies up to some hundred gigahertz. They are extrapolated to 3 "
+            "THz, and the reflection of the half-space is kept above; for light the refractive index is taken as "
+            "1.5. Where the window ends is decided by the exponential of roughness, not by the material: 3 dB of "
+            "reflection move it by 8 percent.",
             "Heights are Gaussian with one correlation length. Real walls are rough at several scales, and boards and "
             "plaster also scatter from inside, which makes them visible at lower frequencies than the surface alone.",
         ),
@@ -271,11 +272,11 @@ def _text(numbers: dict[str, float]) -> tuple[str, ...]:
         f"roughness: {numbers[f'concrete_{paper}_window_stop_ghz']:.0f} GHz for concrete with the published 50 um, "
         f"{numbers['concrete_h10_l200_um_window_stop_ghz']:.0f} GHz with 10 um.",
         "The lower edge is soft. Scattering rises with the square or the cube of frequency, so 20 dB more of dynamic "
-        "range open the window by a factor of five to ten, downwards. Noise is not what closes it: with the "
+        "range open the window by a factor of four to five, downwards. Noise is not what closes it: with the "
         "electronics that `plan` assumes, one resolution cell of oblique concrete at 3 m stands "
         f"{numbers['concrete_wall_snr_10_ghz_db']:.0f} dB above the noise at 10 GHz and "
         f"{numbers['concrete_wall_snr_300_ghz_db']:.0f} dB at 300 GHz. At 10 GHz an aperture of 8 cm is less than "
-        "three wavelengths: the side lobes of the glints, not the noise, cover what is 50 dB below them.",
+        "three wavelengths: side lobes of the glints, not noise, would cover what is 50 dB below them.",
         "Correlation lengths below the wavelength help mirrors: part of the fine structure scatters into waves that "
         "carry no power away. Ament's formula, which knows the height alone, puts the specular loss at 300 GHz for a "
         "correlation of 0.2 mm twice as high in dB as it is. Full waves tell the two formulas apart.",

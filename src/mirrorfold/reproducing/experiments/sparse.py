@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -174,25 +175,18 @@ def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
         values = [[scores["full"][name] for scores in found[family]] for family in setting.families]
         return ("family", "scene"), values, units
 
+    ways = list(product(KINDS, setting.shares, METHODS))
+    shape = (len(setting.families), len(KINDS), len(setting.shares), len(METHODS), len(setting.seeds))
+
+    def each(name: str) -> Array:
+        values = [
+            [[scores[f"{kind}, {share:g}, {method}"][name] for scores in found[family]] for kind, share, method in ways]
+            for family in setting.families
+        ]
+        return np.reshape(values, shape)
+
     variables: dict[str, Any] = {
-        name: (
-            dims,
-            [
-                [
-                    [
-                        [
-                            [scores[f"{kind}, {share:g}, {method}"][name] for scores in found[family]]
-                            for method in METHODS
-                        ]
-                        for share in setting.shares
-                    ]
-                    for kind in KINDS
-                ]
-                for family in setting.families
-            ],
-            units | {"long_name": label},
-        )
-        for name, label in MEASURES.items()
+        name: (dims, each(name), units | {"long_name": label}) for name, label in MEASURES.items()
     }
     variables |= {f"full_{name}": whole(name) for name in MEASURES}
     variables |= {
@@ -370,10 +364,10 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
     paragraphs = [
         "Sparse imaging looks for the fewest reflectivities that explain what was measured: it minimises "
         "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
-        f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the matched "
-        "filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the "
-        f"iterations the cost fell by {100 * numbers['cost_still_falls']:.0f} % of its end, in the mean over the scene "
-        "where it did most: glints tens of decibels above the rest are removed slowly.",
+        f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the "
+        "matched filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the "
+        f"iterations the cost still fell by {100 * numbers['cost_still_falls']:.0f} %, in the mean over a scene, "
+        "where most: glints tens of decibels above the rest are removed slowly.",
         f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
         "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
         "wide as a resolution cell, which single pixels are not. The image is therefore "
@@ -387,7 +381,7 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
         f"No reflectivities explain {' and '.join(left)}, noise apart. Paths that leave and arrive by different ways, "
         "such as those between the legs of a corner, are of this kind, as no point reflector makes them; other causes "
-        "were not told apart. This part stays in the residual, with all its side lobes. Whoever wants fewer elements or "
+        "were not told apart. This part stays in the residual, with its side lobes. Whoever wants fewer elements or "
         "modes than it allows has to model it.",
     ]
     if "unexplained_against_elements_correlation" in numbers:

@@ -154,16 +154,19 @@ def scene_table(rows: Sequence[Row]) -> Table:
             found = mean_error([row[name] for row in of])
             digits = 3 if name == "angle_deg" else 2
             cells.append("-" if found is None else f"{found[0]:.{digits}f} +- {found[1]:.{digits}f}")
-        group, f, bandwidth, aperture, height = key
-        lines.append([group, f"{f / 1e9:.0f}", f"{bandwidth / 1e9:.3g}", f"{100 * aperture:.0f}", f"{1e6 * height:.0f}",
-                      f"{1e3 * np.mean([row['cell_m'] for row in of]):.0f}", str(len(of)), *cells])  # fmt: skip
-    columns = ["scenes", "frequency [GHz]", "bandwidth [GHz]", "aperture [cm]", "rms height [um]", "cell [mm]", "count",
-               "F, 2 cm", "F, 5 cm", "F, 1.5 cells", "both walls", "angle [degree]"]  # fmt: skip
+        group, material, f, bandwidth, aperture, height = key
+        cell = 1e3 * float(np.mean([row["cell_m"] for row in of]))
+        radar = [f"{f / 1e9:.0f}", f"{bandwidth / 1e9:.3g}", f"{100 * aperture:.0f}"]
+        lines.append([group, material, *radar, f"{1e6 * height:.0f}", f"{cell:.0f}", str(len(of)), *cells])
+    columns = [
+        "scenes", "walls", "frequency [GHz]", "bandwidth [GHz]", "aperture [cm]", "rms height [um]", "cell [mm]",
+        "count", "F, 2 cm", "F, 5 cm", "F, 1.5 cells", "both walls", "angle [degree]",
+    ]  # fmt: skip
     return Table(title="Mean and standard error over scenes", columns=columns, rows=lines)
 
 
 def _key(row: Row) -> tuple[Any, ...]:
-    return tuple(row[name] for name in ("group", "frequency", "bandwidth", "aperture", "rms_height"))
+    return tuple(row[name] for name in ("group", "material", "frequency", "bandwidth", "aperture", "rms_height"))
 
 
 def _usual(rows: Sequence[Row], group: str) -> list[Row]:

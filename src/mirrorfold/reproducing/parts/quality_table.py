@@ -23,7 +23,7 @@ MIRRORED_EDGES_DB = (-17.0, -11.5, -8.5, -5.0, -3.0)
 """Of the classes of walls, by the share of the power that they mirror at 45 degrees. Those above the last count as good
 mirrors; the two tables above are of them alone."""
 
-FEWEST = 4
+FEWEST = 3
 """Scenes in a class."""
 
 Row = dict[str, Any]
@@ -42,8 +42,9 @@ def quality_table(rows: Sequence[Row], fewest: int = FEWEST) -> dict[str, Any]:
     Returns
     -------
     dict
-        `found` with `at`, `mean`, `standard_error`, `scenes`; `close` likewise; `close_in_cells` with a mean and its
-        standard error; `mirrored`, the factor of lossy walls by their level [dB]; and the number of scenes.
+        `found` and `close`, each with `at`, `mean`, `standard_error` and `scenes` by class, and the range in which it
+        is `valid`; `close_in_cells` with a mean and its standard error; `mirrored`, the factor of lossy walls by their
+        level [dB]; and the number of scenes.
     """
     used = [row for row in rows if row["mirrored_db"] >= MIRRORED_EDGES_DB[-1]]
     seen = [row for row in used if row["shown"] and row["f_cells"] > FOUND]
@@ -85,7 +86,7 @@ def _of_lossy_walls(rows: Sequence[Row], fewest: int) -> dict[str, list[float]]:
 
 def _classes(pairs: Sequence[tuple[float, float]], edges: Sequence[float], fewest: int) -> dict[str, list[float]]:
     """Means over classes; a class where all are alike has the standard error of one that differs, among so many."""
-    table: dict[str, list[float]] = {"at": [], "mean": [], "standard_error": [], "scenes": []}
+    table: dict[str, list[float]] = {"at": [], "mean": [], "standard_error": [], "scenes": [], "valid": []}
     for low, high in pairwise(edges):
         inside = [(at, value) for at, value in pairs if low <= at < high]
         if len(inside) < fewest:
@@ -97,4 +98,6 @@ def _classes(pairs: Sequence[tuple[float, float]], edges: Sequence[float], fewes
         table["mean"].append(round(float(values.mean()), 4))
         table["standard_error"].append(round(max(error, 1.0 / (n + 1)) / np.sqrt(n), 4))
         table["scenes"].append(n)
+        lowest = table["valid"][0] if table["valid"] else round(float(at.min()), 4)
+        table["valid"] = [lowest, round(float(at.max()), 4)]
     return table
