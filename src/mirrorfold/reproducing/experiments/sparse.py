@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -174,25 +175,18 @@ def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
         values = [[scores["full"][name] for scores in found[family]] for family in setting.families]
         return ("family", "scene"), values, units
 
+    ways = list(product(KINDS, setting.shares, METHODS))
+    shape = (len(setting.families), len(KINDS), len(setting.shares), len(METHODS), len(setting.seeds))
+
+    def each(name: str) -> Array:
+        values = [
+            [[scores[f"{kind}, {share:g}, {method}"][name] for scores in found[family]] for kind, share, method in ways]
+            for family in setting.families
+        ]
+        return np.reshape(values, shape)
+
     variables: dict[str, Any] = {
-        name: (
-            dims,
-            [
-                [
-                    [
-                        [
-                            [scores[f"{kind}, {share:g}, {method}"][name] for scores in found[family]]
-                            for method in METHODS
-                        ]
-                        for share in setting.shares
-                    ]
-                    for kind in KINDS
-                ]
-                for family in setting.families
-            ],
-            units | {"long_name": label},
-        )
-        for name, label in MEASURES.items()
+        name: (dims, each(name), units | {"long_name": label}) for name, label in MEASURES.items()
     }
     variables |= {f"full_{name}": whole(name) for name in MEASURES}
     variables |= {
@@ -385,9 +379,10 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
         "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "
         "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
-        "Paths that leave and arrive by different ways, such as those between the legs of a corner, are of no point "
-        f"reflector: no reflectivities explain {' and '.join(left)}. They stay in the residual, with all their side "
-        "lobes, however long the solver runs. Whoever wants fewer elements than that allows has to model them.",
+        f"No reflectivities explain {' and '.join(left)}, noise apart. Paths that leave and arrive by different ways, "
+        "such as those between the legs of a corner, are of this kind, as no point reflector makes them; other causes "
+        "were not told apart. This part stays in the residual, with its side lobes. Whoever wants fewer elements or "
+        "modes than it allows has to model it.",
     ]
     if "unexplained_against_elements_correlation" in numbers:
         paragraphs.append(

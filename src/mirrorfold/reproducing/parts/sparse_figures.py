@@ -52,7 +52,7 @@ def draw_quality(data: xr.Dataset) -> Figure:
             if row == len(families) - 1:
                 ax.set_xlabel("share measured [%]")
         axes[row, 0].set_ylabel(f"{family}\nhidden F, 1.5 cells")
-    axes[0, 0].legend(fontsize=8, loc="upper left" if percent.size > 1 else "best")
+    axes[0, min(1, len(kinds) - 1)].legend(fontsize=8, loc="center")
     return figure
 
 
