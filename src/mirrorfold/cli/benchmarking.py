@@ -9,14 +9,8 @@ from cyclopts import Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput
-from mirrorfold.cli.terminal import (
-    progress,
-    show_benchmark,
-    show_benchmark_comparison,
-    show_catalogue,
-    show_json,
-    show_result,
-)
+from mirrorfold.cli.study_tables import show_benchmark, show_benchmark_comparison, show_catalogue
+from mirrorfold.cli.terminal import progress, show_json, show_result
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.errors import InputError

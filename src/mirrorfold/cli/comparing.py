@@ -7,7 +7,8 @@ from pathlib import Path
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput
 from mirrorfold.cli.results import read
-from mirrorfold.cli.terminal import show_comparison, show_result
+from mirrorfold.cli.study_tables import show_comparison
+from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
 
 FORMATS = (".html", ".png", ".pdf", ".svg")

@@ -8,7 +8,8 @@ from cyclopts import Parameter
 
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput, parse_numbers
-from mirrorfold.cli.terminal import show_files, show_info, show_json, show_plan
+from mirrorfold.cli.study_tables import show_plan
+from mirrorfold.cli.terminal import show_files, show_info, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.units import Frequency, Length, Time
 from mirrorfold.errors import InputError

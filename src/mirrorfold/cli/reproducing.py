@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from mirrorfold.cli.options import OptionalOutput
-from mirrorfold.cli.terminal import progress, show_experiments, show_json, show_reproduction
+from mirrorfold.cli.study_tables import show_experiments, show_reproduction
+from mirrorfold.cli.terminal import progress, show_json
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
 
