@@ -28,7 +28,7 @@ def test_each_experiment_has_a_module_and_a_test(name):
     experiment = EXPERIMENTS[name]
     module = import_module(f"{PACKAGE}.{experiment.module}")
     assert list(inspect.signature(module.run).parameters) == ["work"]
-    assert (HERE / f"test_{experiment.module}.py").is_file()
+    assert (HERE / f"test_experiment_{experiment.module}.py").is_file()
     assert experiment.purpose.endswith(".")
     assert experiment.extra in ("", *NEEDS)
     assert experiment.digest(quick=True) != experiment.digest(quick=False)

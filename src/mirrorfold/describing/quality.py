@@ -94,8 +94,8 @@ def expected_quality(
 
     Examples
     --------
-    >>> sharp = expected_quality(frequency=295e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=1.5)
-    >>> dim = expected_quality(frequency=100e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=1.5)
+    >>> sharp = expected_quality(frequency=295e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=2.0)
+    >>> dim = expected_quality(frequency=100e9, bandwidth=10e9, aperture=0.08, range=3.0, wall_range=2.0)
     >>> sharp.f_score_2cm > dim.f_score_2cm
     True
     """
