@@ -65,14 +65,17 @@ VERSION = [1]
 
 
 @pytest.fixture(autouse=True)
-def two_experiments(monkeypatch):
+def two_experiments():
+    """Two experiments alone; afterwards the true ones again, in their order, which counts for other tests."""
     COUNTS.clear()
     STOP.clear()
     VERSION[0] = 1
-    for name in list(EXPERIMENTS):
-        monkeypatch.delitem(EXPERIMENTS, name)
-    for name in ("one", "two"):
-        monkeypatch.setitem(EXPERIMENTS, name, Counted(name, f"Experiment {name}", "Fig. 9", "Counts."))
+    true = dict(EXPERIMENTS)
+    EXPERIMENTS.clear()
+    EXPERIMENTS.update({name: Counted(name, f"Experiment {name}", "Fig. 9", "Counts.") for name in ("one", "two")})
+    yield
+    EXPERIMENTS.clear()
+    EXPERIMENTS.update(true)
 
 
 def test_each_experiment_leaves_pictures_data_and_pages(tmp_path):
