@@ -144,6 +144,21 @@ def test_an_interruption_loses_no_more_than_the_step_at_work(tmp_path, capsys):
     assert COUNTS == {"one": ["first", "second"], "two": ["first", "second"]}
 
 
+def test_the_time_of_interrupted_runs_counts_unless_another_program_ran(tmp_path):
+    STOP["one"] = "between"
+    with pytest.raises(KeyboardInterrupt):
+        mf.reproduce("one", output=tmp_path / "out")
+    spent = tmp_path / "out" / "unfinished" / "one" / "spent.json"
+    told = json.loads(spent.read_text())
+    assert 0.0 < told["seconds"] < 60.0
+    STOP.clear()
+    for digest, hours in ((told["digest"], True), ("another", False)):
+        spent.parent.mkdir(parents=True, exist_ok=True)
+        spent.write_text(json.dumps({"digest": digest, "seconds": 3600.0}))
+        found = mf.reproduce("one", output=tmp_path / "out", again=True)
+        assert (found.results[0].seconds > 3600.0) == hours
+
+
 def test_steps_of_another_program_or_damaged_ones_are_made_again(tmp_path):
     STOP["one"] = "between"
     for change in ("none", "damage", "program"):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 RESULT, PAGE, DATA = "result.json", "page.md", "data.nc"
 INDEX = ("index.md", "index.html")
 
-UNFINISHED = "unfinished"
-"""Folder beside the results with what has been done of experiments that are not complete."""
+UNFINISHED, SPENT = "unfinished", "spent.json"
+"""Folder beside the results with what has been done of experiments that are not complete; and the file in it that says
+how long each has taken so far."""
 
 DPI = 130
 """Of the pictures as PNG: some 900 pixels across, as wide as a page shows them."""
@@ -101,8 +102,8 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
     """Do an experiment and write its folder."""
     kept = output / UNFINISHED / experiment.name
     digest = experiment.digest(quick=quick)
-    started = time.perf_counter()
-    found = experiment.run(Work(quick, kept, digest, cpu_count(), progress))
+    with _timed(kept, digest) as seconds:
+        found = experiment.run(Work(quick, kept, digest, cpu_count(), progress))
     result = Result(
         name=experiment.name,
         title=experiment.title,
@@ -111,7 +112,7 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
         quick=quick,
         command=f"mirrorfold reproduce {experiment.name} -o out" + (" --quick" if quick else ""),
         version=__version__,
-        seconds=time.perf_counter() - started,
+        seconds=seconds(),
         digest=digest,
         claims=list(found.claims),
         numbers={name: None if value is None else float(value) for name, value in found.numbers.items()},
@@ -128,6 +129,26 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
     with suppress(OSError):  # something else is unfinished still
         kept.parent.rmdir()
     return result
+
+
+@contextmanager
+def _timed(kept: Path, digest: str) -> Iterator[Callable[[], float]]:
+    """The time [s] that an experiment takes, with that of runs of the same program that were interrupted."""
+    file, before, started = kept / SPENT, 0.0, time.perf_counter()
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        told = json.loads(file.read_text(encoding="utf-8"))
+        before = float(told["seconds"]) if told["digest"] == digest else 0.0
+
+    def seconds() -> float:
+        return before + time.perf_counter() - started
+
+    try:
+        yield seconds
+    except BaseException:
+        if kept.is_dir():
+            with suppress(OSError), written_whole(file) as temporary:
+                temporary.write_text(json.dumps({"digest": digest, "seconds": seconds()}), encoding="utf-8")
+        raise
 
 
 def _write(result: Result, found: Findings, directory: Path) -> None:
