@@ -17,6 +17,7 @@ from mirrorfold.cli.looking import Figure, Report, View
 from mirrorfold.cli.many import Summary
 from mirrorfold.cli.reproducing import Experiments
 from mirrorfold.cli.shell import Completion
+from mirrorfold.common.forecasts import Forecast
 from mirrorfold.common.records import Record
 from mirrorfold.describing.comparison import Comparison
 from mirrorfold.describing.images import ImageFacts
@@ -39,7 +40,7 @@ OUTPUTS: dict[str, Any] = {
     "export": TouchstoneScan | Exported,
     "calibrate": Calibration,
     "focus": ImageFacts | Choice,
-    "fold": ReconstructionFacts,
+    "fold": ReconstructionFacts | Forecast,
     "reconstruct": ReconstructionFacts | Summary | Choice,
     "compare": Comparison,
     "score": PlanScore | VolumeScore,

@@ -22,7 +22,7 @@ from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
-from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
+from mirrorfold.focusing.scans import focus_scan
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.focusing.strips import Strip, divide, room_for_tables
 from mirrorfold.sweep import is_raster
@@ -76,7 +76,7 @@ def focus(
     """
     settings = FocusSettings().with_given(**given)
     if is_raster(sweep):
-        return _focus_raster(sweep, settings, progress)
+        return focus_scan(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
         raise InputError(
             f"normalization is {settings.normalization!r}, which raster scans alone have; "
@@ -105,26 +105,6 @@ def focus(
     if len(frames) > 1:
         attrs["frames_per_second"] = len(frames) / seconds
     return labels.image(images, attrs)
-
-
-def _focus_raster(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given."""
-    if settings.apodization is not None:
-        raise InputError("apodization: a raster scan has no elements to weigh; leave it out")
-    if settings.memory_limit is not None:
-        raise InputError("memory_limit: a raster scan is imaged whole, beam by beam, and not in strips; leave it out")
-    x, y, z = settings.x, settings.y, settings.z
-    given = [axis is not None for axis in (x, y, z)]
-    if any(given) and not all(given):
-        raise InputError("x, y and z: a raster scan is gridded on all three or on none; give the missing ones")
-    volume = focus_raster(
-        sweep,
-        taper=settings.taper,
-        wave_speed=settings.wave_speed,
-        normalization=settings.normalization,
-        progress=progress,
-    )
-    return volume if x is None or y is None or z is None else to_voxels(volume, x=x, y=y, z=z)
 
 
 def _focus_strips(

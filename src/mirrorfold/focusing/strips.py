@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from mirrorfold.common.memory import available_memory, used_memory
+from mirrorfold.common.memory import room_below
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.cost import proof_cost
 from mirrorfold.focusing.problem import Problem
@@ -62,11 +62,9 @@ def room_for_tables(problem: Problem, frames: int, limit: float | None, *, sampl
     samples_held : bool
         Whether the samples are in memory already.
     """
-    free = available_memory()
-    if limit is not None:
-        free = min(free, limit - used_memory())
     copies = SAMPLE_COPIES - 1 if samples_held else SAMPLE_COPIES
-    return ROOM_SHARE * (free - CODE_BYTES - copies * samples_bytes(problem) - 8.0 * problem.pixels * frames)
+    held = CODE_BYTES + copies * samples_bytes(problem) + 8.0 * problem.pixels * frames
+    return ROOM_SHARE * (room_below(limit) - held)
 
 
 def samples_bytes(problem: Problem) -> float:
