@@ -29,16 +29,17 @@ from mirrorfold.focusing.choice_facts import Choice
 from mirrorfold.reproducing import Reproduction
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
-from mirrorfold.simulation.raster.sweep import ScanEstimate
+from mirrorfold.simulation.raster.estimate import ScanEstimate
+from mirrorfold.simulation.rays.tiles import RayEstimate
 
 UsableSweep = ArraySweepFacts | RasterSweepFacts
 
 OUTPUTS: dict[str, Any] = {
     "demo": PlanScore | VolumeScore,
-    "simulate": UsableSweep | FullWaveEstimate | ScanEstimate,
+    "simulate": UsableSweep | FullWaveEstimate | ScanEstimate | RayEstimate,
     "import": UsableSweep | ImageFacts | MappingProposal,
     "export": TouchstoneScan | Exported,
-    "calibrate": Calibration,
+    "calibrate": Calibration | Forecast,
     "focus": ImageFacts | Choice,
     "fold": ReconstructionFacts | Forecast,
     "reconstruct": ReconstructionFacts | Summary | Choice,

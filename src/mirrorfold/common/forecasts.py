@@ -75,6 +75,11 @@ def expect(parts: Parts, what: str, remedy: str, *, held: float = 0.0, limit: fl
     InputError
         If they do not fit.
     """
+    tell(parts, what)
+    check_room(total(parts) - held, what, remedy, limit)
+
+
+def tell(parts: Parts, what: str) -> None:
+    """Log what a step will take."""
     named = ", ".join(f"{name} {nbytes / GIGABYTE:.3g}" for name, nbytes in parts.items())
     log.info("%s: %.3g GB of memory are forecast (%s)", what, total(parts) / GIGABYTE, named)
-    check_room(total(parts) - held, what, remedy, limit)

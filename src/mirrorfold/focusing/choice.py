@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.forecasts import GIGABYTE, total
 from mirrorfold.common.settings import takes
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
 from mirrorfold.focusing.choice_facts import Choice, OptionFacts
@@ -26,7 +27,7 @@ from mirrorfold.focusing.line_array import Layout, LineArrayPlan
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.scans import choose_scan, expected_scan
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.focusing.strips import SAMPLE_COPIES, divide, room_for_tables, samples_bytes, table_bytes
+from mirrorfold.focusing.strips import divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
 
 FEWEST_PAIR_PIXELS = 1e8
@@ -40,8 +41,6 @@ ADVANTAGE = 0.7
 
 EXACT_SHARE = 0.5
 """Of the tolerance, for the exact kernel."""
-
-GIGABYTE = 1e9
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
@@ -208,8 +207,7 @@ def explain(
         kind="choice",
         algorithm=chosen.algorithm,
         focusing_s=seconds,
-        memory_gb=(tables + (SAMPLE_COPIES + frames - 1) * samples_bytes(problem) + 8.0 * problem.pixels * frames)
-        / GIGABYTE,
+        memory_gb=(tables + total(held_parts(problem, frames))) / GIGABYTE,
         dimensions={name: int(axis.size) for name, axis in axes.items()},
         extent={name: [float(axis[0]), float(axis[-1])] for name, axis in axes.items()},
         pixels=problem.pixels,

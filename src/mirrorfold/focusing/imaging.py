@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Progress
@@ -24,7 +25,7 @@ from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.scans import focus_scan
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.focusing.strips import Strip, divide, room_for_tables
+from mirrorfold.focusing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
 
 SMALLEST = float(np.finfo(np.float32).tiny)
@@ -132,6 +133,9 @@ def _focus_strips(
         If the tolerance or the memory cannot be kept to.
     """
     strips = divide(problem, lambda part: plans.options(part, tolerance, len(frames)), room)
+    tables = max(table_bytes(strip.problem, strip.option) for strip in strips)
+    parts = held_parts(problem, len(frames)) | {"tables, buffers and proof": tables}
+    tell(parts, f"focusing {problem.pixels} pixels in {len(strips)} strip{'s' if len(strips) > 1 else ''}")
     if len(strips) == 1:
         images, error, algorithm = _focus_frames(problem, frames, tolerance, plans, room, progress)
         algorithms = {algorithm}

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from scipy.fft import next_fast_len
 
+from mirrorfold.common.forecasts import GIGABYTE, expect, tell
 from mirrorfold.common.memory import check_room, room_below
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.common.types import Progress
@@ -36,8 +37,6 @@ another buffer, and turned in phase."""
 FEWEST_COLUMNS = 2
 """Azimuths between which voxels are interpolated."""
 
-GIGABYTE = 1e9
-
 
 def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
     """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given; see `focus`.
@@ -56,8 +55,11 @@ def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | 
     coords = {name: values for name, (_, values, _) in profiles.coords.items()}
     room = room_below(limit)
     voxels = Voxels.of(coords, profiles.attrs, x=x, y=y, z=z)
-    total = profiles.shape[0]
-    for tile in _tiles(profiles, room - voxels.values.nbytes):
+    (total, rows, ranges), tiles = profiles.shape, _tiles(profiles, room - voxels.values.nbytes)
+    parts = {"samples": float(profiles.samples.nbytes), "voxels": float(voxels.values.nbytes)}
+    parts |= {"amplitude": 4.0 * len(tiles[0]) * rows * ranges, "profiles at work": _work_bytes(rows, profiles.size)}
+    tell(parts, f"{_what(total, rows)} in {len(tiles)} tile{'s' if len(tiles) > 1 else ''}")
+    for tile in tiles:
         voxels.fill(profiles.beams(tile, amplitude=True), tile)
         if progress is not None:
             progress(tile.stop, total)
@@ -172,7 +174,9 @@ def _check_volume(profiles: Profiles, limit: float | None, *, amplitude: bool) -
     """Refuse a volume that does not fit."""
     columns, rows, ranges = profiles.shape
     held = (4.0 if amplitude else 8.0) * columns * rows * ranges
-    check_room(held + _work_bytes(rows, profiles.size), _what(columns, rows), REMEDY, limit)
+    samples = float(profiles.samples.nbytes)
+    parts = {"samples": samples, "volume": held, "profiles at work": _work_bytes(rows, profiles.size)}
+    expect(parts, _what(columns, rows), REMEDY, held=samples, limit=limit)
 
 
 def _tiles(profiles: Profiles, room: float) -> list[range]:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from mirrorfold.common.forecasts import Parts
 from mirrorfold.common.memory import room_below
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.cost import proof_cost
@@ -70,6 +71,12 @@ def room_for_tables(problem: Problem, frames: int, limit: float | None, *, sampl
 def samples_bytes(problem: Problem) -> float:
     """Size of the samples of one frame [bytes]."""
     return 8.0 * problem.pairs * problem.k.size
+
+
+def held_parts(problem: Problem, frames: int) -> Parts:
+    """What samples and images take while images are made, by name [bytes]."""
+    copies = SAMPLE_COPIES + frames - 1
+    return {"samples": copies * samples_bytes(problem), "images": 8.0 * problem.pixels * frames}
 
 
 def table_bytes(problem: Problem, option: Option) -> float:
