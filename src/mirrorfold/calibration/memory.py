@@ -55,7 +55,7 @@ def calibration_parts(
     if mask:
         pairs = samples / sweep.sizes["frequency"]
         looked_at = {"frequencies looked at": 3.0 * pairs * min(ENOUGH["frequencies"], sweep.sizes["frequency"])}
-        stages.append(held | {"sweep after a step": samples, "bad frequencies filled in": samples} | looked_at)
+        stages.append(held | {"sweep after a step": samples, "bad frequencies filled in, if any": samples} | looked_at)
     if spheres:
         spheres_held = held | {"spheres": spheres * samples}
         stages += [spheres_held | block | {"aligned echoes": 2.0 * samples}, step | {"spheres": spheres * samples}]
