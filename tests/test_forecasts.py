@@ -92,7 +92,7 @@ def test_a_limit_tells_how_many_tiles_there_are_or_refuses():
     assert free.remarks == []
     with pytest.raises(mf.InputError, match=r"sweep: the range profiles of 40 x 30 beams need about .* GB"):
         mf.focus(sweep, memory_limit=1e6)
-    with pytest.raises(mf.InputError, match="voxels need|made in tiles"):
+    with pytest.raises(mf.InputError, match=r"voxels need|made in tiles"):
         mf.focus(sweep, **VOXELS, memory_limit=1e6)
 
 
