@@ -156,10 +156,11 @@ def fold(
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     chosen = {"preset": preset, **given}
+    limited = {} if memory_limit is None else {"memory_limit": memory_limit}
     with frames_kept(focused, output, inputs, chosen) as kept:
         with progress("folding") as report:
             reconstruction = mf.fold(
-                focused, sweep=measured, mirrors=known, memory_limit=memory_limit, progress=report, **kept, **chosen
+                focused, sweep=measured, mirrors=known, progress=report, **kept, **chosen, **limited
             )
         reconstruction.attrs["command"] = command.get()
         mf.save(reconstruction, output)
