@@ -24,6 +24,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.stopping import go_on
@@ -40,11 +41,13 @@ from mirrorfold.detection.shadows import beyond_shadows, joined
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
+from mirrorfold.focusing.scans import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
 from mirrorfold.folding.earlier import initial_image, known_places, known_shares
 from mirrorfold.folding.frames import each_frame, frame_count
+from mirrorfold.folding.memory import fold_parts
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
@@ -100,8 +103,13 @@ def reconstruct(
         return each_frame(check_sweep(sweep), one, finished, progress)
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
-    image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
-    return fold(image, sweep=None if is_raster(sweep) else sweep, mirrors=mirrors, preset=preset, **given)
+    chosen = FocusSettings().with_given(tolerance=tolerance, **imaging)
+    if is_raster(sweep) and not is_gridded(chosen):
+        image = amplitude_of_scan(sweep, chosen, progress)
+    else:
+        image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
+    known = None if is_raster(sweep) else sweep
+    return fold(image, sweep=known, mirrors=mirrors, preset=preset, memory_limit=chosen.memory_limit, **given)
 
 
 @takes(FoldSettings)
@@ -111,6 +119,7 @@ def fold(
     sweep: xr.Dataset | None = None,
     mirrors: ArrayLike | FloorPlan | str | Path | None = None,
     preset: str = "default",
+    memory_limit: float | None = None,
     finished: MutableMapping[int, xr.DataTree] | None = None,
     progress: Progress | None = None,
     **given: Any,
@@ -132,6 +141,8 @@ def fold(
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     **given
+    memory_limit : float [B], optional
+        Memory that the process may hold in all; what needs more is refused before the work. By default what is free.
     finished : mutable mapping of int to xarray.DataTree, optional
         Of a recording: frames that are done are put into it, and those that are in it already are not made again. With
         a dict an interrupted call can be repeated from where it was; `mirrorfold.io.frame_folder` keeps them on disk.
@@ -156,9 +167,11 @@ def fold(
                 "image was focused from"
             )
 
-        one = partial(fold, mirrors=mirrors, preset=preset, **given)
+        one = partial(fold, mirrors=mirrors, preset=preset, memory_limit=memory_limit, **given)
         return each_frame(image, one, finished, progress, sweep=sweep)
-    return FoldPlan(image, sweep=sweep).fold(mirrors=mirrors, preset=preset, progress=progress, **given)
+    plan = FoldPlan(image, sweep=sweep)
+    plan.expect_memory(memory_limit)
+    return plan.fold(mirrors=mirrors, preset=preset, progress=progress, **given)
 
 
 class FoldPlan:
@@ -179,6 +192,25 @@ class FoldPlan:
         # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
         self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
         self._shown_walls = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
+
+    def expect_memory(self, limit: float | None = None) -> None:
+        """Log what folding will take of the memory, and refuse it where that is more than there is.
+
+        Parameters
+        ----------
+        limit : float [B], optional
+            Of all that the process may hold.
+
+        Raises
+        ------
+        InputError
+            If it does not fit, or the image cannot be used.
+        """
+        parts = fold_parts(self.image, self._sweep)
+        pixels = " x ".join(map(str, self.image.shape))
+        remedy = "give a smaller or coarser image, close other programs, or raise the limit"
+        held = parts.get("image", 0.0) + parts.get("samples", 0.0)
+        expect(parts, f"image: the steps that fold {pixels} pixels", remedy, held=held, limit=limit)
 
     @takes(FoldSettings)
     def fold(

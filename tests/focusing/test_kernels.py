@@ -13,6 +13,7 @@ from focusing_problems import noise
 from mirrorfold.focusing import (
     direct_sum,
     exact_kernels,
+    gridding,
     interpolation,
     line_kernels,
     nodes,
@@ -254,7 +255,7 @@ def linear(profile, position):
 @pytest.mark.slow
 def test_strongest(run, rng):
     profile, cosine, out = rng.random((3, 9)).astype(np.float32), np.array([0.9, 1.0, 0.8]), np.zeros(9, np.float32)
-    run(range_profiles.strongest, profile, cosine, 0.5, 0.1, out)
+    run(gridding.strongest, profile, cosine, 0.5, 0.1, out)
     ground = 0.5 + 0.1 * np.arange(9)
     for k in range(8):
         heights = [linear(profile[e].astype(float), (ground[k] / cosine[e] - 0.5) / 0.1 + 1e-9) for e in range(3)]
@@ -265,7 +266,7 @@ def test_strongest(run, rng):
 def test_polar_to_plan(run, rng):
     polar, x, y = rng.random((4, 9)).astype(np.float32), np.linspace(-0.4, 0.4, 5), np.linspace(0.3, 1.6, 6)
     angle, out = rng.uniform(-1.0, 3.0, (6, 5)), np.zeros((6, 5), np.float32)
-    run(range_profiles.polar_to_plan, polar, x, y, angle, 0.5, 0.1, out)
+    run(gridding.polar_to_plan, polar, x, y, angle, 0.5, 0.1, out)
     for i in range(6):
         for j in range(5):
             at = (np.hypot(x[j], y[i]) - 0.5) / 0.1
@@ -288,8 +289,8 @@ def test_at_point(run, rng):
 @pytest.mark.slow
 def test_grid_row(run, rng):
     volume, x, z = rng.random((4, 5, 9)).astype(np.float32), np.linspace(-0.5, 0.5, 7), np.linspace(-0.3, 0.3, 6)
-    azimuth, elevation, out = np.array([-0.3, 0.2]), np.array([-0.2, 0.1]), np.full((7, 6), np.nan, np.float32)
-    run(range_profiles.grid_row, volume, x, 0.9, z, azimuth, elevation, 0.7, 0.06, out)
+    azimuth, elevation, out = np.array([-0.3, 0.2]), np.array([-0.2, 0.1]), np.zeros((7, 6), np.float32)
+    run(gridding.grid_row, volume, 0, 4, x, 0.9, z, azimuth, elevation, 0.7, 0.06, out)
     for j in range(7):
         for i in range(6):
             flat = np.hypot(x[j], 0.9)

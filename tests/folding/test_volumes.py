@@ -18,7 +18,8 @@ from mirrorfold.common.windows import window
 from mirrorfold.detection import find_echoes, see, usual_settings
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.detection.volume_view import to_volume_view
-from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+from mirrorfold.focusing.gridding import plan_view, to_voxels
+from mirrorfold.focusing.range_profiles import focus_raster
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs

@@ -9,15 +9,16 @@ the entropy of the image falls.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter
 
-from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
+from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
 from mirrorfold.calibration.reflectors import positions
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
@@ -35,6 +36,9 @@ ITERATIONS = 30
 
 PIXELS = 300_000
 """Of the image that guide stars are chosen in."""
+
+TOLERANCE = 1e-2
+"""Relative error of that image."""
 
 SEPARATION = 5
 """Pixels around a guide star within which there is no other."""
@@ -79,8 +83,7 @@ def autofocus(
         raise InputError("autofocus: the sweep has less than three elements, whose delays cannot be told from a shift")
     if guides < 1:
         raise InputError(f"guides is {guides!r}, expected at least one")
-    frequency = sweep["frequency"].values.astype(float)
-    own_x, own_y = default_grid(frequency, tx, rx, wave_speed(sweep), maximum_pixels=PIXELS)
+    own_x, own_y = guide_grid(sweep)
     grid = (np.asarray(own_x if x is None else x), np.asarray(own_y if y is None else y))
     k = wavenumber(sweep)
     centre = float(k.mean())
@@ -93,8 +96,9 @@ def autofocus(
         contribution = _contributions(best, stars)
         tx_delay, rx_delay = _delays(contribution, centre)
         tx_delay, rx_delay = _without_shift(tx_delay, tx), _without_shift(rx_delay, rx)
-        turn = np.exp(1j * k[:, None] * tx_delay)[:, :, None] * np.exp(1j * k[:, None] * rx_delay)[:, None, :]
-        tried = best.assign(s=best["s"].copy(data=(best["s"].values * turn).astype(np.complex64)))
+        turns = [np.exp(1j * k[:, None] * delay) for delay in (tx_delay, rx_delay)]
+        turned = by_blocks(best["s"].values, partial(_turned, *turns))
+        tried = best.assign(s=best["s"].copy(data=turned))
         sharper = _image(tried, *grid)
         report(done + 2, ROUNDS + 1)
         if not entropy(sharper) < entropy(amplitude):
@@ -113,6 +117,19 @@ def autofocus(
     return found.assign_attrs(autofocus_tx_delay=tx_total, autofocus_rx_delay=rx_total)
 
 
+def _turned(
+    tx_turn: Complex, rx_turn: Complex, samples: NDArray[np.complexfloating], some: slice
+) -> NDArray[np.complexfloating]:
+    """Samples of some frequencies times what their two elements turn them by, (frequencies, elements) each."""
+    return np.asarray(samples * (tx_turn[some, :, None] * rx_turn[some, None, :]))
+
+
+def guide_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
+    """Pixels x and y [m] of the image that guide stars are chosen in: everything that the array sees."""
+    frequency = sweep["frequency"].values.astype(float)
+    return default_grid(frequency, *positions(sweep), wave_speed(sweep), maximum_pixels=PIXELS)
+
+
 def entropy(amplitude: NDArray[np.floating]) -> float:
     """``-sum p ln p`` of the shares p of the pixels in the power: small for a sharp image."""
     power = np.abs(amplitude).astype(float).ravel() ** 2
@@ -128,7 +145,7 @@ def contrast(amplitude: NDArray[np.floating]) -> float:
 
 def _image(sweep: xr.Dataset, x: Array, y: Array) -> NDArray[np.floating]:
     """Amplitudes (y, x) with the spreading undone, so that far stars guide too."""
-    return np.asarray(np.abs(focus(sweep, x=x, y=y, tolerance=1e-2, normalization="r").values))
+    return np.asarray(np.abs(focus(sweep, x=x, y=y, tolerance=TOLERANCE, normalization="r").values))
 
 
 def _guide_stars(amplitude: NDArray[np.floating], x: Array, y: Array, count: int) -> Array:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from mirrorfold.calibration.record import check_same_axes, with_samples
+from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, with_samples
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep
 
@@ -33,14 +34,30 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     """
     sweep, background = check_sweep(sweep), check_sweep(background, source="background")
     check_same_axes(sweep, background, "background")
-    s, other = sweep["s"].values.astype(complex), background["s"].values.astype(complex)
-    gain = complex(np.vdot(other, s) / np.vdot(other, other).real) if match else 1.0
-    left = s - gain * other
+    s, other = sweep["s"].values, background["s"].values
+    gain = _gain(s, other) if match else 1.0
+    left = by_blocks(s, lambda part, some: part.astype(complex) - gain * other[some].astype(complex))
     if not left.any():
         raise InputError("background: is the same as the sweep, nothing is left; give the sweep of the empty scene")
     matched = f" times {abs(gain):.4g} at {np.degrees(np.angle(gain)):.4g} degrees" if match else ""
     title = str(background.attrs.get("title", "")) or "another sweep"
     return with_samples(sweep, left, f"background subtracted: {title}{matched}")
+
+
+def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating]) -> complex:
+    """The complex number times which the other samples leave least of the first ones."""
+    product, power = 0.0j, 0.0
+    for some in blocks(len(s), s.nbytes):
+        mine, its = s[some].astype(complex), other[some].astype(complex)
+        product += complex(np.vdot(its, mine))
+        power += float(np.vdot(its, its).real)
+    return product / power
+
+
+def _middle(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+    """Medians of real and imaginary parts over the last two axes."""
+    real, imag = (np.median(part, axis=(-2, -1), keepdims=True) for part in (s.real, s.imag))
+    return np.asarray(real + 1j * imag)
 
 
 def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
@@ -63,8 +80,7 @@ def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
         raise InputError(
             "subtract_mean: the sweep has a single channel, of which nothing would be left; use a background"
         )
-    common = np.median(s.real, axis=(-2, -1), keepdims=True) + 1j * np.median(s.imag, axis=(-2, -1), keepdims=True)
-    left = s - common
+    left = by_blocks(s, lambda part, _: part - _middle(part))
     if not left.any():
         raise InputError("subtract_mean: all channels are the same, nothing is left; use a background")
     return with_samples(sweep, left, "median of all channels subtracted, frequency by frequency")

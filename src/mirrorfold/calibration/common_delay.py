@@ -21,7 +21,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import check_same_axes, checked_pairs, place
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, place
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
@@ -109,8 +109,12 @@ def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, 
     if coupled:
         period = 2.0 * ambiguous_range(sweep)
         reach = 2.0 * largest_error + COUPLING_CELLS * period / k.size
-        aligned = s * np.exp(1j * k[:, None, None] * (apart + common))
-        s = s - gate_samples(aligned, period, -reach, reach) * np.exp(-1j * k[:, None, None] * (apart + common))
+
+        def without_coupling(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:
+            turn = np.exp(1j * k[:, None, None] * (apart[some] + common))
+            return np.asarray(part - gate_samples(part * turn, period, -reach, reach) * np.conj(turn))
+
+        s = by_blocks(s, without_coupling, axis=1)
     return fit_delays(s, k, length + common, largest_error=largest_error).later(common)
 
 
@@ -182,8 +186,12 @@ def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
 
 def _power(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
     """Power of echoes by way of a length of path (tx, rx), at delays in steps of a cell: of the part of rank one."""
-    aligned = hann(k.size)[:, None, None] * s * np.exp(1j * k[:, None, None] * length)
-    matrix = np.fft.ifft(aligned, axis=0).astype(np.complex64)
+    taper = hann(k.size)[:, None, None]
+
+    def profile(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:
+        return np.asarray(np.fft.ifft(taper * part * np.exp(1j * k[:, None, None] * length[some]), axis=0))
+
+    matrix = by_blocks(s, profile, axis=1)
     vector = np.ones((len(matrix), matrix.shape[2], 1), dtype=np.complex64)
     power = np.zeros(len(matrix))
     for _ in range(POWER_ITERATIONS):

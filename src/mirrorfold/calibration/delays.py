@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.calibration.record import blocks
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
@@ -89,24 +90,29 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     centre = float(k.mean())
     taper = hann(k.size)[:, None, None]
     # The way over the reflector is taken out, so that its echo stands at a delay near zero in every pair.
-    aligned = taper * s * np.exp(1j * k[:, None, None] * length)
+    aligned = np.empty(s.shape, dtype=np.complex128)
+    for some in blocks(k.size, aligned.nbytes):
+        aligned[some] = taper[some] * s[some] * np.exp(1j * k[some, None, None] * length)
     offset = k - centre
     cell = 2.0 * np.pi / (k[-1] - k[0])
     delay, _ = _best_delay(aligned, offset, 2.0 * largest_error, cell)
-    strength = np.abs(np.einsum("mik,mik->ik", aligned, np.exp(1j * offset[:, None, None] * delay)))
+    echo = np.zeros(s.shape[1:], dtype=np.complex128)
+    for some in blocks(k.size, aligned.nbytes):
+        echo += np.einsum("mik,mik->ik", aligned[some], np.exp(1j * offset[some, None, None] * delay))
+    strength = np.abs(echo)
     tx_delay, rx_delay = _median_polish(delay, strength > 0)
     weight = _pair_weights(delay - tx_delay[:, None] - rx_delay, strength)
     tx_gain, rx_gain = np.ones(s.shape[1], complex), np.ones(s.shape[2], complex)
     for iteration in range(ITERATIONS):
         reach = max(0.5 * cell, largest_error) if iteration < SEARCHES else 0.0
         # Least squares: divided by the power of the weights, or an element of little weight would seem to be silent.
-        own = _without(aligned, k, np.zeros_like(tx_delay), rx_delay) * (weight * np.conj(rx_gain))
-        own = own.sum(axis=2) / (weight @ np.abs(rx_gain) ** 2)
+        own = _summed(aligned, k, np.zeros_like(tx_delay), rx_delay, weight * np.conj(rx_gain), axis=2)
+        own /= weight @ np.abs(rx_gain) ** 2
         tx_delay, tx_gain = _element(own, k, offset, tx_delay, reach, cell)
-        own = _without(aligned, k, tx_delay, np.zeros_like(rx_delay)) * (weight * np.conj(tx_gain)[:, None])
-        own = own.sum(axis=1) / (np.abs(tx_gain) ** 2 @ weight)
+        own = _summed(aligned, k, tx_delay, np.zeros_like(rx_delay), weight * np.conj(tx_gain)[:, None], axis=1)
+        own /= np.abs(tx_gain) ** 2 @ weight
         rx_delay, rx_gain = _element(own, k, offset, rx_delay, reach, cell)
-        left = _without(aligned, k, tx_delay, rx_delay).sum(axis=0)
+        left = _summed(aligned, k, tx_delay, rx_delay, axis=0)
         if iteration >= SEARCHES:
             weight = _coherence_weights(left, tx_gain[:, None] * rx_gain)
     _check_heard(aligned, k, tx_delay, rx_delay, tx_gain, rx_gain)
@@ -115,7 +121,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     rx_delay, rx_gain = _refine_by_carrier(rx_delay, rx_gain, rx_valid, centre)
     pairs = tx_valid[:, None] & rx_valid
     model = np.exp(1j * np.angle(tx_gain)[:, None] + 1j * np.angle(rx_gain))
-    left = _without(aligned, k, tx_delay, rx_delay).sum(axis=0) * np.conj(model)
+    left = _summed(aligned, k, tx_delay, rx_delay, axis=0) * np.conj(model)
     common = np.angle(np.exp(1j * np.angle(left[pairs])).sum())
     misfit = np.angle(left[pairs] * np.exp(-1j * common)) / centre
     share = 0.5 * (tx_delay[tx_valid].mean() - rx_delay[rx_valid].mean())
@@ -130,6 +136,18 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     )
 
 
+def _summed(
+    aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, weight: Complex | Array | float = 1.0, *, axis: int
+) -> Complex:
+    """The samples with delays taken out and times a weight (tx, rx), summed over one axis, block by block."""
+    parts = []
+    for some in blocks(k.size, aligned.nbytes):
+        turned = _without(aligned[some], k[some], tx_delay, rx_delay)
+        turned *= weight
+        parts.append(turned.sum(axis=axis))
+    return np.sum(parts, axis=0) if axis == 0 else np.concatenate(parts)
+
+
 def _without(aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array) -> Complex:
     """The samples with delays taken out, (frequencies, tx, rx)."""
     turned = aligned * np.exp(1j * k[:, None] * tx_delay)[:, :, None]
@@ -141,8 +159,10 @@ def _best_delay(samples: Complex, offset: Array, reach: float, cell: float) -> t
     """Delays [m] within +-reach that add up samples (frequencies, ...) best, and the sums' magnitudes there."""
     steps = max(int(np.ceil(reach / cell * STEPS_PER_CELL)), 2)
     search = np.linspace(-reach, reach, 2 * steps + 1)
-    shape = samples.shape[1:]
-    sums = np.abs(np.exp(1j * search[:, None] * offset) @ samples.reshape(offset.size, -1))
+    shape, samples = samples.shape[1:], samples.reshape(offset.size, -1)
+    sums = np.empty((search.size, samples.shape[1]))
+    for some in blocks(samples.shape[1], samples.nbytes):
+        sums[:, some] = np.abs(np.exp(1j * search[:, None] * offset) @ samples[:, some])
     best = np.clip(sums.argmax(axis=0), 1, search.size - 2)
     low, middle, high = (sums[best + step, np.arange(sums.shape[1])] for step in (-1, 0, 1))
     bend = low - 2.0 * middle + high
@@ -218,9 +238,9 @@ def _check_heard(
     aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, tx_gain: Complex, rx_gain: Complex
 ) -> None:
     """Refuse a sweep in which the elements do not agree on an echo: random phases would add up to a power of one."""
-    turned = _without(aligned, k, tx_delay, rx_delay)
+    turned = _summed(aligned, k, tx_delay, rx_delay, axis=0)
     turned *= np.exp(-1j * (np.angle(tx_gain)[:, None] + np.angle(rx_gain)))
-    power = float(np.sum(np.abs(aligned) ** 2))
+    power = float(np.vdot(aligned, aligned).real)
     gain = float(np.abs(turned.sum()) ** 2) / power if power > 0 else 0.0
     if gain < DETECTION + NOISE_PER_ELEMENT * (tx_delay.size + rx_delay.size):
         raise InputError(

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.delays import Fit
-from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import positions
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -170,10 +170,14 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
                 "calibrate with a sweep of the same array"
             )
     k = wavenumber(sweep)
-    s = sweep["s"].values * np.exp(1j * k[:, None] * calibration.tx_delay)[:, :, None]
-    s *= np.exp(1j * k[:, None] * calibration.rx_delay)[:, None, :]
-    if gains:
-        s /= calibration.tx_gain[:, None] * calibration.rx_gain
+    gain = calibration.tx_gain[:, None] * calibration.rx_gain if gains else 1.0
+
+    def undone(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:
+        turned = part * np.exp(1j * k[some, None] * calibration.tx_delay)[:, :, None]
+        turned *= np.exp(1j * k[some, None] * calibration.rx_delay)[:, None, :]
+        return np.asarray(turned / gain)
+
+    s = by_blocks(sweep["s"].values, undone)
     moved = {
         name: (sweep[name].dims, place + offset, sweep[name].attrs)
         for name, place, offset in (

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.calibration.record import with_samples
+from mirrorfold.calibration.record import by_blocks, with_samples
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, check_sweep
 
@@ -51,7 +51,8 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
             "the ambiguous range"
         )
     s = np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
-    gated = np.moveaxis(gate_samples(s, farthest, first, last), 0, sweep["s"].get_axis_num("frequency"))
+    gated = by_blocks(s, lambda part, _: gate_samples(part, farthest, first, last), axis=1)
+    gated = np.moveaxis(gated, 0, sweep["s"].get_axis_num("frequency"))
     return with_samples(sweep, gated, f"time gate from {first:g} to {last:g} m")
 
 

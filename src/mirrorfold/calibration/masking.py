@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.ndimage import median_filter
 
-from mirrorfold.calibration.record import with_samples
+from mirrorfold.calibration.record import blocks, with_samples
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
@@ -232,8 +232,10 @@ def _filled(s: NDArray[np.complexfloating], bad: NDArray[np.bool_]) -> NDArray[n
     for _ in range(FILLING_ROUNDS):
         # The covariance of two frequencies depends on their distance alone. The sums are not divided by their number
         # of terms, which falls with distance: this way no combination of frequencies gets a negative power.
-        padded = np.fft.fft(filled, 2 * count, axis=0)
-        covariance = np.fft.ifft(np.sum(np.abs(padded) ** 2, axis=1))[:count]
+        power = np.zeros(2 * count)
+        for some in blocks(flat.shape[1], flat.nbytes):
+            power += np.sum(np.abs(np.fft.fft(filled[:, some], 2 * count, axis=0)) ** 2, axis=1)
+        covariance = np.fft.ifft(power)[:count]
         matrix = toeplitz(covariance, np.conj(covariance))
         ridge = REGULARISATION * float(covariance[0].real) * np.eye(int(good.sum()))
         predict = np.linalg.solve((matrix[np.ix_(good, good)] + ridge).T, matrix[np.ix_(bad, good)].T).T

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -27,7 +28,28 @@ def recorded(sweep: xr.Dataset, step: str) -> xr.Dataset:
 
 def with_samples(sweep: xr.Dataset, s: NDArray[np.complexfloating], step: str) -> xr.Dataset:
     """The sweep with other samples of the same shape, and one more step in its history."""
-    return recorded(sweep.assign(s=sweep["s"].copy(data=s.astype(np.complex64))), step)
+    return recorded(sweep.assign(s=sweep["s"].copy(data=np.ascontiguousarray(s, dtype=np.complex64))), step)
+
+
+BLOCK_BYTES = 4e6
+"""Samples that a step works on at once: in double precision all of them would take several times the sweep."""
+
+
+def blocks(count: int, nbytes: float) -> list[slice]:
+    """Slices of an axis of that length, so that each part of an array of so many bytes is a block."""
+    rows = max(1, int(BLOCK_BYTES * count / max(nbytes, 1.0)))
+    return [slice(first, first + rows) for first in range(0, count, rows)]
+
+
+def by_blocks(
+    s: NDArray[np.complexfloating], work: Callable[[NDArray[Any], slice], NDArray[Any]], axis: int = 0
+) -> NDArray[np.complex64]:
+    """Other samples of the same shape: ``work(part, where)`` of each block along an axis."""
+    out = np.empty(s.shape, dtype=np.complex64)
+    for some in blocks(s.shape[axis], s.nbytes):
+        at = (*[slice(None)] * axis, some)
+        out[at] = work(s[at], some)
+    return out
 
 
 def checked_pairs(sweep: xr.Dataset, name: str) -> xr.Dataset:

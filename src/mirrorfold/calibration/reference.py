@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.calibration.common_delay import find_common_delay
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
@@ -59,23 +59,42 @@ def normalise_by_reference(
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
     tx, rx = positions(reference)
     length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)
-    response = reference["s"].values * np.exp(1j * wavenumber(reference)[:, None, None] * length)
+    samples, k = reference["s"].values, wavenumber(reference)[:, None, None]
+    late = 0.0
     if gate is not None:
         if not np.isfinite(gate) or gate <= 0:
             raise InputError(f"gate is {gate!r}, expected a positive number of metres")
         apart = np.linalg.norm(tx[:, None] - rx, axis=-1)
-        late = 0.5 * find_common_delay(reference["s"].values, wavenumber(reference), length, apart)[0]
-        response = gate_samples(response, ambiguous_range(reference), late - gate, late + gate)
-    if not per_channel:
-        response = response.mean(axis=(1, 2), keepdims=True)
-    level = np.abs(response)
+        late = 0.5 * find_common_delay(samples, wavenumber(reference), length, apart)[0]
+
+    def response(some: slice) -> NDArray[np.complexfloating]:
+        """Of the pairs of some transmitters."""
+        turned = samples[:, some] * np.exp(1j * k * length[some])
+        if gate is None:
+            return np.asarray(turned)
+        return gate_samples(turned, ambiguous_range(reference), late - gate, late + gate)
+
+    parts = blocks(len(tx), samples.nbytes)
+    if per_channel:
+        level = np.empty(samples.shape, dtype=np.float32)
+        for some in parts:
+            level[:, some] = np.abs(response(some))
+    else:
+        common = sum(response(some).sum(axis=(1, 2), keepdims=True) for some in parts) / length.size
+        level = np.abs(common)
     floor = 10.0 ** (WEAKEST_DB / 20.0) * float(np.median(level))
     if floor == 0.0:
         raise InputError("reference: is silent in most samples; measure a stronger reflector or more points")
-    usable = level > floor
-    s = np.where(usable, sweep["s"].values / np.where(usable, response, 1.0), 0.0)
+    lost = int(np.count_nonzero(~(level > floor)))
+    del level
+
+    def divided(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:
+        by = response(some) if per_channel else common
+        usable = np.abs(by) > floor
+        return np.where(usable, part / np.where(usable, by, 1.0), 0.0)
+
+    s = by_blocks(sweep["s"].values, divided, axis=1)
     kind = "point-like reflector" if normal is None else "plate"
-    lost = int(np.count_nonzero(~usable))
     ending = f"; {lost} deaf samples of the response left out" if lost else ""
     where = ", ".join(f"{c:g}" for c in np.ravel(at))
     each = "pair by pair" if per_channel else "the same for all pairs"

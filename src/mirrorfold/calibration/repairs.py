@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.calibration.record import checked_pairs, recorded, with_samples
+from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
@@ -36,7 +36,7 @@ def swap_iq(sweep: xr.Dataset) -> xr.Dataset:
     """
     sweep = check_sweep(sweep, source="swap_iq")
     s = sweep["s"].values
-    return with_samples(sweep, s.imag + 1j * s.real, "I and Q exchanged")
+    return with_samples(sweep, by_blocks(s, lambda part, _: part.imag + 1j * part.real), "I and Q exchanged")
 
 
 def reverse_frequency(sweep: xr.Dataset) -> xr.Dataset:
@@ -202,5 +202,6 @@ def remove_cable(sweep: xr.Dataset, length: float) -> xr.Dataset:
     sweep = check_sweep(sweep, source="remove_cable")
     axis = sweep["s"].get_axis_num("frequency")
     k = 2.0 * np.pi * sweep["frequency"].values / speed_of_light
-    turn = np.exp(1j * k * length).reshape([-1 if n == axis else 1 for n in range(sweep["s"].ndim)])
-    return with_samples(sweep, sweep["s"].values * turn, f"cable of {length:.6g} m removed")
+    turn = np.exp(1j * k * length).reshape([-1] + [1] * (sweep["s"].ndim - axis - 1))
+    turned = by_blocks(sweep["s"].values, lambda part, some: part * turn[some], axis)
+    return with_samples(sweep, turned, f"cable of {length:.6g} m removed")

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 import mirrorfold as mf
-from mirrorfold.cli.options import Numbers, Output, command, parse_numbers
+from mirrorfold.cli.forecast import show_forecast
+from mirrorfold.cli.options import Numbers, OptionalOutput, command, parse_numbers
 from mirrorfold.cli.terminal import progress, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
-from mirrorfold.common.units import Length
+from mirrorfold.common.units import Length, Memory
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Calibration(Record):
 def calibrate(
     sweep: Path,
     *,
-    output: Output,
+    output: OptionalOutput = None,
     frequency_unit: str | None = None,
     sort_frequencies: bool = False,
     swap_axes: str | None = None,
@@ -69,6 +70,8 @@ def calibrate(
     rx_displacement: Numbers = None,
     gate: Numbers = None,
     autofocus: bool = False,
+    memory_limit: Memory | None = None,
+    dry_run: bool = False,
     json: bool = False,
 ) -> None:
     """Calibrate a sweep.
@@ -78,7 +81,7 @@ def calibrate(
     sweep
         Sweep to read (netCDF).
     output
-        Calibrated sweep to write; its history lists every step, in the order of these options.
+        Calibrated sweep to write; its history lists every step, in the order of these options. A dry run needs none.
     frequency_unit
         Unit that the frequencies were stored in, such as GHz; they are converted to hertz.
     sort_frequencies
@@ -135,18 +138,27 @@ def calibrate(
         Ranges to keep, as START:STOP [m]; START or STOP may be left out.
     autofocus
         Remove small position errors that blur the image.
+    memory_limit
+        Memory that the process may hold in all; what needs more is refused before the work [B].
+    dry_run
+        Say what memory the work would need, and of what; write nothing.
     json
         Print the history and the files as one JSON object.
     """
     from scipy.constants import speed_of_light
 
+    from mirrorfold.calibration.memory import calibration_parts
+    from mirrorfold.common.forecasts import expect, forecast
     from mirrorfold.sweep import ambiguous_range, wave_speed
 
-    inputs = [sweep, background, reference, elements, *(sphere or [])]
-    output_file(output, inputs=inputs)
-    if save_elements is not None:
-        output_file(save_elements, inputs=[*inputs, output])
     _check_options(locals())
+    if output is None and not dry_run:
+        raise InputError("--output is missing; give the file to write, for example -o clean.nc")
+    inputs = [sweep, background, reference, elements, *(sphere or [])]
+    if output is not None:
+        output_file(output, inputs=inputs)
+        if save_elements is not None:
+            output_file(save_elements, inputs=[*inputs, output])
     kept = parse_gate(gate) if gate is not None else None
     moved = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None
     places = [parse_place(text, "sphere-at") for text in sphere_at or []]
@@ -171,7 +183,16 @@ def calibrate(
         found = mf.calibrate.scale_angles(found, angle_unit) if angle_unit else found
         return mf.calibrate.scale_positions(found, position_unit) if position_unit else found
 
-    result = repaired(sweep)
+    measured = repaired(sweep)
+    steps = {"background": bool(background), "reference": bool(reference), "per_channel": reference_per_channel}
+    steps["changed"] = any((conjugate, swap_iq, reverse_frequency, scan_mean, cable_length, gate, elements))
+    parts = calibration_parts(measured, **steps, spheres=len(sphere or ()), mask=mask, autofocus=autofocus)
+    remedy = "take fewer steps at a time, close other programs, or raise the limit"
+    samples = 8.0 * measured["s"].size
+    expect(parts, f"{sweep}: the steps of the calibration", remedy, held=samples, limit=memory_limit)
+    if dry_run or output is None:
+        show_forecast(forecast(parts), json=json)
+        return
     empty = repaired(background) if background else None
     if background and empty is not None and not empty.attrs.get("title"):
         empty = empty.assign_attrs(title=background.name)
@@ -188,7 +209,9 @@ def calibrate(
             )
         return mf.calibrate.remove_cable(one, cable_length) if cable_length is not None else one
 
-    result = prepared(result)
+    waiting = [measured]
+    del measured  # so that no sweep is held that a step has replaced
+    result = prepared(waiting.pop())
     facts: dict[str, Any] = {}
     with progress("calibrating") as report:
         electrical = speed_of_light / wave_speed(result)  # lengths of cable are those of light in vacuum
@@ -197,6 +220,7 @@ def calibrate(
             known["largest_common"] = CABLE_ERROR * abs(cable_length) / electrical
         if sphere:
             spheres = [prepared(repaired(path)) for path in sphere]
+            empty = response = None
             facts["cable_period_m"] = 2.0 * ambiguous_range(result) * electrical
         if sphere and find_displacement:
             vector, length = mf.calibrate.estimate_displacement(spheres, **known)
@@ -204,6 +228,7 @@ def calibrate(
             result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length * electrical)
         elif sphere:
             found = mf.calibrate.estimate_elements(spheres, **known)
+            spheres.clear()
             facts |= {
                 "cable_length_m": found.common_delay * electrical,
                 "elements_residual_m": found.residual,

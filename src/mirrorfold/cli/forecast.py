@@ -1,7 +1,8 @@
-"""What focusing and reconstructing a sweep would take, before it is begun."""
+"""What the verbs would take, before their work is begun."""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +11,14 @@ from mirrorfold.cli.terminal import show_info, show_json, show_options
 from mirrorfold.focusing.settings import FocusSettings
 
 if TYPE_CHECKING:
+    import xarray as xr
+
+    from mirrorfold.common.forecasts import Forecast
     from mirrorfold.focusing.choice_facts import Choice
 
 
-def forecast(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choice:
-    """The choice of an algorithm for the sweep in a file; with the time of steps 2 to 6 where it is to be folded.
+def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choice:
+    """The choice of an algorithm for the sweep in a file; with time and memory of all steps where it is to be folded.
 
     Raises
     ------
@@ -27,14 +31,54 @@ def forecast(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choi
     sweep = read(path, "sweep")
     own = {name: value for name, value in given.items() if name in FocusSettings.__dataclass_fields__}
     found = choose_algorithm(sweep, frames=int(sweep.sizes.get("frame", 1)), **own)
-    return found.but(folding_s=found.pixels / FOLDING_PIXELS_PER_SECOND) if folded else found
+    if not folded:
+        return found
+    memory = max(found.memory_gb, _folding_gb(sweep, found, own))
+    return found.but(folding_s=found.pixels / FOLDING_PIXELS_PER_SECOND, memory_gb=memory)
 
 
-def show_forecast(found: Choice, *, json: bool) -> None:
-    """Print a forecast: the grid, the algorithms, and what they would take."""
+def _folding_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) -> float:
+    """Memory [GB] of steps 2 to 6, samples and the tables of the plan included."""
+    from mirrorfold.common.forecasts import GIGABYTE, total
+    from mirrorfold.focusing.choice import expected_image
+    from mirrorfold.folding.memory import fold_parts
+    from mirrorfold.sweep import is_monostatic, is_raster
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the choice has told them
+        image = expected_image(sweep, **{**own, "normalization": None})
+    tested = not is_raster(sweep) and not is_monostatic(sweep)
+    parts = {"samples": 8.0 * sweep["s"].size} | fold_parts(image, sweep if tested else None)
+    tables = sum(option.memory_gb or 0.0 for option in found.options if option.chosen)
+    return total(parts) / GIGABYTE + tables
+
+
+def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None) -> Forecast:
+    """What folding the image in a file would take.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or the image is too large.
+    """
+    from mirrorfold.common.forecasts import forecast
+    from mirrorfold.folding.earlier import initial_image
+    from mirrorfold.folding.memory import fold_parts
+    from mirrorfold.reconstruction import FoldPlan
+
+    found = read(path, "image", "reconstruction")
+    measured = None if sweep is None else read(sweep, "sweep")
+    image = found if hasattr(found, "dims") and not hasattr(found, "children") else initial_image(found)
+    single = image.isel(frame=0) if "frame" in image.dims else image
+    FoldPlan(single).expect_memory(memory_limit)
+    return forecast(fold_parts(image, measured))
+
+
+def show_forecast(found: Choice | Forecast, *, json: bool) -> None:
+    """Print a forecast: the grid and the algorithms where there are some, and what the work would take."""
     if json:
         show_json(found)
         return
     show_info({name: value for name, value in found.items() if name not in ("kind", "options")})
-    if found.options:
-        show_options(found.options)
+    if found.get("options"):
+        show_options(found["options"])

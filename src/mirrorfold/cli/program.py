@@ -26,6 +26,7 @@ from mirrorfold.cli import (
 )
 from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.options import app, command, completed
+from mirrorfold.cli.verbose import with_verbose
 from mirrorfold.cli.writing import with_no_clobber
 from mirrorfold.errors import InputError
 
@@ -38,10 +39,15 @@ FUNCTIONS = (
 )
 
 for function in FUNCTIONS:
-    writes = {"output", "out"}.intersection(signature(function).parameters)
+    parameters = signature(function).parameters
     name = function.__name__.rstrip("_")  # `import` is a word of the language
+    verb = completed(function)
+    if "dry_run" in parameters:
+        verb = with_verbose(verb)
+    if {"output", "out"}.intersection(parameters):
+        verb = with_no_clobber(verb)
     app.command(
-        with_no_clobber(completed(function)) if writes else completed(function),
+        verb,
         name=name,
         help=VERBS[name].purpose,
         help_epilogue=f"Example: {VERBS[name].example}\n",

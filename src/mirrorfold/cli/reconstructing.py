@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
-from mirrorfold.cli.forecast import forecast, show_forecast
+from mirrorfold.cli.forecast import forecast_fold, forecast_sweep, show_forecast
 from mirrorfold.cli.many import reconstruct_many
 from mirrorfold.cli.options import (
     CrossRanges,
@@ -20,7 +20,6 @@ from mirrorfold.cli.options import (
     Heights,
     Mirrors,
     OptionalOutput,
-    Output,
     Preset,
     Ranges,
     command,
@@ -45,6 +44,7 @@ from mirrorfold.cli.results import (
 from mirrorfold.cli.terminal import progress, remark, show_result
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.settings import takes
+from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.settings import FoldSettings
@@ -87,7 +87,7 @@ def focus(
 
     given |= parse_grid(x=x, y=y, z=z)
     if dry_run:
-        show_forecast(forecast(sweep, given), json=json)
+        show_forecast(forecast_sweep(sweep, given), json=json)
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o image.nc")
@@ -116,11 +116,13 @@ def focus(
 def fold(
     image: Path,
     *,
-    output: Output,
+    output: OptionalOutput = None,
     sweep: Path | None = None,
     mirrors: Mirrors = None,
     preset: Preset = "default",
     export: Export = None,
+    memory_limit: Memory | None = None,
+    dry_run: bool = False,
     json: bool = False,
     **given: Any,
 ) -> None:
@@ -131,13 +133,22 @@ def fold(
     image
         Image to read (netCDF), or a reconstruction, whose initial image is folded again.
     output
-        Reconstruction to write (netCDF).
+        Reconstruction to write (netCDF); needed but for a dry run.
     sweep
         Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
     **given
+    memory_limit
+        Memory that the process may hold in all; what needs more is refused before the work [B].
+    dry_run
+        Say what memory the work would need, and of what; write nothing.
     json
         Print mirrors and counts as one JSON object.
     """
+    if dry_run:
+        show_forecast(forecast_fold(image, sweep, memory_limit), json=json)
+        return
+    if output is None:
+        raise InputError("--output is missing; give the file to write, for example -o reconstruction.nc")
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
     output_file(output, inputs=inputs)
     check_export(export)
@@ -145,9 +156,12 @@ def fold(
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     chosen = {"preset": preset, **given}
+    limited = {} if memory_limit is None else {"memory_limit": memory_limit}
     with frames_kept(focused, output, inputs, chosen) as kept:
         with progress("folding") as report:
-            reconstruction = mf.fold(focused, sweep=measured, mirrors=known, progress=report, **kept, **chosen)
+            reconstruction = mf.fold(
+                focused, sweep=measured, mirrors=known, progress=report, **kept, **chosen, **limited
+            )
         reconstruction.attrs["command"] = command.get()
         mf.save(reconstruction, output)
     report_reconstruction(reconstruction, [output, *write_export(reconstruction, export)], json=json)
@@ -192,7 +206,7 @@ def reconstruct(
     if dry_run:
         if len(sweep) > 1:
             raise InputError("--dry-run looks at one sweep and there are several; name one of them")
-        show_forecast(forecast(sweep[0], given, folded=True), json=json)
+        show_forecast(forecast_sweep(sweep[0], given, folded=True), json=json)
         return
     if output is None:
         raise InputError("--output is missing; give the directory to write, for example -o results")

@@ -17,6 +17,7 @@ from mirrorfold.cli.looking import Figure, Report, View
 from mirrorfold.cli.many import Summary
 from mirrorfold.cli.reproducing import Experiments
 from mirrorfold.cli.shell import Completion
+from mirrorfold.common.forecasts import Forecast
 from mirrorfold.common.records import Record
 from mirrorfold.describing.comparison import Comparison
 from mirrorfold.describing.images import ImageFacts
@@ -28,18 +29,19 @@ from mirrorfold.focusing.choice_facts import Choice
 from mirrorfold.reproducing import Reproduction
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
-from mirrorfold.simulation.raster.sweep import ScanEstimate
+from mirrorfold.simulation.raster.estimate import ScanEstimate
+from mirrorfold.simulation.rays.tiles import RayEstimate
 
 UsableSweep = ArraySweepFacts | RasterSweepFacts
 
 OUTPUTS: dict[str, Any] = {
     "demo": PlanScore | VolumeScore,
-    "simulate": UsableSweep | FullWaveEstimate | ScanEstimate,
+    "simulate": UsableSweep | FullWaveEstimate | ScanEstimate | RayEstimate,
     "import": UsableSweep | ImageFacts | MappingProposal,
     "export": TouchstoneScan | Exported,
-    "calibrate": Calibration,
+    "calibrate": Calibration | Forecast,
     "focus": ImageFacts | Choice,
-    "fold": ReconstructionFacts,
+    "fold": ReconstructionFacts | Forecast,
     "reconstruct": ReconstructionFacts | Summary | Choice,
     "compare": Comparison,
     "score": PlanScore | VolumeScore,

@@ -30,6 +30,7 @@ from mirrorfold.cli.terminal import (
     show_score,
 )
 from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
 
 DEMO_SCENES = {
@@ -106,6 +107,7 @@ def simulate(
     scheduler: str | None = None,
     resume: bool = False,
     force: bool = False,
+    memory_limit: Memory | None = None,
     dry_run: bool = False,
     json: bool = False,
 ) -> None:
@@ -140,8 +142,11 @@ def simulate(
         Go on with a sweep that was interrupted.
     force
         For a raster scan: go on where returns wrap around or the scan step is wider than the beam.
+    memory_limit
+        Memory that the process may hold in all, for rays alone: scatterers are taken in tiles where they must, and what
+        does not fit either is refused before the work [B].
     dry_run
-        For full waves or a raster scan: say what the simulation would take, and write nothing.
+        Say what the simulation would take, and write nothing.
     json
         Print what was simulated as one JSON object.
     """
@@ -152,7 +157,7 @@ def simulate(
         from mirrorfold.simulation import estimate
 
         options: dict[str, Any] = {"bounces": bounces, "seed": seed, "tolerance": tolerance, "workers": workers or 1}
-        cost = estimate(truth, solver=solver, **options)
+        cost = estimate(truth, solver=solver, memory_limit=memory_limit, **options)
         show_json(cost) if json else show_info(cost)
         return
     if output is None:
@@ -175,6 +180,7 @@ def simulate(
                 checkpoint=results if solver == "fullwave" else None,
                 resume=resume,
                 force=force,
+                memory_limit=memory_limit,
                 progress=report,
             )
     except KeyboardInterrupt:

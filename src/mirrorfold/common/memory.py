@@ -36,15 +36,24 @@ def used_memory() -> float:
     return held if held < float("inf") else 0.0
 
 
-def check_room(nbytes: float, what: str, remedy: str) -> None:
+def room_below(limit: float | None) -> float:
+    """Memory [bytes] that this process can still have: what is free, and below a limit [bytes] of all that it holds."""
+    free = available_memory()
+    return free if limit is None else min(free, limit - used_memory())
+
+
+def check_room(nbytes: float, what: str, remedy: str, limit: float | None = None) -> None:
     """Refuse what does not fit into the memory, before it is begun.
 
     Parameters
     ----------
     nbytes : float [bytes]
+        Beyond what is held already.
     what : str
         What needs them, in the plural, such as ``"an image of 10 pixels and its tables"``.
     remedy : str
+    limit : float [bytes], optional
+        Of all that this process may hold; by default what is free.
 
     Raises
     ------
@@ -53,10 +62,12 @@ def check_room(nbytes: float, what: str, remedy: str) -> None:
     """
     if nbytes < HARMLESS_BYTES:
         return
-    free = available_memory()
+    free = room_below(limit)
     if nbytes > free:
+        where = "" if limit is None else f" below the limit of {limit / 1e9:.3g} GB"
         raise InputError(
-            f"{what} need about {nbytes / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free; {remedy}"
+            f"{what} need about {nbytes / 1e9:.3g} GB of memory, and {max(free, 0.0) / 1e9:.3g} GB are free{where}; "
+            f"{remedy}"
         )
 
 

@@ -109,12 +109,13 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
         depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
         beyond, power = mirror.profiles(view, base, depth)
         peak = power.max(axis=1)
-        power = np.where(power >= lobe**2 * peak[:, None], power, 0.0)
+        power[power < lobe**2 * peak[:, None]] = 0.0
         total = power.sum(axis=1)
         lit = np.flatnonzero(total > 0.0)
         if lit.size < FEWEST_PLACES:
             return mirror, np.inf
-        centroid = np.sum(power[lit] * depth[lit], axis=1) / total[lit]
+        power *= depth
+        centroid = power.sum(axis=1)[lit] / total[lit]
         weight = np.minimum(peak[lit] / np.median(peak[lit]), clip) / across[lit] ** 2
         fit = robust(base[lit] + centroid[:, None] * beyond[lit], weight, mirror.independent(view))
         mirror = mirror.moved(fit.normal, fit.center)

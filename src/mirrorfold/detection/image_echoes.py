@@ -33,7 +33,8 @@ def noise_floor(view: ImageView) -> Array:
     median tells the noise. Where there is no noise this is the level of far side lobes, and harmless.
     """
     spreading = view.range**view.power
-    raw = (view.amplitude / spreading[:, None])[view.amplitude > 0.0]
+    held = view.amplitude > 0.0
+    raw = view.amplitude[held] / np.repeat(spreading, held.sum(axis=1))
     return noise_limit(float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0, raw.size) * spreading
 
 
@@ -55,8 +56,9 @@ def side_lobes(view: ImageView) -> Array:
         window = nxt - half + 1
         brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
         offset = half + window // 2
-        claim[:, offset:] = np.maximum(claim[:, offset:], envelope * brightest[:, :-offset])
-        claim[:, :-offset] = np.maximum(claim[:, :-offset], envelope * brightest[:, offset:])
+        brightest *= envelope
+        np.maximum(claim[:, offset:], brightest[:, :-offset], out=claim[:, offset:])
+        np.maximum(claim[:, :-offset], brightest[:, offset:], out=claim[:, :-offset])
         half = nxt
     return claim
 
@@ -64,21 +66,32 @@ def side_lobes(view: ImageView) -> Array:
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
     """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo."""
     amplitude = view.amplitude
-    floor = np.maximum(noise_floor(view)[:, None], side_lobes(view) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0))
+    quiet, floor = noise_floor(view), side_lobes(view)
+    floor *= 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+    np.maximum(quiet[:, None], floor, out=floor)
     above = amplitude > floor
     reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))
     threshold = reference * 10.0 ** (threshold_db / 20.0)
     above &= amplitude >= threshold * 10.0 ** (FAINT_DB / 20.0)
 
     cell = tuple(2 * round(width / step) + 1 for width, step in ((view.range_cell, view.dr), (view.u_cell, view.du)))
-    above &= amplitude >= 10.0 ** (RIDGE_DB / 20.0) * maximum_filter(amplitude, size=cell, mode="constant")
-    in_range = above & (amplitude == maximum_filter1d(amplitude, 3, axis=0, mode="constant"))
-    in_u = above & (amplitude == maximum_filter1d(amplitude, 3, axis=1, mode="constant"))
+    brightest = maximum_filter(amplitude, size=cell, mode="constant")
+    brightest *= 10.0 ** (RIDGE_DB / 20.0)
+    above &= amplitude >= brightest
+    in_range = above & (amplitude == maximum_filter1d(amplitude, 3, axis=0, output=brightest, mode="constant"))
+    in_u = above & (amplitude == maximum_filter1d(amplitude, 3, axis=1, output=brightest, mode="constant"))
     rows, columns = np.nonzero(in_range | in_u)
-    padded = np.pad(amplitude, 1)
-    found = padded[rows + 1, columns + 1]
-    range_ = view.range[rows] + view.dr * _vertex(padded[rows, columns + 1], found, padded[rows + 2, columns + 1])
-    u = view.u[columns] + view.du * _vertex(padded[rows + 1, columns], found, padded[rows + 1, columns + 2])
+    found = amplitude[rows, columns]
+
+    def beside(axis: int, step: int) -> Array:
+        """Amplitude of the neighbours, zero outside."""
+        place = [rows, columns]
+        place[axis] = place[axis] + step
+        inside = (place[axis] >= 0) & (place[axis] < amplitude.shape[axis])
+        return np.where(inside, amplitude[tuple(np.where(inside, at, 0) for at in place)], 0.0)
+
+    range_ = view.range[rows] + view.dr * _vertex(beside(0, -1), found, beside(0, 1))
+    u = view.u[columns] + view.du * _vertex(beside(1, -1), found, beside(1, 1))
     points = view.to_points(range_, u)
     length = np.where(in_range[rows, columns], view.cross_cell(points) * view.du / view.u_cell, view.dr)
     return Echoes.found(points, range_, view.column(u), found, length, floor[rows, columns], threshold, reference)

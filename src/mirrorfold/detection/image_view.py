@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, spline_filter
 
@@ -201,6 +202,21 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     InputError
         If the image cannot be used; see `check_samples`.
     """
+    view, axes, height = _unsampled(image, normalization)
+    amplitude = _sampled(view, image, axes, height).astype(np.float64)
+    done = RANGE_POWERS.get(str(image.attrs.get("normalization", "none")), 0)
+    amplitude *= view.range[:, None] ** float(view.power - done)
+    return replace(view, amplitude=amplitude)
+
+
+def samples_of(image: xr.DataArray) -> tuple[int, int]:
+    """Ranges and directions that `to_image_view` gives an image, from its coordinates and attributes alone."""
+    view, *_ = _unsampled(image, None)
+    return view.range.size, view.u.size
+
+
+def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array], float]:
+    """The view without amplitudes; x and y of the image, and the height of the radar above it [m]."""
     check_samples(image, ("y", "x"))
     normalization = normalization or "r"
     if normalization not in RANGE_POWERS:
@@ -252,14 +268,45 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength)  # fmt: skip
-    where = view.to_points(range_[:, None], u[None, :])
-    pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
-    if np.iscomplexobj(image.values) and np.isfinite(wavelength):
-        distance = np.sqrt((x[None, :] - radar[0]) ** 2 + (y[:, None] - radar[1]) ** 2 + height**2)
-        values = image.values * np.exp(-4j * np.pi / wavelength * distance).astype(np.complex64)
-        parts = (map_coordinates(part, pixels, order=3, output=np.float32) for part in (values.real, values.imag))
-        amplitude = np.hypot(*parts)
-    else:
-        amplitude = np.abs(map_coordinates(np.abs(image.values), pixels, order=1))
-    done = RANGE_POWERS.get(str(attrs.get("normalization", "none")), 0)
-    return replace(view, amplitude=amplitude.astype(np.float64) * range_[:, None] ** float(view.power - done))
+    return view, (x, y), height
+
+
+def _sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], height: float) -> NDArray[Any]:
+    """Amplitude of the image where the view has its samples, (nr, nu)."""
+    x, y = axes
+    if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
+        return np.abs(_interpolated(view, np.abs(image.values), axes, order=1))
+    # The carrier is taken out in rows: as many phases as there are pixels would take more memory than the image.
+    values = np.empty(image.shape, dtype=image.dtype)
+    for rows in _rows(y.size):
+        across, ahead = (x[None, :] - view.radar[0]) ** 2, (y[rows, None] - view.radar[1]) ** 2
+        distance = np.sqrt(across + ahead + height**2)
+        carrier = np.exp(-4j * np.pi / view.wavelength * distance).astype(np.complex64)
+        np.multiply(image.values[rows], carrier, out=values[rows])
+    parts = []
+    for part in (values.real, values.imag):
+        coefficients = part.astype(np.float64)
+        spline_filter(coefficients, output=coefficients)
+        parts.append(_interpolated(view, coefficients, axes, order=3, output=np.float32, prefilter=False))
+        del coefficients
+    return np.hypot(*parts)
+
+
+def _interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array], **given: Any) -> NDArray[Any]:
+    """Pixels (y, x) where the view has its samples, (nr, nu)."""
+    x, y = axes
+    found = []
+    for rows in _rows(view.range.size):
+        where = view.to_points(view.range[rows, None], view.u[None, :])
+        pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
+        found.append(map_coordinates(values, pixels, **given))
+    return np.concatenate(found)
+
+
+ROWS = 64
+"""Rows of an image, or ranges of a view, that are computed at once."""
+
+
+def _rows(count: int) -> list[slice]:
+    """Slices of so many rows, `ROWS` each."""
+    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]

@@ -26,6 +26,15 @@ DEVIATION = 0.3
 """Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
 lobe of the Hann window, and of a Gaussian beam there and back."""
 
+POINTS_AT_ONCE = 1000
+"""Points that `View.within` is asked for at once, where the answer is needed piece by piece: each may be near hundreds
+of directions, so that all pairs would take far more memory than the image."""
+
+
+def in_pieces(points: int) -> list[slice]:
+    """Slices of so many points, `POINTS_AT_ONCE` each."""
+    return [slice(first, first + POINTS_AT_ONCE) for first in range(0, points, POINTS_AT_ONCE)]
+
 
 class View(ABC):
     """What every view knows. Lines of sight are numbered from 0; `direction` is such a number.

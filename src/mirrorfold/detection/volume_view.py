@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, noise_limit
-from mirrorfold.detection.view import View, check_samples
+from mirrorfold.detection.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import angle_table, beams_of, magnitudes, spreading
 
@@ -133,11 +133,14 @@ class VolumeView(View):
 
     def power_at(self, range_: Array, beam: Index) -> Array:
         """Power at ranges [m] in beams, from the linear amplitude, less that of the noise; none outside."""
-        row = (range_ - self.range[0]) / self.dr
-        first = np.clip(row.astype(np.intp), 0, self.range.size - 2)
-        profile, share = self.amplitude.reshape(-1, self.range.size), row - first
-        value = profile[beam, first] * (1.0 - share) + profile[beam, first + 1] * share
-        return np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
+        profile, power = self.amplitude.reshape(-1, self.range.size), np.empty(range_.shape)
+        for some in in_pieces(len(range_)):
+            row = (range_[some] - self.range[0]) / self.dr
+            first = np.clip(row.astype(np.intp), 0, self.range.size - 2)
+            share = row - first
+            value = profile[beam[some], first] * (1.0 - share) + profile[beam[some], first + 1] * share
+            power[some] = np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
+        return power
 
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""
@@ -180,7 +183,7 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     chosen = normalization if normalization is not None else ("beam" if beam else "r2")
     done = spreading(attrs, range_, frequency, str(attrs.get("normalization", "none")), "image")
     if np.ptp(done) > 0.0:
-        amplitude /= np.maximum(done, np.finfo(np.float32).tiny).astype(np.float32)
+        amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
     # An odd stride visits all ranges and beams alike.
     sample = amplitude.ravel()[:: max(1, amplitude.size // NOISE_SAMPLES) | 1]
     noise = float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN

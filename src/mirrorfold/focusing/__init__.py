@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.caching import PlanCache, plan_cache, prepare
     from mirrorfold.focusing.choice import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
+    from mirrorfold.focusing.gridding import plan_view, to_voxels
     from mirrorfold.focusing.imaging import focus
     from mirrorfold.focusing.operator import FocusOperator
     from mirrorfold.focusing.plan import FocusPlan
-    from mirrorfold.focusing.range_profiles import focus_raster, plan_view, to_voxels
+    from mirrorfold.focusing.range_profiles import focus_raster
     from mirrorfold.focusing.settings import FocusSettings
 
 _HOME = {
@@ -33,10 +34,10 @@ _HOME = {
     "focus": "imaging",
     "focus_raster": "range_profiles",
     "plan_cache": "caching",
-    "plan_view": "range_profiles",
+    "plan_view": "gridding",
     "prepare": "caching",
     "sweep_grid": "grid",
-    "to_voxels": "range_profiles",
+    "to_voxels": "gridding",
 }
 """The module of each name: imported when first asked for, so that settings can be read without compiled kernels."""
 

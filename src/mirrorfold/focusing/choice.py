@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.fft import next_fast_len
 
+from mirrorfold.common.forecasts import GIGABYTE, total
 from mirrorfold.common.settings import takes
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
 from mirrorfold.focusing.choice_facts import Choice, OptionFacts
 from mirrorfold.focusing.cost import Cost, exact_cost, proof_cost
 from mirrorfold.focusing.factorized import Division, FactorizedPlan
+from mirrorfold.focusing.labels import Labels
 from mirrorfold.focusing.lattice import UnsuitedError
 from mirrorfold.focusing.line_array import Layout, LineArrayPlan
-from mirrorfold.focusing.machine import machine
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.range_profiles import PADDING
+from mirrorfold.focusing.scans import choose_scan, expected_scan
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.focusing.strips import SAMPLE_COPIES, divide, room_for_tables, samples_bytes, table_bytes
-from mirrorfold.sweep import ambiguous_range, is_raster
+from mirrorfold.focusing.strips import divide, held_parts, room_for_tables, table_bytes
+from mirrorfold.sweep import is_raster
 
 FEWEST_PAIR_PIXELS = 1e8
 """Below this many pairs times pixels the exact kernel takes half a second of one core, and nothing else is laid out."""
@@ -41,11 +41,6 @@ ADVANTAGE = 0.7
 
 EXACT_SHARE = 0.5
 """Of the tolerance, for the exact kernel."""
-
-GIGABYTE = 1e9
-
-SCAN_PASSES = 6
-"""Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
@@ -165,7 +160,7 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
     """
     settings = FocusSettings().with_given(**given)
     if is_raster(geometry):
-        return _scan(geometry)
+        return choose_scan(geometry, settings)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         problem = make_problem(at_chosen_speed(check_measurement(geometry), settings), settings)
@@ -212,8 +207,7 @@ def explain(
         kind="choice",
         algorithm=chosen.algorithm,
         focusing_s=seconds,
-        memory_gb=(tables + (SAMPLE_COPIES + frames - 1) * samples_bytes(problem) + 8.0 * problem.pixels * frames)
-        / GIGABYTE,
+        memory_gb=(tables + total(held_parts(problem, frames))) / GIGABYTE,
         dimensions={name: int(axis.size) for name, axis in axes.items()},
         extent={name: [float(axis[0]), float(axis[-1])] for name, axis in axes.items()},
         pixels=problem.pixels,
@@ -223,27 +217,19 @@ def explain(
     )
 
 
-def _scan(sweep: xr.Dataset) -> Choice:
-    """Of a raster scan, whose beams are Fourier transforms one by one."""
-    speed, shape = machine(), sweep["s"].shape
-    frames, beams = int(np.prod(shape[:-3])), int(np.prod(shape[-2:]))
-    size = int(next_fast_len(PADDING * shape[-3]))
-    pixels = beams * size
-    seconds = frames * pixels * (speed.fourier * np.log2(size) + SCAN_PASSES * speed.stretch)
-    cost = Cost(0.0, seconds, 8.0 * pixels)
-    whole = {"range": (0.0, ambiguous_range(sweep), size)}
-    for name in ("azimuth", "elevation"):
-        angle = sweep[name].values
-        whole[name] = (float(angle[0]), float(angle[-1]), angle.size)
-    return Choice(
-        kind="choice",
-        algorithm="range profiles",
-        focusing_s=cost.seconds(),
-        memory_gb=(8.0 * sweep["s"].size + 2 * cost.nbytes) / GIGABYTE,
-        dimensions={name: int(count) for name, (_, _, count) in whole.items()},
-        extent={name: [float(first), float(last)] for name, (first, last, _) in whole.items()},
-        pixels=pixels,
-        tolerance=0.0,
-        options=[],
-        remarks=[],
-    )
+@takes(FocusSettings)
+def expected_image(geometry: xr.Dataset, **given: Any) -> xr.DataArray:
+    """The image that `focus` makes of a sweep, or the amplitude of a scan's volume, with its labels and without values:
+    one number stands for all.
+
+    Raises
+    ------
+    InputError
+        As `focus`.
+    """
+    settings = FocusSettings().with_given(**given)
+    if is_raster(geometry):
+        return expected_scan(geometry, settings)
+    sweep = at_chosen_speed(check_measurement(geometry), settings)
+    problem = make_problem(sweep, settings)
+    return Labels(sweep, problem, settings).image(np.broadcast_to(np.complex64(0.0), problem.shape), {})

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Progress
@@ -22,9 +23,9 @@ from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
-from mirrorfold.focusing.range_profiles import focus_raster, to_voxels
+from mirrorfold.focusing.scans import focus_scan
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.focusing.strips import Strip, divide, room_for_tables
+from mirrorfold.focusing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
 
 SMALLEST = float(np.finfo(np.float32).tiny)
@@ -76,7 +77,7 @@ def focus(
     """
     settings = FocusSettings().with_given(**given)
     if is_raster(sweep):
-        return _focus_raster(sweep, settings, progress)
+        return focus_scan(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
         raise InputError(
             f"normalization is {settings.normalization!r}, which raster scans alone have; "
@@ -107,26 +108,6 @@ def focus(
     return labels.image(images, attrs)
 
 
-def _focus_raster(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given."""
-    if settings.apodization is not None:
-        raise InputError("apodization: a raster scan has no elements to weigh; leave it out")
-    if settings.memory_limit is not None:
-        raise InputError("memory_limit: a raster scan is imaged whole, beam by beam, and not in strips; leave it out")
-    x, y, z = settings.x, settings.y, settings.z
-    given = [axis is not None for axis in (x, y, z)]
-    if any(given) and not all(given):
-        raise InputError("x, y and z: a raster scan is gridded on all three or on none; give the missing ones")
-    volume = focus_raster(
-        sweep,
-        taper=settings.taper,
-        wave_speed=settings.wave_speed,
-        normalization=settings.normalization,
-        progress=progress,
-    )
-    return volume if x is None or y is None or z is None else to_voxels(volume, x=x, y=y, z=z)
-
-
 def _focus_strips(
     problem: Problem,
     frames: NDArray[np.complex64],
@@ -152,6 +133,9 @@ def _focus_strips(
         If the tolerance or the memory cannot be kept to.
     """
     strips = divide(problem, lambda part: plans.options(part, tolerance, len(frames)), room)
+    tables = max(table_bytes(strip.problem, strip.option) for strip in strips)
+    parts = held_parts(problem, len(frames)) | {"tables, buffers and proof": tables}
+    tell(parts, f"focusing {problem.pixels} pixels in {len(strips)} strip{'s' if len(strips) > 1 else ''}")
     if len(strips) == 1:
         images, error, algorithm = _focus_frames(problem, frames, tolerance, plans, room, progress)
         algorithms = {algorithm}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.fft import ifft, next_fast_len
 
@@ -80,87 +81,168 @@ def focus_raster(
         `focus_distance` [m] of the sweep.
     """
     settings = FocusSettings().with_given(**given)
-    sweep = check_sweep(sweep)
-    if settings.wave_speed is not None:
-        sweep = sweep.assign_attrs(wave_speed=float(settings.wave_speed))
-    if sweep["s"].ndim != 3:
-        raise InputError(f"sweep: s has dimensions {sweep['s'].dims}; image one polarization or frame at a time")
-    if sweep.sizes["frequency"] < 2:
-        raise InputError("sweep: has a single frequency, so ranges cannot be told apart; sweep a band")
-    if padding < 1 or int(padding) != padding:
-        raise InputError(f"padding is {padding!r}, expected a whole number of at least 1")
-    normalization = settings.normalization
-    frequency = sweep["frequency"].values.astype(float)
-    weights = window(settings.taper, frequency.size, "taper")
-    size = int(next_fast_len(int(padding) * frequency.size))
-    step = ambiguous_range(sweep) / size
-    nearest, farthest = limits if limits is not None else (0.0, ambiguous_range(sweep))
-    if not 0.0 <= nearest < farthest <= ambiguous_range(sweep) * (1.0 + 1e-9):
-        raise InputError(
-            f"limits are {nearest:g} to {farthest:g} m, expected rising ranges up to the unambiguous "
-            f"{ambiguous_range(sweep):.3g} m"
-        )
-    first, last = int(np.ceil(nearest / step - 1e-9)), min(int(np.floor(farthest / step + 1e-9)) + 1, size)
-    if last - first < 4:
-        raise InputError(
-            f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
-        )
-    range_: Array = step * np.arange(first, last, dtype=float)
-    turn = np.exp(2j * (wavenumber(sweep)[0] * range_))
-    turn *= size * spreading(sweep.attrs, range_, float(frequency.mean()), normalization, "sweep")
-    turn = turn.astype(np.complex64)
-    s = np.moveaxis(sweep["s"].values, 0, -1)
-    volume = np.empty((*s.shape[:2], last - first), dtype=np.complex64)
-    done = 0
-
-    def column(i: int) -> None:
-        padded = np.zeros((s.shape[1], size), dtype=np.complex64)
-        np.multiply(s[i], weights.astype(np.complex64), out=padded[:, : frequency.size])
-        np.multiply(ifft(padded, axis=1, overwrite_x=True)[:, first:last], turn, out=volume[i])
-
-    def count() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, s.shape[0])
-
-    for_each(column, range(s.shape[0]), count)
-    if remove_leakage:
-        leakage = _common(volume)
-        for_each(lambda i: np.subtract(volume[i], leakage, out=volume[i]), range(s.shape[0]))
-    attrs: dict[str, Any] = {
-        "mirrorfold_kind": "image",
-        "radar_position": radar_position(sweep),
-        "ambiguous_range": ambiguous_range(sweep),
-        "range_resolution": range_resolution(sweep),
-        "frequency_start": float(frequency[0]),
-        "frequency_stop": float(frequency[-1]),
-        "frequency_step": frequency_step(sweep),
-        "frequency_points": int(frequency.size),
-        "wave_speed": wave_speed(sweep),
-        "taper": settings.taper if isinstance(settings.taper, str) else np.abs(weights),
-        "normalization": normalization,
-        **{name: sweep.attrs[name] for name in ("title", "instrument", "spot_radius", "focus_distance")
-           if name in sweep.attrs},
-    }  # fmt: skip
-    coords: dict[str, Any] = {
-        "range": ("range", range_, {"units": "m"}),
-        "azimuth": ("azimuth", sweep["azimuth"].values.astype(float), {"units": "degree"}),
-        "elevation": ("elevation", sweep["elevation"].values.astype(float), {"units": "degree"}),
-    }
-    dims = ("range", "azimuth", "elevation")
-    return xr.DataArray(np.moveaxis(volume, -1, 0), dims=dims, coords=coords, attrs=attrs, name="image")
+    return Profiles.of(sweep, settings, limits, padding, remove_leakage).volume(progress=progress)
 
 
-def _common(volume: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """What all beams have in common, (ranges,): the median of real and imaginary parts.
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """How the samples of a raster scan become range profiles, one azimuth after the other.
 
-    A mean would spread a bright echo of a few beams over all of them.
+    Attributes
+    ----------
+    samples : (azimuths, elevations, frequencies) complex array
+        As they lie in the sweep: no copy.
+    weights : (frequencies,) complex64 array
+        The taper.
+    size : int
+        Of the transform.
+    span : slice
+        The ranges that are kept of it.
+    turn : (ranges,) complex64 array
+        What each range is multiplied with.
+    leakage : (ranges,) complex64 array
+        What all beams have in common; zero where it is kept.
+    coords, attrs : dict
+        Of the volume.
     """
-    profiles = volume.reshape(-1, volume.shape[-1])
-    some = profiles[:: max(1, len(profiles) // LEAKAGE_BEAMS) | 1]
-    middle = np.median(some.real, axis=0) + 1j * np.median(some.imag, axis=0)
-    return np.asarray(middle, dtype=np.complex64)
+
+    samples: NDArray[np.complexfloating]
+    weights: NDArray[np.complex64]
+    size: int
+    span: slice
+    turn: NDArray[np.complex64]
+    leakage: NDArray[np.complex64]
+    coords: dict[str, Any]
+    attrs: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls,
+        sweep: xr.Dataset,
+        settings: FocusSettings,
+        limits: tuple[float, float] | None = None,
+        padding: int = PADDING,
+        remove_leakage: bool = True,
+    ) -> Profiles:
+        """Those of a scan, as `focus_raster` wants them.
+
+        Raises
+        ------
+        InputError
+            As `focus_raster`.
+        """
+        sweep = check_sweep(sweep)
+        if settings.wave_speed is not None:
+            sweep = sweep.assign_attrs(wave_speed=float(settings.wave_speed))
+        if sweep["s"].ndim != 3:
+            raise InputError(f"sweep: s has dimensions {sweep['s'].dims}; image one polarization or frame at a time")
+        if sweep.sizes["frequency"] < 2:
+            raise InputError("sweep: has a single frequency, so ranges cannot be told apart; sweep a band")
+        if padding < 1 or int(padding) != padding:
+            raise InputError(f"padding is {padding!r}, expected a whole number of at least 1")
+        frequency = sweep["frequency"].values.astype(float)
+        weights = window(settings.taper, frequency.size, "taper")
+        size = int(next_fast_len(int(padding) * frequency.size))
+        step = ambiguous_range(sweep) / size
+        nearest, farthest = limits if limits is not None else (0.0, ambiguous_range(sweep))
+        if not 0.0 <= nearest < farthest <= ambiguous_range(sweep) * (1.0 + 1e-9):
+            raise InputError(
+                f"limits are {nearest:g} to {farthest:g} m, expected rising ranges up to the unambiguous "
+                f"{ambiguous_range(sweep):.3g} m"
+            )
+        first, last = int(np.ceil(nearest / step - 1e-9)), min(int(np.floor(farthest / step + 1e-9)) + 1, size)
+        if last - first < 4:
+            raise InputError(
+                f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
+            )
+        range_: Array = step * np.arange(first, last, dtype=float)
+        turn = np.exp(2j * (wavenumber(sweep)[0] * range_))
+        turn *= size * spreading(sweep.attrs, range_, float(frequency.mean()), settings.normalization, "sweep")
+        attrs: dict[str, Any] = {
+            "mirrorfold_kind": "image",
+            "radar_position": radar_position(sweep),
+            "ambiguous_range": ambiguous_range(sweep),
+            "range_resolution": range_resolution(sweep),
+            "frequency_start": float(frequency[0]),
+            "frequency_stop": float(frequency[-1]),
+            "frequency_step": frequency_step(sweep),
+            "frequency_points": int(frequency.size),
+            "wave_speed": wave_speed(sweep),
+            "taper": settings.taper if isinstance(settings.taper, str) else np.abs(weights),
+            "normalization": settings.normalization,
+            **{name: sweep.attrs[name] for name in ("title", "instrument", "spot_radius", "focus_distance")
+               if name in sweep.attrs},
+        }  # fmt: skip
+        coords: dict[str, Any] = {
+            "range": ("range", range_, {"units": "m"}),
+            "azimuth": ("azimuth", sweep["azimuth"].values.astype(float), {"units": "degree"}),
+            "elevation": ("elevation", sweep["elevation"].values.astype(float), {"units": "degree"}),
+        }
+        found = cls(
+            samples=np.moveaxis(sweep["s"].values, 0, -1),
+            weights=weights.astype(np.complex64),
+            size=size,
+            span=slice(first, last),
+            turn=turn.astype(np.complex64),
+            leakage=np.zeros(range_.size, dtype=np.complex64),
+            coords=coords,
+            attrs=attrs,
+        )
+        return replace(found, leakage=found._common()) if remove_leakage else found
+
+    def of_beams(self, samples: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
+        """Range profiles (beams, ranges) of some beams (beams, frequencies), leakage included."""
+        padded = np.zeros((len(samples), self.size), dtype=np.complex64)
+        np.multiply(samples, self.weights, out=padded[:, : samples.shape[1]])
+        return np.asarray(ifft(padded, axis=1, overwrite_x=True)[:, self.span] * self.turn)
+
+    def _common(self) -> NDArray[np.complex64]:
+        """What all beams have in common, (ranges,): the median of real and imaginary parts.
+
+        A mean would spread a bright echo of a few beams over all of them.
+        """
+        columns, rows = self.samples.shape[:2]
+        some = np.arange(0, columns * rows, max(1, columns * rows // LEAKAGE_BEAMS) | 1)
+        profiles = self.of_beams(self.samples[some // rows, some % rows])
+        middle = np.median(profiles.real, axis=0) + 1j * np.median(profiles.imag, axis=0)
+        return np.asarray(middle, dtype=np.complex64)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Azimuths, elevations and ranges of the volume."""
+        columns, rows, _ = self.samples.shape
+        return columns, rows, self.turn.size
+
+    def beams(self, columns: range, *, amplitude: bool = False, progress: Progress | None = None) -> NDArray[Any]:
+        """The volume (azimuths, elevations, ranges) of some azimuths, or its amplitude alone, half as large.
+
+        Either is made beam by beam, so that neither padded profiles nor the complex ones of an amplitude ever exist as
+        a whole.
+        """
+        kind = np.float32 if amplitude else np.complex64
+        out: NDArray[Any] = np.empty((len(columns), *self.shape[1:]), dtype=kind)
+        done = 0
+
+        def column(i: int) -> None:
+            found = self.of_beams(self.samples[columns[i]])
+            np.subtract(found, self.leakage, out=found if amplitude else out[i])
+            if amplitude:
+                magnitude(found.reshape(-1), out[i].reshape(-1))
+
+        def count() -> None:
+            nonlocal done
+            done += 1
+            if progress is not None:
+                progress(done, len(columns))
+
+        for_each(column, range(len(columns)), count)
+        return out
+
+    def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:
+        """The volume (range, azimuth, elevation), or its amplitude alone, with its labels."""
+        values = np.moveaxis(self.beams(range(self.shape[0]), amplitude=amplitude, progress=progress), -1, 0)
+        dims = ("range", "azimuth", "elevation")
+        return xr.DataArray(values, dims=dims, coords=self.coords, attrs=self.attrs, name="image")
 
 
 def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:
@@ -193,101 +275,10 @@ def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalizat
 
 
 def beams_of(volume: xr.DataArray) -> NDArray[Any]:
-    """The values with the range axis last, contiguous: (azimuth, elevation, range)."""
+    """The values with the range axis last, not copied: (azimuth, elevation, range)."""
     if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
         raise wrong_kind("volume", volume, "a volume (range, azimuth, elevation), as focus returns of a raster scan")
-    return np.ascontiguousarray(np.moveaxis(volume.values, 0, -1))
-
-
-def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArray:
-    """The floor plan of a volume: the strongest voxel of each vertical column.
-
-    Parameters
-    ----------
-    volume : (range, azimuth, elevation) DataArray
-    pixel : float [m], optional
-        By default two range samples.
-
-    Returns
-    -------
-    (y, x) DataArray
-        Amplitude, float32.
-    """
-    amplitude = magnitudes(beams_of(volume))
-    range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
-    step = float(range_[1] - range_[0])
-    pixel = 2.0 * step if pixel is None else float(pixel)
-    if not (np.isfinite(pixel) and pixel > 0.0):
-        raise InputError(f"pixel is {pixel!r}, expected a length in metres above zero")
-    polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
-
-    def column(i: int) -> None:
-        strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
-
-    for_each(column, range(azimuth.size))
-    side = np.radians(azimuth[[0, -1]])
-    x = np.arange(
-        np.floor(min(range_[-1] * np.sin(side[0]), 0) / pixel), range_[-1] * max(np.sin(side[1]), 0) / pixel + 1
-    )
-    y = np.arange(max(np.floor(range_[0] * np.cos(np.abs(side).max()) / pixel), 1.0), range_[-1] / pixel + 1)
-    x, y = x * pixel, y * pixel
-    values = np.zeros((y.size, x.size), dtype=np.float32)
-    angle = np.interp(np.degrees(np.arctan2(x[None, :], y[:, None])), azimuth, np.arange(azimuth.size), -1.0, -1.0)
-    polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
-    origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
-    coords: dict[str, Any] = {
-        "y": ("y", y + origin[1], {"units": "m", "long_name": "range"}),
-        "x": ("x", x + origin[0], {"units": "m", "long_name": "cross-range"}),
-    }
-    attrs = {**volume.attrs, "mirrorfold_kind": "image"}
-    return xr.DataArray(values, dims=("y", "x"), coords=coords, attrs=attrs, name="image")
-
-
-def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> xr.DataArray:
-    """Amplitude of a volume on a Cartesian grid, interpolated linearly in range, azimuth and elevation.
-
-    Parameters
-    ----------
-    volume : (range, azimuth, elevation) DataArray
-    x, y, z : 1D arrays [m]
-
-    Returns
-    -------
-    (z, y, x) DataArray
-        Float32; zero outside of the scan.
-
-    Raises
-    ------
-    InputError
-        If there are no voxels, or their coordinates do not rise in equal steps.
-    """
-    beams = beams_of(volume)
-    origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
-    axes = []
-    for name, axis, shift in zip("xyz", (x, y, z), origin, strict=True):
-        axis = np.atleast_1d(np.asarray(axis, dtype=float))
-        steps = np.diff(axis)
-        if axis.ndim != 1 or not axis.size or not np.isfinite(axis).all() or (steps.size and steps.min() <= 0):
-            raise InputError(f"{name} must be a rising list of at least one finite coordinate in metres")
-        if steps.size and np.ptp(steps) > 1e-3 * steps.mean():
-            raise InputError(f"{name} must rise in equal steps; resample it")
-        axes.append(axis - shift)
-    amplitude = magnitudes(beams)
-    range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
-    values = np.empty((axes[1].size, axes[0].size, axes[2].size), dtype=np.float32)
-    grid = angle_table(azimuth), angle_table(elevation)
-
-    def row(i: int) -> None:
-        grid_row(amplitude, axes[0], float(axes[1][i]), axes[2], *grid, float(range_[0]),
-                  float(range_[1] - range_[0]), values[i])  # fmt: skip
-
-    for_each(row, range(axes[1].size))
-    coords: dict[str, Any] = {
-        name: (name, np.atleast_1d(np.asarray(axis, dtype=float)), {"units": "m"})
-        for name, axis in (("z", z), ("y", y), ("x", x))
-    }
-    attrs = {**volume.attrs, "mirrorfold_kind": "image"}
-    return xr.DataArray(np.moveaxis(values, -1, 0), dims=("z", "y", "x"), coords=coords, attrs=attrs, name="image")
+    return np.asarray(np.moveaxis(volume.values, 0, -1))
 
 
 def angle_table(angle: Array) -> Array:
@@ -302,35 +293,6 @@ def angle_table(angle: Array) -> Array:
     if not step.size or np.ptp(step) > 1e-3 * step.mean():
         raise InputError("image: azimuth and elevation must rise in equal steps; resample the scan")
     return np.radians(np.array([angle[0], step.mean()]))
-
-
-@njit(nogil=True, fastmath=True, error_model="numpy")
-def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
-    """``out[k] = max_e profile[e](r_k / cosine[e])``: along one azimuth, what stands above each ground range."""
-    for e in range(cosine.size):
-        for k in range(out.size):
-            at = ((first + k * step) / cosine[e] - first) / step
-            i = int(at)
-            if i + 1 < out.size:
-                share = np.float32(at - i)
-                value = profile[e, i] * (np.float32(1.0) - share) + profile[e, i + 1] * share
-                out[k] = max(out[k], value)
-
-
-@njit(nogil=True, fastmath=True, error_model="numpy")
-def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
-    """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle` is the azimuth's index, -1 outside."""
-    for i in range(y.size):
-        for j in range(x.size):
-            a = angle[i, j]
-            at = (np.sqrt(x[j] * x[j] + y[i] * y[i]) - first) / step
-            if a < 0.0 or at < 0.0 or at >= polar.shape[1] - 1:
-                continue
-            p, k = min(int(a), polar.shape[0] - 2), int(at)
-            u, v = a - p, at - k
-            near = polar[p, k] * (1.0 - v) + polar[p, k + 1] * v
-            far = polar[p + 1, k] * (1.0 - v) + polar[p + 1, k + 1] * v
-            out[i, j] = near * (1.0 - u) + far * u
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
@@ -351,22 +313,6 @@ def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
-def grid_row(amplitude, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
-    """Voxels of one y: (x, z). The azimuth of a vertical column is that of its foot."""
-    for j in range(x.size):
-        ground = x[j] * x[j] + y * y
-        flat = np.sqrt(ground)
-        a = (np.arctan2(x[j], y) - azimuth[0]) / azimuth[1]
-        if a < 0.0 or a > amplitude.shape[0] - 1:
-            out[j] = 0.0
-            continue
-        for i in range(z.size):
-            r = np.sqrt(ground + z[i] * z[i])
-            e = (np.arctan(z[i] / flat) - elevation[0]) / elevation[1]
-            out[j, i] = at_point(amplitude, a, e, (r - first) / step)
-
-
-@njit(nogil=True, fastmath=True, error_model="numpy")
 def magnitude(values, out):  # type: ignore[no-untyped-def]
     """out[i] = |values[i]|."""
     for i in range(values.size):
@@ -374,9 +320,14 @@ def magnitude(values, out):  # type: ignore[no-untyped-def]
 
 
 def magnitudes(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Absolute values in single precision, (azimuth, elevation, range)."""
-    if values.dtype != np.complex64:
-        return np.abs(values).astype(np.float32)
+    """Absolute values in single precision, (azimuth, elevation, range), contiguous; amplitudes that are so already are
+    not copied.
+    """
+    if values.dtype == np.float32 and values.min(initial=0.0) >= 0.0:
+        return np.ascontiguousarray(values)
     out = np.empty(values.shape, dtype=np.float32)
-    for_each(lambda i: magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
+    if values.dtype == np.complex64:
+        for_each(lambda i: magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
+    else:
+        for_each(lambda i: np.abs(values[i], out=out[i], casting="same_kind"), range(len(values)))
     return out

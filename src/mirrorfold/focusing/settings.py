@@ -76,8 +76,9 @@ class FocusSettings(Settings):
     )
     memory_limit: float | None = setting(
         None,
-        "Memory that the process may hold in all while it focuses: the image is made in strips where it must, to the "
-        "same tolerance. Default: what is free.",
+        "Memory that the process may hold in all: an image is made in strips where it must, to the same tolerance, and "
+        "the voxels of a raster scan in tiles, to the same bits. What does not fit either is refused. Default: what is "
+        "free.",
         unit="B",
         kind="float",
         above=0.0,

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from mirrorfold.common.memory import available_memory, used_memory
+from mirrorfold.common.forecasts import Parts
+from mirrorfold.common.memory import room_below
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.cost import proof_cost
 from mirrorfold.focusing.problem import Problem
@@ -62,16 +63,20 @@ def room_for_tables(problem: Problem, frames: int, limit: float | None, *, sampl
     samples_held : bool
         Whether the samples are in memory already.
     """
-    free = available_memory()
-    if limit is not None:
-        free = min(free, limit - used_memory())
     copies = SAMPLE_COPIES - 1 if samples_held else SAMPLE_COPIES
-    return ROOM_SHARE * (free - CODE_BYTES - copies * samples_bytes(problem) - 8.0 * problem.pixels * frames)
+    held = CODE_BYTES + copies * samples_bytes(problem) + 8.0 * problem.pixels * frames
+    return ROOM_SHARE * (room_below(limit) - held)
 
 
 def samples_bytes(problem: Problem) -> float:
     """Size of the samples of one frame [bytes]."""
     return 8.0 * problem.pairs * problem.k.size
+
+
+def held_parts(problem: Problem, frames: int) -> Parts:
+    """What samples and images take while images are made, by name [bytes]."""
+    copies = SAMPLE_COPIES + frames - 1
+    return {"samples": copies * samples_bytes(problem), "images": 8.0 * problem.pixels * frames}
 
 
 def table_bytes(problem: Problem, option: Option) -> float:

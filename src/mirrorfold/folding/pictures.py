@@ -49,18 +49,25 @@ def pictures(
     blobs = owned_blobs(points, sight, least)
     points = points.take(points.confidence >= least)
     grid = grid or (_around(points, view) if isinstance(view, VolumeView) else _grown(image, points))
-    folded = draw(sight, folds, wall_margin, grid, blobs)
-    initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, np.full_like(blobs, ROOT))
+    folded = draw(sight, folds, wall_margin, grid, blobs, strongest=True)
+    blobs.fill(ROOT)
+    initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, blobs, strongest=True)
     if view.dimensions == 2:
         return grid, folded, initial, "amplitude, range-normalised"
-    what = "strongest amplitude of each vertical column, normalised"
-    return grid[:2], folded.max(axis=0), initial.max(axis=0), what
+    return grid[:2], folded, initial, "strongest amplitude of each vertical column, normalised"
 
 
 def draw(
-    sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float, grid: Grid, blobs: NDArray[np.int16]
+    sight: LinesOfSight,
+    folds: dict[Chain, Isometry],
+    wall_margin: float,
+    grid: Grid,
+    blobs: NDArray[np.int16],
+    *,
+    strongest: bool = False,
 ) -> NDArray[np.float32]:
-    """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x).
+    """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x); or the `strongest` of each
+    vertical column alone, (y, x), without its voxels ever existing as a whole.
 
     Every pixel looks up the image where each chain of mirrors shows it, if nothing stands in the way there: there are
     no holes, as pushing pixels to their folded places would leave them. Echoes up to `wall_margin` [m] behind a mirror
@@ -90,9 +97,17 @@ def draw(
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
     table = amplitude, gain, view.beside_steps(view.range), shape, steps
     height = z[0] if z else np.zeros(1)
-    out = np.zeros((y.size, x.size, height.size), dtype=np.float32)
-    for_each(lambda i: draw_row(x, float(y[i]), height, maps, *seen, *table, out[i]), range(y.size))
-    return np.moveaxis(out, -1, 0) if z else out[..., 0]
+    columns = strongest or not z
+    out = np.zeros((y.size, x.size) if columns else (y.size, x.size, height.size), dtype=np.float32)
+
+    def row(i: int) -> None:
+        voxels = np.zeros((x.size, height.size), dtype=np.float32) if columns else out[i]
+        draw_row(x, float(y[i]), height, maps, *seen, *table, voxels)
+        if columns:
+            np.max(voxels, axis=1, out=out[i])
+
+    for_each(row, range(y.size))
+    return out if columns else np.moveaxis(out, -1, 0)
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:

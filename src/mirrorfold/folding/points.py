@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
+from mirrorfold.detection.view import in_pieces
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -102,9 +103,10 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     for number, seen in shown.items():
         if not len(seen):
             continue
-        range_ = view.locate(seen)[0]
-        point, direction = view.within(seen, BLOB_CELLS * view.cell(range_) / range_)
-        sample = np.rint((range_ - view.range[0]) / step).astype(np.intp)[point]
-        for offset in range(-reach, reach + 1):
-            owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = number
+        for some in in_pieces(len(seen)):
+            range_ = view.locate(seen[some])[0]
+            point, direction = view.within(seen[some], BLOB_CELLS * view.cell(range_) / range_)
+            sample = np.rint((range_ - view.range[0]) / step).astype(np.intp)[point]
+            for offset in range(-reach, reach + 1):
+                owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = number
     return owner

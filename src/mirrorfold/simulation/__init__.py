@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from mirrorfold.common.types import Progress
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
-    from mirrorfold.simulation.raster.sweep import ScanEstimate
+    from mirrorfold.simulation.raster.estimate import ScanEstimate
+    from mirrorfold.simulation.rays.tiles import RayEstimate
 
 SOLVERS = ("rays", "fullwave")
 """The solvers that `simulate` knows."""
@@ -39,6 +40,7 @@ def simulate(
     scheduler: str | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
+    memory_limit: float | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """Simulate the sweep of a scene.
@@ -83,6 +85,10 @@ def simulate(
         Folder that keeps the results by frequency, to resume from; remove it when the sweep is saved.
     resume : bool, default False
         Go on with the results in that folder, to the same bytes that an uninterrupted sweep would hold.
+    memory_limit : float [B], optional
+        Rays alone. Memory that the process may hold in all: in two dimensions the scatterers are taken in tiles where
+        they must, and the sweep is the same to rounding; what does not fit either is refused before the work. By
+        default what is free.
     progress : callable, optional
         Called as ``progress(done, total)`` while frequencies or beams are done.
 
@@ -125,7 +131,10 @@ def simulate(
         "checkpoint": checkpoint is not None,
         "resume": resume,
     }
-    _check_solver_options(solver, {"bounces": bounces != 3, "force": force}, of_fullwave)
+    if memory_limit is not None and not (np.isfinite(memory_limit) and memory_limit > 0):
+        raise InputError(f"memory_limit is {memory_limit!r}, expected a number of bytes above zero")
+    of_rays = {"bounces": bounces != 3, "force": force, "memory_limit": memory_limit is not None}
+    _check_solver_options(solver, of_rays, of_fullwave)
     check_extent(scene)
     if not isinstance(scene, Scene):
         if solver == "fullwave":
@@ -133,7 +142,13 @@ def simulate(
         from mirrorfold.simulation.raster.sweep import simulate_raster
 
         return simulate_raster(
-            scene, bounces=int(bounces), seed=int(seed), snr_db=snr_db, force=force, progress=progress
+            scene,
+            bounces=int(bounces),
+            seed=int(seed),
+            snr_db=snr_db,
+            force=force,
+            memory_limit=memory_limit,
+            progress=progress,
         )
 
     stated = scene
@@ -142,7 +157,7 @@ def simulate(
     if solver == "rays":
         from mirrorfold.simulation.rays.sweep import scattered_field
 
-        s = scattered_field(scene, bounces=int(bounces), seed=int(seed), progress=progress)
+        s = scattered_field(scene, bounces=int(bounces), seed=int(seed), memory_limit=memory_limit, progress=progress)
         settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
     else:
         from mirrorfold.simulation.fullwave.sweep import fullwave_field
@@ -192,6 +207,7 @@ def simulate(
         solver=solver,
         **settings,
     )
+    del s  # of which the sweep has a copy
     if snr_db is None:
         return sweep
     if not returns_something:
@@ -216,32 +232,32 @@ def estimate(
     seed: int = 0,
     tolerance: float = 1e-3,
     workers: int = 1,
-) -> FullWaveEstimate | ScanEstimate:
-    """What a simulation that takes minutes would take, without doing it: of a raster scan, or of full waves.
+    memory_limit: float | None = None,
+) -> FullWaveEstimate | ScanEstimate | RayEstimate:
+    """What a simulation would take, without doing it.
 
     Returns
     -------
-    FullWaveEstimate or ScanEstimate
-        Facts to read as attributes or as items: `frequencies`, and `beams`, `echoes`, `longest_return_m`,
-        `needed_frequencies`, `seconds` of a raster scan, or `unknowns`, `minutes`, `memory_gb`, `disk_gb` of full
-        waves.
+    FullWaveEstimate, ScanEstimate or RayEstimate
+        Facts to read as attributes or as items: `frequencies` and `memory_gb`; and `beams`, `echoes`,
+        `longest_return_m`, `needed_frequencies`, `seconds` of a raster scan, `unknowns`, `minutes`, `disk_gb` of full
+        waves, or `scatterers`, `paths`, `tiles`, `parts_gb` of rays in two dimensions.
 
     Raises
     ------
     InputError
-        For two-dimensional scenes by rays, which take seconds.
+        If the scene cannot be simulated, or does not fit below the limit.
     """
     scene = as_scene(scene)
     check_extent(scene)
     if not isinstance(scene, Scene):
-        from mirrorfold.simulation.raster import sweep as raster
+        from mirrorfold.simulation.raster.estimate import estimate as estimate_scan
 
-        return raster.estimate(scene, bounces=bounces, seed=seed)
+        return estimate_scan(scene, bounces=bounces, seed=seed)
     if solver != "fullwave":
-        raise InputError(
-            f"scene {scene.name!r}: rays in two dimensions take seconds; "
-            "only a raster scan or the solver 'fullwave' is estimated beforehand"
-        )
+        from mirrorfold.simulation.rays.tiles import estimate_rays
+
+        return estimate_rays(point_sources(scene)[0], bounces=bounces, seed=seed, memory_limit=memory_limit)
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 

@@ -17,7 +17,7 @@ from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.view import View
+from mirrorfold.detection.view import View, in_pieces
 
 CLEAR_DB = 20.0
 """An echo this much stronger than all objects in front of it stands there all the same: speckle fades by up to 20 dB,
@@ -165,8 +165,10 @@ class LinesOfSight:
         range_ = np.concatenate([direct.range, nearest[met]])
         empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)
         margin = OPEN_CELLS * self.view.cell(range_)
-        row, direction = self.view.within(points, np.maximum(margin / range_, self.view.steps.mean()))
-        np.minimum.at(empty, direction, (range_ - margin)[row])
+        aside, begin = np.maximum(margin / range_, self.view.steps.mean()), range_ - margin
+        for some in in_pieces(len(points)):
+            row, direction = self.view.within(points[some], aside[some])
+            np.minimum.at(empty, direction, begin[some][row])
         return empty
 
 

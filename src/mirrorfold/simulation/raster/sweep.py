@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction
-from mirrorfold.common.records import Record, fact
+from mirrorfold.common.forecasts import expect
 from mirrorfold.common.types import Array, Mask, Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
@@ -185,14 +184,14 @@ def _in_view(scene: Scene3D, position: Array) -> Mask:
     azimuth, elevation = beam_angles(position)
     range_ = np.linalg.norm(position, axis=1)
     wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
-    reach = _reach(scene.scanner.radius(range_, wavelength), range_)
+    reach = beam_reach(scene.scanner.radius(range_, wavelength), range_)
     inside = np.ones(len(position), dtype=bool)
     for angle, axis in zip((azimuth, elevation), scene.scanner.angles, strict=True):
         inside &= (angle >= axis[0] - reach) & (angle <= axis[-1] + reach)
     return inside
 
 
-def _reach(width: Array, range_: Array) -> Array:
+def beam_reach(width: Array, range_: Array) -> Array:
     """Angle [degree] from its axis up to which a beam of that radius reaches echoes at that range, both [m]."""
     return np.degrees(np.arcsin(np.minimum(BEAM_EDGE * width / range_, 1.0)))
 
@@ -205,6 +204,7 @@ def simulate_raster(
     snr_db: float | None = None,
     force: bool = False,
     density: float = 1.0,
+    memory_limit: float | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """The Sweep ``s(frequency, azimuth, elevation)`` that a raster scanner measures in a scene.
@@ -223,6 +223,8 @@ def simulate_raster(
         Go on where the frequencies are too few for the longest return, or the scan step too wide for the beam.
     density : float
         Scatterers per area, relative to the default.
+    memory_limit : float [B], optional
+        Of all that the process may hold.
     progress : callable (done, total), optional
 
     Raises
@@ -232,6 +234,10 @@ def simulate_raster(
     """
     if not force:
         check_step(scene)
+    azimuth, elevation = scene.scanner.angles
+    beams = f"scene {scene.name!r}: {azimuth.size} x {elevation.size} beams of {scene.band.points} frequencies"
+    samples = {"sweep": 8.0 * azimuth.size * elevation.size * scene.band.points}
+    expect(samples | {"its copy": samples["sweep"]}, beams, "give fewer, or raise the limit", limit=memory_limit)
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed, density=density)
     if not echoes.range.size and snr_db is None:
         raise InputError(
@@ -240,7 +246,6 @@ def simulate_raster(
         )
     if not force:
         check_points(scene, echoes)
-    azimuth, elevation = scene.scanner.angles
     if echoes.range.size:
         s = measure(scene, echoes, progress=progress)
     else:
@@ -278,7 +283,7 @@ def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = Non
     grid = DelayGrid(frequency.size)
     width = echoes.width
     az, el = beam_angles(echoes.position)
-    reach = _reach(width, echoes.range)
+    reach = beam_reach(width, echoes.range)
     # Meridians converge: a beam of the same width covers more azimuth further up.
     wider = reach / np.maximum(np.cos(np.radians(np.minimum(np.abs(el) + reach, 89.0))), 1e-2)
     columns = np.searchsorted(azimuth, [az - wider, az + wider])
@@ -348,54 +353,3 @@ def check_step(scene: Scene3D) -> None:
                 f"scene {scene.name!r}: the scan step in {name} is {step:.3g} degrees, wider than the beam; use at "
                 f"most {largest:.3g} degrees, {1 + int(np.ceil(np.ptp(angles) / largest))} points, or --force to go on"
             )
-
-
-class ScanEstimate(Record):
-    """What a simulation of a raster scan would take."""
-
-    kind: Literal["estimate"]
-    scatterers: int
-    chains: int
-    echoes: int
-    longest_return_m: float
-    needed_frequencies: int
-    frequencies: int
-    beams: int
-    sweep_bytes: int
-    memory_gb: float = fact("of the process")
-    seconds: float
-    remarks: list[str] = fact("sentences on what looks wrong")
-
-
-def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> ScanEstimate:
-    """What a simulation would take, without doing it; the time is a rough figure for one core."""
-    echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
-    azimuth, elevation = scene.scanner.angles
-    beams = azimuth.size * elevation.size
-    reach = _reach(echoes.width, echoes.range)
-    cell = float(np.diff(azimuth).mean() * np.diff(elevation).mean())
-    lit = float(np.sum(4.0 * reach**2 / cell))
-    size = DelayGrid(scene.band.points).size
-    return ScanEstimate(
-        kind="estimate",
-        **counts,
-        echoes=int(echoes.range.size),
-        longest_return_m=float(echoes.range.max(initial=0.0)),
-        needed_frequencies=needed_points(scene, echoes),
-        frequencies=scene.band.points,
-        beams=int(beams),
-        sweep_bytes=8 * beams * scene.band.points,
-        memory_gb=(PROCESS_BYTES + max(SCATTERER_BYTES * counts["scatterers"], 16.0 * beams * scene.band.points)) / 1e9,
-        seconds=float(SECONDS_PER_SPREAD * lit + SECONDS_PER_FLOP * beams * size * np.log2(size)),
-        remarks=[],
-    )
-
-
-PROCESS_BYTES = 3.3e8
-"""Memory of a process with its libraries."""
-
-SCATTERER_BYTES = 220.0
-"""Memory of a scatterer while all are made, before there are samples; these are then held twice."""
-
-SECONDS_PER_SPREAD, SECONDS_PER_FLOP = 2.5e-8, 2e-9
-"""One echo in one beam; one butterfly of the FFT: measured on one core of a small server."""

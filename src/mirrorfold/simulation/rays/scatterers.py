@@ -18,7 +18,9 @@ and as fast as in air: depths are those which a radar image shows.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,6 +132,17 @@ class Scatterers:
     weight: NDArray[np.complex128]
     law: NDArray[np.int64]
     laws: tuple[DiffuseLaw, ...]
+
+    def __len__(self) -> int:
+        return self.weight.size
+
+    def tiles(self, count: int) -> Iterator[Scatterers]:
+        """All of them in so many tiles of nearly equal size, one after the other."""
+        ends = np.linspace(0, len(self), count + 1).astype(int)
+        for first, last in pairwise(ends):
+            some = slice(first, last)
+            points = Points(self.points.position[some], self.points.normal[some], self.points.through[some])
+            yield Scatterers(points, self.weight[some], self.law[some], self.laws)
 
 
 def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Scatterers:

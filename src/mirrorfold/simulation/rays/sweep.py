@@ -13,34 +13,17 @@ scatters diffusely twice; arcs as mirrors within a chain; and what passes throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import speed_of_light
 
-from mirrorfold.common.kernels import njit
-from mirrorfold.common.threads import in_shares, products
-from mirrorfold.common.types import Array, Complex
-from mirrorfold.scenes.arrays import Band
+from mirrorfold.common.threads import products
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.simulation.plane import in_plane
-from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
-from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
-from mirrorfold.simulation.rays.outline import Outline, outline
-from mirrorfold.simulation.rays.paths import Chain, Points, chains, trace
-from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers, specular_coefficient
-
-LONGEST_BLOCK = 16
-"""Frequencies whose fields are computed in one go."""
-
-BLOCK_BYTES = 200e6
-"""Size of the fields of a block, above which it is made shorter."""
-
-TILE = 512
-"""Paths that are taken through a block at a time; their phasors stay in the first-level cache."""
+from mirrorfold.simulation.rays.phasors import Paths, next_fields, points_of
+from mirrorfold.simulation.rays.returns import diffuse_paths
+from mirrorfold.simulation.rays.scatterers import Scatterers
+from mirrorfold.simulation.rays.tiles import Lit, light, specular_paths, tiles_that_fit
 
 
 def scattered_field(
@@ -50,9 +33,13 @@ def scattered_field(
     seed: int,
     spacing: float | None = None,
     edges: bool = True,
+    memory_limit: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.complex64]:
     """What each receiver measures of each transmitter, for sources with the field ``exp(-j k d) / sqrt(d)``.
+
+    Where the memory does not hold the paths to all scatterers at once, these are taken in tiles, whose shares of the
+    sweep add up; sums in another order differ by rounding.
 
     Parameters
     ----------
@@ -64,6 +51,8 @@ def scattered_field(
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
     edges : bool
         Whether the ends of mirrors radiate; without, specular returns are those of geometrical optics.
+    memory_limit : float [B], optional
+        Of all that this process may hold; by default what is free.
     progress : callable, optional
         Called as ``progress(done, total)`` after every block of frequencies.
 
@@ -74,245 +63,55 @@ def scattered_field(
     Raises
     ------
     InputError
-        If the scene is not a two-dimensional one of surfaces that rays can follow.
+        If the scene is not a two-dimensional one of surfaces that rays can follow, or not even a tile fits.
     """
-    frequency = scene.band.frequency
-    tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
-    same_array = np.array_equal(tx, rx)
-    world = outline(scene)
-    tx_chains = chains(tx, world, 2 * bounces)
-    to_tx = [chain for chain in tx_chains if len(chain.facets) <= bounces]
-    to_rx = to_tx if same_array else chains(rx, world, bounces)
+    lit = light(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges)
+    count, field_bytes = tiles_that_fit(lit, memory_limit)
+    shape = scene.band.points, len(lit.tx), len(lit.rx)
+    s = np.zeros(shape, dtype=np.complex64)
+    done = 0
 
-    spacing = speed_of_light / float(frequency.mean()) if spacing is None else spacing
-    rough = scatterers(scene, world, spacing=spacing, seed=seed)
-    from_tx = _diffuse(scene, world, to_tx, rough)
-    from_rx = from_tx if same_array else _diffuse(scene, world, to_rx, rough)
-    specular = _mirror_returns(scene, world, tx_chains[1:], rx) + _glint_returns(scene, world, to_tx, to_rx)
-    if edges:
-        # There, over the mirror that ends, and back: one mirror more than twice the chain.
-        specular += _edge_returns(scene, world, *([c for c in to if len(c.facets) < bounces] for to in (to_tx, to_rx)))
-    # A scatterer counts where both ways reach it.
-    used = np.intersect1d(_points(from_tx), _points(from_rx)).astype(np.int32)
-    from_tx = [paths.renumbered(used) for paths in from_tx]
-    from_rx = from_tx if same_array else [paths.renumbered(used) for paths in from_rx]
-
-    per_frequency = 8 * (len(tx) * (used.size + len(rx)) + (0 if same_array else len(rx) * used.size))
-    block = int(np.clip(BLOCK_BYTES // per_frequency, 1, LONGEST_BLOCK))
-    s = np.empty((frequency.size, len(tx), len(rx)), dtype=np.complex64)
-    for first in range(0, frequency.size, block):
-        part = s[first : first + block]
-        tx_field = _next_fields(from_tx, (len(part), len(tx), used.size))
-        rx_field = tx_field if same_array else _next_fields(from_rx, (len(part), len(rx), used.size))
-        products(tx_field, rx_field.transpose(0, 2, 1), out=part)
-        part += _next_fields(specular, part.shape)
+    def count_up(frequencies: int) -> None:
+        nonlocal done
+        done += frequencies
         if progress is not None:
-            progress(first + len(part), frequency.size)
+            progress(done, count * shape[0])
+
+    for number, tile in enumerate(lit.rough.tiles(count)):
+        # Specular returns go with the last tile, when they need no more room than the paths of any other.
+        specular = specular_paths(lit) if number == count - 1 else []
+        _add(s, lit, tile, specular, field_bytes, count_up)
     return s
 
 
-@dataclass(frozen=True, eq=False)
-class _Paths:
-    """Some paths, and their phasors as they proceed from one frequency to the next.
-
-    Between the two ends of the band and its middle, where an amplitude a is evaluated, its logarithm is taken for a
-    parabola in frequency, which roughness makes it nearly. The phasor ``a exp(-j k d)`` then changes from frequency
-    to frequency by a factor that itself changes by a constant one.
-
-    Attributes
-    ----------
-    start : (n + 1,) array of int
-        Where the paths of each antenna begin.
-    point : (paths,) array of int
-        Column of the table of fields.
-    phasor : (paths,) complex array
-        At the next frequency.
-    turn : (paths,) complex array
-        Factor from the next frequency to the one after it.
-    bend : (paths,) complex array
-        Relative change of that factor from step to step. It is small; complex64 keeps it exactly enough.
-    """
-
-    start: NDArray[np.int64]
-    point: NDArray[np.int32]
-    phasor: Complex
-    turn: Complex
-    bend: NDArray[np.complex64]
-
-    @classmethod
-    def at_first_frequency(
-        cls,
-        band: Band,
-        antennas: int,
-        antenna: NDArray[np.intp],
-        point: NDArray[np.intp],
-        length: Array,
-        amplitude: Complex,
-    ) -> _Paths:
-        """Paths sorted by antenna, with their (3, paths) amplitudes at the `_knots` of the band."""
-        keep = np.all(amplitude != 0.0, axis=0)
-        low, middle, high = amplitude[:, keep]
-        length = length[keep]
-        growth = np.log(high / low)
-        curvature = 2.0 * growth - 4.0 * np.log(middle / low)
-        wavenumber = 2.0 * np.pi * band.frequency / speed_of_light
-        steps = band.points - 1
-        wavenumber_step = (wavenumber[-1] - wavenumber[0]) / steps
-        # With x from 0 to 1 over the band, a(x) = low exp(growth x + curvature x (x - 1)).
-        return cls(
-            start=np.searchsorted(antenna[keep], np.arange(antennas + 1)),
-            point=point[keep].astype(np.int32),
-            phasor=low * np.exp(-1j * wavenumber[0] * length),
-            turn=np.exp(growth / steps + curvature * (1.0 - steps) / steps**2 - 1j * wavenumber_step * length),
-            bend=np.expm1(2.0 * curvature / steps**2).astype(np.complex64),
-        )
-
-    def proceed(self, field: NDArray[np.complex64]) -> None:
-        """Add the paths to the fields (frequencies, n, points), and go on to the frequency after these."""
-        in_shares(_proceed, field.shape[1], self.start, self.point, self.phasor, self.turn, self.bend, field)
-
-    def renumbered(self, points: NDArray[np.int32]) -> _Paths:
-        """The paths to the given points (sorted) alone, which become columns 0, 1, 2 ..."""
-        column = np.minimum(np.searchsorted(points, self.point), max(points.size - 1, 0)).astype(np.int32)
-        keep = points[column] == self.point if points.size else np.zeros(self.point.size, dtype=bool)
-        return _Paths(
-            start=np.concatenate([[0], np.cumsum(keep)])[self.start],
-            point=column[keep],
-            phasor=self.phasor[keep],
-            turn=self.turn[keep],
-            bend=self.bend[keep],
-        )
-
-
-def _points(pieces: Sequence[_Paths]) -> NDArray[np.int32]:
-    """The points to which any path leads, in rising order."""
-    return np.unique(np.concatenate([np.unique(paths.point) for paths in pieces]))
-
-
-def _knots(band: Band) -> Array:
-    """Both ends of the band and its middle, (3, 1) array [Hz]."""
-    return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
-
-
-def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> Complex:
-    """Product of the specular coefficients along a chain at the knots of the band, shape (3, paths)."""
-    coefficient = np.ones((3, cosine.shape[1]), dtype=complex)
-    for facet, at_mirror in zip(chain.facets, cosine, strict=True):
-        coefficient *= specular_coefficient(scene.surface[world.surface[facet]], _knots(scene.band), at_mirror)
-    return coefficient
-
-
-def _diffuse(scene: Scene, world: Outline, seen_over: Sequence[Chain], rough: Scatterers) -> list[_Paths]:
-    """The paths from the antennas to the scatterers; each amplitude holds one way's share of the scattering."""
-    found = []
-    for chain in seen_over:
-        paths = trace(chain, rough.points, world)
-        amplitude = _reflections(scene, world, chain, paths.cosine)
-        amplitude *= rough.weight[paths.point] * paths.share / np.sqrt(paths.length)
-        law_of_path = rough.law[paths.point]
-        for index in np.unique(law_of_path):
-            mine = law_of_path == index
-            amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
-        antennas = chain.images.shape[1]
-        found.append(
-            _Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
-        )
-    return found
-
-
-def _mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain], rx: Array) -> list[_Paths]:
-    """The paths from the transmitters over chains of mirrors to the receivers."""
-    found = []
-    receivers = Points.free(rx)
-    for chain in seen_over:
-        paths = trace(chain, receivers, world)
-        if paths.length.size:
-            amplitude = _reflections(scene, world, chain, paths.cosine) * paths.share / np.sqrt(paths.length)
-            antennas = chain.images.shape[1]
-            found.append(
-                _Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
-            )
-    return found
-
-
-def _edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[_Paths]:
-    """The waves from the ends of all mirrors, there and back over the same chain."""
-    found = []
-    for waves in edge_waves(to_tx, to_rx, world):
-        surface = scene.surface[world.surface[waves.facet]]
-        amplitude = (
-            _reflections(scene, world, waves.chain, waves.tx_cosine)
-            * _reflections(scene, world, waves.chain, waves.rx_cosine)
-            * specular_coefficient(surface, _knots(scene.band), waves.end_cosine)
-            * edge_factor(waves, speed_of_light / _knots(scene.band))
-            / np.sqrt(waves.specular)
-        )
-        antennas = waves.chain.images.shape[1]
-        found.append(_Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, waves.length, amplitude))
-    return found
-
-
-def _glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[_Paths]:
-    """The glints of all arcs, with every chain that sees an arc on either way."""
-    found = []
-    for index, arc in enumerate(world.arcs):
-        surface = scene.surface[world.surface[len(world.facets) + index]]
-        tx_chains = [chain for chain in to_tx if sees_arc(chain, arc, world)]
-        rx_chains = tx_chains if to_rx is to_tx else [chain for chain in to_rx if sees_arc(chain, arc, world)]
-        for tx_chain, rx_chain in product(tx_chains, rx_chains):
-            glint = glints(arc, tx_chain, rx_chain, world)
-            if glint.length.size:
-                amplitude = (
-                    _reflections(scene, world, tx_chain, glint.tx_cosine)
-                    * _reflections(scene, world, rx_chain, glint.rx_cosine)
-                    * specular_coefficient(surface, _knots(scene.band), glint.end_cosine)
-                    * _glint_spreading(glint, arc_length=arc[2] * arc[4], frequency=_knots(scene.band))
-                )
-                antennas = tx_chain.images.shape[1]
-                found.append(
-                    _Paths.at_first_frequency(scene.band, antennas, glint.tx, glint.rx, glint.length, amplitude)
-                )
-    return found
-
-
-def _glint_spreading(glint: Glints, *, arc_length: float, frequency: Array) -> Complex:
-    """Spreading of glints with its limit at caustics and the phase gained there, shape (frequencies, glints)."""
-    with np.errstate(divide="ignore"):
-        optics = 1.0 / np.sqrt(np.abs(glint.spreading))
-    aperture = np.sqrt(frequency / speed_of_light) * glint.end_cosine * arc_length / np.sqrt(glint.legs)
-    caustic = np.where(glint.spreading < 0.0, 1.0j, 1.0)
-    return np.asarray(glint.share * np.minimum(optics, aperture) * caustic)
-
-
-def _next_fields(pieces: Sequence[_Paths], shape: tuple[int, ...]) -> NDArray[np.complex64]:
-    """Fields at the next frequencies, shape (frequencies, n, points); the paths then stand at the one after these."""
-    field = np.zeros(shape, dtype=np.complex64)
-    for paths in pieces:
-        paths.proceed(field)
-    return field
-
-
-@njit(error_model="numpy", nogil=True)
-def _proceed(
-    start: NDArray[np.int64],
-    point: NDArray[np.int32],
-    phasor: Complex,
-    turn: Complex,
-    bend: NDArray[np.complex64],
-    field: NDArray[np.complex64],
-    first_antenna: int,
-    last_antenna: int,
+def _add(
+    s: NDArray[np.complex64],
+    lit: Lit,
+    rough: Scatterers,
+    specular: list[Paths],
+    field_bytes: float,
+    progress: Callable[[int], None],
 ) -> None:
-    """Add the phasors to the field (frequencies, n, points), and take them from each frequency to the next.
-
-    For the antennas n from the first up to, and without, the last.
-    """
-    for n in range(first_antenna, last_antenna):
-        for first in range(start[n], start[n + 1], TILE):
-            last = min(first + TILE, start[n + 1])
-            for f in range(field.shape[0]):
-                for i in range(first, last):
-                    field[f, n, point[i]] += phasor[i]
-                for i in range(first, last):
-                    phasor[i] *= turn[i]
-                    turn[i] *= 1.0 + bend[i]
+    """Add what some scatterers, and some specular paths, return to a sweep, in blocks of frequencies."""
+    from_tx = diffuse_paths(lit.scene, lit.world, lit.to_tx, rough)
+    from_rx = from_tx if lit.same_array else diffuse_paths(lit.scene, lit.world, lit.to_rx, rough)
+    # A scatterer counts where both ways reach it.
+    used = np.intersect1d(points_of(from_tx), points_of(from_rx)).astype(np.int32)
+    for pieces in (from_tx,) if lit.same_array else (from_tx, from_rx):
+        for index in range(len(pieces)):  # one by one, so that no two copies of all of them exist
+            pieces[index] = pieces[index].renumbered(used)
+    frequencies, n_tx, n_rx = s.shape
+    block = lit.block(used.size, field_bytes)
+    tx_field = np.empty((block, n_tx, used.size), dtype=np.complex64)
+    rx_field = tx_field if lit.same_array else np.empty((block, n_rx, used.size), dtype=np.complex64)
+    returned = np.empty((block, n_tx, n_rx), dtype=np.complex64)
+    for first in range(0, frequencies, block):
+        part = s[first : first + block]
+        at = slice(0, len(part))
+        next_fields(from_tx, tx_field[at])
+        if not lit.same_array:
+            next_fields(from_rx, rx_field[at])
+        products(tx_field[at], rx_field[at].transpose(0, 2, 1), out=returned[at])
+        part += returned[at]
+        part += next_fields(specular, returned[at])
+        progress(len(part))

@@ -1,0 +1,88 @@
+"""What steps 2 to 6 take of the memory: the arrays that are as large as the image, the view or the volume."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.forecasts import Parts, fullest
+from mirrorfold.detection.fit import PROFILE_SAMPLES
+from mirrorfold.detection.image_view import samples_of
+from mirrorfold.detection.volume_echoes import MOST_ECHOES
+from mirrorfold.tree.directions import CHUNK
+
+COMPLEX, DOUBLE, SINGLE, OWNER = 8.0, 8.0, 4.0, 2.0
+"""Bytes of a complex number in single precision, of real ones in double and single, and of the number of a mirror."""
+
+RIDGE_ARRAYS = 3.0
+"""Arrays of the size of the view that are held at once while noise, side lobes and ridges are found in it."""
+
+DRAWING_ARRAYS = 3.5
+"""The same while the pictures are drawn: its power as splines, and its amplitude twice in single precision, to
+interpolate between."""
+
+PROFILE_ARRAYS = 3.0
+"""Tables of depths and of power across a mirror, that are held at once while it is fitted."""
+
+ECHO_BYTES = 24.0
+"""Of each place for an echo of a beam: its elevation, range and amplitude."""
+
+
+def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
+    """What `mirrorfold.fold` holds at once where it holds most, by name [bytes].
+
+    Parameters
+    ----------
+    image : DataArray
+        Its values are not looked at, but for whether they are finite.
+    sweep : xarray.Dataset, optional
+        That echoes are tested with.
+
+    Raises
+    ------
+    InputError
+        If the image cannot be used.
+    """
+    held: Parts = {"image": float(image.size * image.dtype.itemsize)}
+    if "frame" in image.dims:
+        image = image.isel(frame=0)
+    if sweep is not None:
+        held["samples"] = 8.0 * sweep["s"].size
+    if image.dims == ("range", "azimuth", "elevation"):
+        return _of_volume(held, image)
+    if image.dims == ("z", "y", "x"):  # the floor plan alone is folded
+        flat: Parts = {"amplitude of the voxels": SINGLE * image.size}
+        return fullest(held | flat, _of_image(held | {"floor plan": SINGLE * image[0].size}, image[0].real, sweep))
+    return _of_image(held, image, sweep)
+
+
+def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Parts:
+    """Of an image (y, x)."""
+    samples, pixels = float(np.prod(samples_of(image))), float(image.size)
+    view = {"view": DOUBLE * samples}
+    if np.iscomplexobj(image.dtype.type()):
+        seen = {"image without its carrier": COMPLEX * pixels, "splines": DOUBLE * pixels}
+    else:
+        seen = {"amplitude": image.dtype.itemsize * pixels}
+    stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
+    if sweep is not None:
+        stages.append(held | view | {"directions of echoes": _directions(sweep)})
+    drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
+    return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
+
+
+def _directions(sweep: xr.Dataset) -> float:
+    """Of beams towards some echoes at a time: phasors of the transmitters, and twice what the receivers hear."""
+    sizes = sweep.sizes
+    return COMPLEX * CHUNK * sizes["frequency"] * (sizes.get("tx", 1) + 2.0 * sizes.get("rx", 1))
+
+
+def _of_volume(held: Parts, volume: xr.DataArray) -> Parts:
+    """Of a volume (range, azimuth, elevation)."""
+    beams = float(volume.sizes["azimuth"] * volume.sizes["elevation"])
+    view = {"amplitude": SINGLE * volume.size}
+    if volume.dtype == np.float32:  # that of a scan which was focused to be folded: the view itself
+        view = {}
+    search = {"echoes": ECHO_BYTES * MOST_ECHOES * beams}
+    fits = {"profiles across a wall": PROFILE_ARRAYS * DOUBLE * PROFILE_SAMPLES * beams}
+    return fullest(held | view | search | fits, held | view | search | {"owners": OWNER * volume.size})

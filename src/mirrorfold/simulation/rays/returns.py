@@ -1,0 +1,114 @@
+"""The paths of each kind, with their amplitudes: to scatterers, and back over mirrors, edges and arcs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.types import Array, Complex
+from mirrorfold.scenes.arrays import Band
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
+from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
+from mirrorfold.simulation.rays.outline import Outline
+from mirrorfold.simulation.rays.paths import Chain, Points, trace
+from mirrorfold.simulation.rays.phasors import Paths
+from mirrorfold.simulation.rays.scatterers import Scatterers, specular_coefficient
+
+
+def _knots(band: Band) -> Array:
+    """Both ends of the band and its middle, (3, 1) array [Hz]."""
+    return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
+
+
+def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> Complex:
+    """Product of the specular coefficients along a chain at the knots of the band, shape (3, paths)."""
+    coefficient = np.ones((3, cosine.shape[1]), dtype=complex)
+    for facet, at_mirror in zip(chain.facets, cosine, strict=True):
+        coefficient *= specular_coefficient(scene.surface[world.surface[facet]], _knots(scene.band), at_mirror)
+    return coefficient
+
+
+def diffuse_paths(scene: Scene, world: Outline, seen_over: Sequence[Chain], rough: Scatterers) -> list[Paths]:
+    """The paths from the antennas to the scatterers; each amplitude holds one way's share of the scattering."""
+    found = []
+    for chain in seen_over:
+        paths = trace(chain, rough.points, world)
+        amplitude = _reflections(scene, world, chain, paths.cosine)
+        amplitude *= rough.weight[paths.point] * paths.share / np.sqrt(paths.length)
+        law_of_path = rough.law[paths.point]
+        for index in np.unique(law_of_path):
+            mine = law_of_path == index
+            amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
+        antennas = chain.images.shape[1]
+        found.append(
+            Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+        )
+    return found
+
+
+def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain], rx: Array) -> list[Paths]:
+    """The paths from the transmitters over chains of mirrors to the receivers."""
+    found = []
+    receivers = Points.free(rx)
+    for chain in seen_over:
+        paths = trace(chain, receivers, world)
+        if paths.length.size:
+            amplitude = _reflections(scene, world, chain, paths.cosine) * paths.share / np.sqrt(paths.length)
+            antennas = chain.images.shape[1]
+            found.append(
+                Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+            )
+    return found
+
+
+def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
+    """The waves from the ends of all mirrors, there and back over the same chain."""
+    found = []
+    for waves in edge_waves(to_tx, to_rx, world):
+        surface = scene.surface[world.surface[waves.facet]]
+        amplitude = (
+            _reflections(scene, world, waves.chain, waves.tx_cosine)
+            * _reflections(scene, world, waves.chain, waves.rx_cosine)
+            * specular_coefficient(surface, _knots(scene.band), waves.end_cosine)
+            * edge_factor(waves, speed_of_light / _knots(scene.band))
+            / np.sqrt(waves.specular)
+        )
+        antennas = waves.chain.images.shape[1]
+        found.append(Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, waves.length, amplitude))
+    return found
+
+
+def glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
+    """The glints of all arcs, with every chain that sees an arc on either way."""
+    found = []
+    for index, arc in enumerate(world.arcs):
+        surface = scene.surface[world.surface[len(world.facets) + index]]
+        tx_chains = [chain for chain in to_tx if sees_arc(chain, arc, world)]
+        rx_chains = tx_chains if to_rx is to_tx else [chain for chain in to_rx if sees_arc(chain, arc, world)]
+        for tx_chain, rx_chain in product(tx_chains, rx_chains):
+            glint = glints(arc, tx_chain, rx_chain, world)
+            if glint.length.size:
+                amplitude = (
+                    _reflections(scene, world, tx_chain, glint.tx_cosine)
+                    * _reflections(scene, world, rx_chain, glint.rx_cosine)
+                    * specular_coefficient(surface, _knots(scene.band), glint.end_cosine)
+                    * _glint_spreading(glint, arc_length=arc[2] * arc[4], frequency=_knots(scene.band))
+                )
+                antennas = tx_chain.images.shape[1]
+                found.append(
+                    Paths.at_first_frequency(scene.band, antennas, glint.tx, glint.rx, glint.length, amplitude)
+                )
+    return found
+
+
+def _glint_spreading(glint: Glints, *, arc_length: float, frequency: Array) -> Complex:
+    """Spreading of glints with its limit at caustics and the phase gained there, shape (frequencies, glints)."""
+    with np.errstate(divide="ignore"):
+        optics = 1.0 / np.sqrt(np.abs(glint.spreading))
+    aperture = np.sqrt(frequency / speed_of_light) * glint.end_cosine * arc_length / np.sqrt(glint.legs)
+    caustic = np.where(glint.spreading < 0.0, 1.0j, 1.0)
+    return np.asarray(glint.share * np.minimum(optics, aperture) * caustic)
