@@ -17,8 +17,11 @@ endif
 JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
+# How long to fuzz: `make fuzz MINUTES=60`.
+MINUTES := 10
+
 BENCHMARKS := focus cost_model fullwave raster looking touchstone
-LONG_BENCHMARKS := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
+LONG_BENCHMARKS := calibration synthetic_aperture diagnosis sensitivity
 
 # Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
 define INSTALLED
@@ -27,7 +30,7 @@ $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade -
 endef
 
 .PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
-.PHONY: reproduced soak api docs clean
+.PHONY: reproduced soak fuzz api docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -80,6 +83,9 @@ reproduced: $(READY) ## the published experiments at full size, and their sectio
 
 soak: $(READY) ## two hours of hard use: kills, full disks, damage, lost workers; ten minutes with QUICK=--quick
 	$(PYTHON) benchmarks/soak.py $(QUICK)
+
+fuzz: $(READY) ## damaged input of every kind for MINUTES=10; goes on where the last run has ended
+	nice -n 10 $(PYTHON) benchmarks/fuzz.py --minutes $(MINUTES)
 
 api: | $(UV_FILE) ## compare the public face with that of the last release
 	$(UV) tool run griffe check --search src mirrorfold
