@@ -23,6 +23,10 @@ MINUTES := 10
 BENCHMARKS := focus cost_model fullwave raster looking touchstone
 LONG_BENCHMARKS := calibration synthetic_aperture diagnosis sensitivity
 
+# Folders whose branches are counted, and the tests that count for them.
+COVERED := detection tree folding scoring focusing io sweep
+COVERING := $(foreach folder,$(filter-out sweep,$(COVERED)),tests/$(folder)) tests/corpus tests/test_sweep.py
+
 # Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
 define INSTALLED
 $(UV) venv --quiet --clear --python '$(2)' $(1)
@@ -30,7 +34,7 @@ $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade -
 endef
 
 .PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
-.PHONY: reproduced soak fuzz api docs clean
+.PHONY: coverage reproduced soak fuzz api docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -61,6 +65,14 @@ test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there 
 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
+
+coverage: $(READY) ## branches that the tests of the algorithm and of files take, each folder by its own; half an hour
+	@rm -rf build/coverage && mkdir -p build/coverage
+	$(PYTHON) -m coverage run -m pytest -q -m "not timing" $(COVERING)
+	NUMBA_DISABLE_JIT=1 $(PYTHON) -m coverage run -m pytest -q -m nojit $(COVERING)
+	$(PYTHON) -m coverage combine -q
+	@set -e; for folder in $(COVERED); do echo "== $$folder"; \
+	$(PYTHON) -m coverage report --include="src/mirrorfold/$$folder/*" --show-missing --skip-covered --fail-under=95; done
 
 lint: $(READY) ## style, types and the direction of imports
 	$(VENV)/bin/ruff check .

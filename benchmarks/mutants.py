@@ -53,13 +53,16 @@ NAMES |= {"minimum": "maximum", "maximum": "minimum", "floor": "ceil", "ceil": "
 
 def changes(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
     """Line, description and tree of every mutant."""
-    nodes = [node for node in ast.walk(tree) if id(node) not in _left_alone(tree)]
+    alone = _left_alone(tree)
+    nodes = [node for node in ast.walk(tree) if id(node) not in alone]
     for index, node in enumerate(nodes):
-        for number, what in enumerate(_ways(node)):
-            clone = copy.deepcopy(tree)
-            twin = [one for one in ast.walk(clone) if id(one) not in _left_alone(clone)][index]
-            _apply(twin, number)
-            yield node.lineno, what, clone
+        what = _change_of(node)
+        if what is None:
+            continue
+        clone = copy.deepcopy(tree)
+        alone = _left_alone(clone)
+        _apply([one for one in ast.walk(clone) if id(one) not in alone][index])
+        yield node.lineno, what, clone
 
 
 def _left_alone(tree: ast.Module) -> set[int]:
@@ -79,37 +82,37 @@ def _left_alone(tree: ast.Module) -> set[int]:
     return found
 
 
-def _ways(node: ast.AST) -> list[str]:
-    """How a node can be changed."""
+def _change_of(node: ast.AST) -> str | None:
+    """How a node can be changed, if it can."""
     if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp) and type(node.op) in SWAPPED:
-        return [f"{type(node.op).__name__} to {SWAPPED[type(node.op)].__name__}"]
+        return f"{type(node.op).__name__} to {SWAPPED[type(node.op)].__name__}"
     if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
-        return [f"{type(node.ops[0]).__name__} to {SWAPPED[type(node.ops[0])].__name__}"]
+        return f"{type(node.ops[0]).__name__} to {SWAPPED[type(node.ops[0])].__name__}"
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not | ast.Invert):
-        return [f"without {type(node.op).__name__}"]
+        return f"without {type(node.op).__name__}"
     if isinstance(node, ast.Constant) and isinstance(node.value, bool):
-        return [f"{node.value} to {not node.value}"]
+        return f"{node.value} to {not node.value}"
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return [f"{node.value} to {_other(node.value)}"]
+        return f"{node.value} to {_other(node.value)}"
     if isinstance(node, ast.If | ast.IfExp | ast.While):
-        return ["condition negated"]
+        return "condition negated"
     name = node.func if isinstance(node, ast.Call) else None
     word = name.attr if isinstance(name, ast.Attribute) else name.id if isinstance(name, ast.Name) else ""
-    return [f"{word} to {NAMES[word]}"] if word in NAMES else []
+    return f"{word} to {NAMES[word]}" if word in NAMES else None
 
 
 def _other(number: float) -> float:
     return number + 1 if isinstance(number, int) else 2.0 * number if number else 1.0
 
 
-def _apply(node: ast.AST, number: int) -> None:
+def _apply(node: ast.AST) -> None:
     """Change a node in place."""
     if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp):
         node.op = SWAPPED[type(node.op)]()
     elif isinstance(node, ast.Compare):
         node.ops[0] = SWAPPED[type(node.ops[0])]()
     elif isinstance(node, ast.UnaryOp):
-        node.op = ast.UAdd() if isinstance(node.op, ast.USub) else ast.UAdd()
+        node.operand = ast.UnaryOp(node.op, node.operand)  # twice is not at all
     elif isinstance(node, ast.Constant):
         node.value = not node.value if isinstance(node.value, bool) else _other(node.value)
     elif isinstance(node, ast.If | ast.IfExp | ast.While):
@@ -119,7 +122,6 @@ def _apply(node: ast.AST, number: int) -> None:
             node.func.attr = NAMES[node.func.attr]
         elif isinstance(node.func, ast.Name):
             node.func.id = NAMES[node.func.id]
-    del number
 
 
 def survives(path: Path, tree: ast.Module | None, tests: list[str]) -> bool:
