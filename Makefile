@@ -17,8 +17,15 @@ endif
 JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
+# How long to fuzz: `make fuzz MINUTES=60`.
+MINUTES := 10
+
 BENCHMARKS := focus cost_model fullwave raster looking touchstone
-LONG_BENCHMARKS := calibration synthetic_aperture diagnosis fuzz_readers sensitivity
+LONG_BENCHMARKS := calibration synthetic_aperture diagnosis sensitivity
+
+# Folders whose branches are counted, and the tests that count for them.
+COVERED := detection tree folding scoring focusing io sweep
+COVERING := $(foreach folder,$(filter-out sweep,$(COVERED)),tests/$(folder)) tests/corpus tests/test_sweep.py
 
 # Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
 define INSTALLED
@@ -27,7 +34,7 @@ $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade -
 endef
 
 .PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
-.PHONY: reproduced soak api docs clean
+.PHONY: coverage reproduced soak fuzz api docs clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -59,6 +66,14 @@ test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
 
+coverage: $(READY) ## branches that the tests of the algorithm and of files take, each folder by its own; half an hour
+	@rm -rf build/coverage && mkdir -p build/coverage
+	$(PYTHON) -m coverage run -m pytest -q -m "not timing" $(COVERING)
+	NUMBA_DISABLE_JIT=1 $(PYTHON) -m coverage run -m pytest -q -m nojit $(COVERING)
+	$(PYTHON) -m coverage combine -q
+	@set -e; for folder in $(COVERED); do echo "== $$folder"; \
+	$(PYTHON) -m coverage report --include="src/mirrorfold/$$folder/*" --show-missing --skip-covered --fail-under=95; done
+
 lint: $(READY) ## style, types and the direction of imports
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
@@ -80,6 +95,9 @@ reproduced: $(READY) ## the published experiments at full size, and their sectio
 
 soak: $(READY) ## two hours of hard use: kills, full disks, damage, lost workers; ten minutes with QUICK=--quick
 	$(PYTHON) benchmarks/soak.py $(QUICK)
+
+fuzz: $(READY) ## damaged input of every kind for MINUTES=10; goes on where the last run has ended
+	nice -n 10 $(PYTHON) benchmarks/fuzz.py --minutes $(MINUTES)
 
 api: | $(UV_FILE) ## compare the public face with that of the last release
 	$(UV) tool run griffe check --search src mirrorfold

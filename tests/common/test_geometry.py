@@ -185,3 +185,27 @@ def test_a_point_beyond_the_segment_is_in_its_shadow_and_one_before_it_is_not(se
 def test_a_point_beside_the_segment_is_not_in_its_shadow():
     seen = in_shadow([0.0, 0.0], [[0.0, 2.0], [0.9, 2.0], [2.1, 2.0], [0.0, 0.9]], [-1.0, 1.0], [1.0, 1.0])
     assert seen.tolist() == [True, True, False, False]
+
+
+def test_the_identity_is_of_the_plan_unless_it_is_told_otherwise():
+    places = np.array([[0.3, -1.2], [4.0, 0.0]])
+    np.testing.assert_array_equal(Isometry.identity()(places), places)
+    assert Isometry.identity(3).linear.shape == (3, 3)
+
+
+def test_many_segments_have_a_normal_each():
+    random = np.random.default_rng(0)
+    start, end = random.normal(size=(2, 5, 2))
+    normals = segment_normal(start, end)
+    for normal, one, other in zip(normals, start, end, strict=True):
+        np.testing.assert_array_equal(normal, segment_normal(one, other))
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+    np.testing.assert_allclose(np.einsum("nd,nd->n", normals, end - start), 0.0, atol=1e-12)
+
+
+def test_a_ray_meets_a_line_where_it_should_and_one_that_runs_along_it_nowhere():
+    """With steps of one, where a cross product of one must not be taken for parallel."""
+    fractions = crossing([0.0, 0.0], [1.0, 0.0], [0.5, -0.25], [0.5, 0.75])
+    assert fractions == (0.5, 0.25)
+    assert crossing([0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]) == (np.inf, np.inf)
+    assert crossing([0.0, 0.0], [1.0, 0.0], [2.0, -1.0], [3.0, -1.0]) == (np.inf, np.inf)

@@ -22,6 +22,8 @@ from mirrorfold.focusing import (
     range_tables,
 )
 
+pytestmark = pytest.mark.nojit
+
 SINGLE = {"rtol": 2e-6, "atol": 2e-6}
 """What a few operations in single precision leave of numbers of order one."""
 

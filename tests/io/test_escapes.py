@@ -116,6 +116,11 @@ def test_places_that_no_echo_returns_from(folder, capsys, far):
         refused(capsys, *arguments, word="farther away than")
 
 
+@pytest.mark.parametrize("level", ["7296", "-1e5", "1e308"])
+def test_levels_that_no_measurement_spans(folder, capsys, level):
+    refused(capsys, "fold", "i.nc", "-o", "o.nc", f"--threshold-db={level}", word="threshold_db is")
+
+
 def test_walls_longer_than_can_be_followed(folder, capsys):
     (folder / "a.toml").write_text(SCENE.replace("[-0.2, 0.3]", "[-9e6, 0.3]"))
     refused(capsys, "info", "a.toml", word="give lengths in metres")
@@ -222,6 +227,68 @@ def test_columns_that_are_no_numbers(folder, capsys, place, values):
     for verb in (["report", "r.nc", "-o", "o.html"], ["export", "r.nc", "-o", "o.geojson"]):
         said = refused(capsys, *verb, word=f"'{name}' in the group /{group}")
         assert "r.nc" in said
+
+
+def test_cells_far_smaller_than_the_memory(folder, capsys):
+    with h5py.File("i.nc", "a") as content:
+        facts = {"frequency_start": 1e9, "frequency_stop": 2e9, "frequency_points": 11, "rx_aperture": 1.0}
+        content.attrs.update({**facts, "tx_aperture": 1e15, "rx_aperture": 1e15})
+    refused(capsys, "fold", "i.nc", "-o", "o.nc", word="GB of memory")
+
+
+@pytest.mark.parametrize("change", [np.flip, lambda x: np.where(x == x[3], x[5], x), lambda x: np.full_like(x, np.nan)])
+def test_pictures_whose_pixels_stand_anywhere(folder, capsys, change):
+    with h5py.File("r.nc", "a") as content:
+        content["x"][...] = change(content["x"][...])
+    for verb in (["report", "r.nc", "-o", "o.html"], ["show", "r.nc", "-o", "o.png"], ["fold", "r.nc", "-o", "o.nc"]):
+        refused(capsys, *verb, word="coordinate 'x' ")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("wave_speed", "{}"),
+        ("wave_speed", 0.0),
+        ("frequency_start", np.nan),
+        ("frequency_stop", np.inf),
+        ("frequency_points", -1),
+        ("range_resolution", "x"),
+        ("tx_aperture", np.arange(2)),
+        ("radar_position", 1.0),
+        ("radar_position", np.array([np.nan, 0.0])),
+        ("array_direction", np.zeros(3)),
+    ],
+)
+def test_facts_of_the_measurement_that_are_none(folder, capsys, name, value):
+    for file, prefix, verb in (("i.nc", "", "info"), ("i.nc", "", "fold"), ("r.nc", "image_", "report")):
+        with h5py.File(file, "a") as content:
+            content.attrs[f"{prefix}{name}"] = value
+        output = [] if verb == "info" else ["-o", "o.nc" if verb == "fold" else "o.html"]
+        refused(capsys, verb, file, *output, word=f"attr {prefix}{name} is ")
+
+
+@pytest.mark.parametrize(
+    ("place", "word"),
+    [
+        ("objects/z_initial", "'z_initial' is missing from the group /objects"),
+        ("mirrors/folded_z1", "'folded_z1' is missing from the group /mirrors"),
+        ("mirrors/corner_y", "'corner_y' is missing from the group /mirrors"),
+    ],
+)
+def test_volumes_without_one_of_their_columns(folder, capsys, folded_scan, place, word):
+    mf.save(folded_scan, "v.nc")
+    with h5py.File("v.nc", "a") as content:
+        del content[place]
+    for verb in (["report", "v.nc", "-o", "o.html"], ["show", "v.nc", "-o", "o.png"]):
+        refused(capsys, *verb, word=word)
+
+
+def test_corners_that_are_not_those_of_the_mirrors(folder, capsys, folded_scan):
+    mf.save(folded_scan, "v.nc")
+    with h5py.File("v.nc", "a") as content:
+        del content["mirrors/folded_corner_z"]
+        content["mirrors/folded_corner_z"] = np.zeros((4, 1, 1))
+    refused(capsys, "report", "v.nc", "-o", "o.html", word="'folded_corner_z' in the group /mirrors has dimensions")
 
 
 @pytest.mark.parametrize(("file", "name", "scale"), [("s", "s", "axis"), ("i", "image", "x")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import os
 import signal
@@ -639,16 +638,3 @@ def test_a_reader_that_fails_in_its_own_way_still_says_one_sentence(tmp_path, mo
     monkeypatch.setattr(readers, "readers", lambda: {"mine": mine})
     (tmp_path / "data").write_bytes(b"1")
     refused(tmp_path / "data", "damaged")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_damaged_files_of_every_format_are_refused_or_read(tmp_path, seed):
-    path = Path(__file__).parents[2] / "benchmarks" / "fuzz_readers.py"
-    spec = importlib.util.spec_from_file_location("fuzz_readers", path)
-    fuzz = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(fuzz)
-    counts = fuzz.run_cases(seed, 0, 1500, tmp_path)
-    assert sum(counts.values()) == 1500
-    assert sum(count for name, count in counts.items() if name.endswith("refused")) > 750
-    assert sum(count for name, count in counts.items() if name.endswith("read")) > 50

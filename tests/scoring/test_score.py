@@ -14,6 +14,7 @@ from scipy.constants import speed_of_light
 import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.visibility import visible_truth
+from mirrorfold.scoring import volumes
 from mirrorfold.scoring.figures import CELL, Figures, thin
 from mirrorfold.scoring.floor_plans import truth as plan_truth
 
@@ -413,3 +414,26 @@ def test_no_points_score_nothing_in_cells_either():
         0.0,
         None,
     )
+
+
+FOIL = {
+    "name": "foil", "kind": "patch", "on": "board", "material": "pec",
+    "outline": [[-0.15, -0.15], [0.15, -0.15], [0.15, 0.15], [-0.15, 0.15]],
+}  # fmt: skip
+
+
+def test_the_contrast_of_a_patch_is_the_power_on_it_over_that_around_it():
+    """Amplitudes twice as large on the patch: 6 dB. Points before the board, and far aside, do not count."""
+    board = {"name": "board", "kind": "box", "center": [0.0, 2.5, 0.0], "size": [1.0, 1.0, 1.0], "material": "pec"}
+    truth = scene(board, FOIL | {"direction": [0, -1, 0], "center": [0, -0.5, 0]})
+    x, z = np.meshgrid(np.arange(-0.4, 0.4, 0.01), np.arange(-0.4, 0.4, 0.01))
+    points = np.stack([x.ravel(), np.full(x.size, 2.0), z.ravel()], axis=-1)
+    on_it = (np.abs(points[:, 0]) < 0.15) & (np.abs(points[:, 2]) < 0.15)
+    amplitude = np.where(on_it, 2.0, 1.0)
+    amplitude[np.abs(points[:, 0]) > 0.3] = 100.0  # farther aside than what surrounds the patch
+    stray, bright = np.column_stack([points[:, 0], points[:, 1] - 0.4, points[:, 2]]), np.full(len(points), 100.0)
+    points, amplitude = np.concatenate([points, stray]), np.concatenate([amplitude, bright])
+    assert volumes.patch_contrasts(truth, points, amplitude) == {"foil": pytest.approx(20 * np.log10(2.0), abs=1e-6)}
+    patch = truth.surface[1]
+    assert volumes.patch_contrast(truth, patch, np.empty((0, 3)), np.empty(0)) is None
+    assert volumes.patch_contrast(truth, patch, stray, bright) is None

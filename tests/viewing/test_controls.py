@@ -30,6 +30,7 @@ def test_every_option_of_folding_has_a_control_with_its_unit_and_its_meaning():
 def test_a_slider_reaches_around_the_value_and_no_further_than_the_setting_allows(scale):
     values = {name: value * scale if isinstance(value, float) else value for name, value in USED.items()}
     values["min_confidence"] = min(values["min_confidence"], 1.0)
+    values["threshold_db"] = max(values["threshold_db"], -290.0)
     sliders = [control for control in controls(values) if control["kind"] == "range"]
     assert {"threshold_db", "minimum_length", "wall_margin"} <= {slider["name"] for slider in sliders}
     for slider in sliders:
@@ -43,6 +44,13 @@ def test_a_value_that_gives_no_scale_is_typed_in():
     shown = {control["name"]: control for control in controls({**USED, "wall_margin": 0.0, "threshold_db": None})}
     assert shown["wall_margin"]["kind"] == "number"
     assert shown["threshold_db"]["kind"] == "number"
+
+
+@pytest.mark.parametrize("value", [5e-324, 1e-13, 1e300])
+def test_a_value_that_no_slider_could_follow_is_typed_in(value):
+    shown = {control["name"]: control for control in controls({**USED, "minimum_length": value})}
+    assert shown["minimum_length"]["kind"] == "number"
+    assert shown["threshold_db"]["kind"] == "range"
 
 
 def test_a_count_is_chosen_among_the_default_small_ones_and_its_own():

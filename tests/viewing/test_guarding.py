@@ -128,6 +128,17 @@ def test_lengths_that_are_none_are_refused(server, length, status):
     assert ask(server, "POST", "/api/fold", body, **{"Content-Length": length})[0] == status
 
 
+@pytest.mark.parametrize("origin", ["//]", "http://[", "null", "https://127.0.0.1:1", ""])
+def test_origins_that_are_none_are_refused(server, origin):
+    assert ask(server, "GET", "/api/state", Origin=origin)[0] == 403
+
+
+@pytest.mark.parametrize("address", ["//[", "//[::1/api/fold"])
+def test_addresses_that_are_none_are_not_found(server, address):
+    assert ask(server, "GET", address)[0] == 404
+    assert ask(server, "POST", address, b"{}")[0] == 404
+
+
 @pytest.mark.parametrize("digits", [400, 5000])
 def test_numbers_of_hundreds_of_digits_are_refused(server, digits):
     number = "9" * digits

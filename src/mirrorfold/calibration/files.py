@@ -77,6 +77,8 @@ def load_elements(path: str | Path) -> ElementCalibration:
         for name, shape in shapes.items():
             if len(count) != 1 or values[f"{side}_{name}"].shape != shape:
                 raise InputError(f"{path}: entry '{side}_{name}' does not fit to '{side}_delay'; {remedy}")
+    if values["residual"].ndim:
+        raise InputError(f"{path}: entry 'residual' is no number; {remedy}")
     return ElementCalibration(**{**values, "residual": float(values["residual"])})
 
 

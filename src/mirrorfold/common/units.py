@@ -53,6 +53,10 @@ def unit_named(name: str) -> str | None:
     return next((unit for unit in UNITS if unit.lower() == OTHER_NAMES.get(lower, lower)), None)
 
 
+LONGEST_QUANTITY = 200
+"""Letters; to look for a number in much longer text takes time that grows with the square of its length."""
+
+
 def split_quantity(text: str) -> tuple[float, str] | None:
     """Number and unit of a text such as ``80 mm``; the unit is empty where there is none, None for any other text.
 
@@ -61,7 +65,7 @@ def split_quantity(text: str) -> tuple[float, str] | None:
     >>> split_quantity("80mm"), split_quantity("3e11"), split_quantity("wall")
     ((80.0, 'mm'), (300000000000.0, ''), None)
     """
-    match = NUMBER.fullmatch(text)
+    match = NUMBER.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     if match is None:
         return None
     unit = unit_named(match[2]) if match[2] else ""

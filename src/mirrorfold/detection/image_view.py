@@ -17,6 +17,7 @@ from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, spline_filter
 
 from mirrorfold.common.geometry import unit
+from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
@@ -25,6 +26,9 @@ from mirrorfold.errors import InputError
 
 SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
+
+SAMPLE_BYTES = 64
+"""Memory that a polar sample takes while it is looked up: its place, the pixel there, real and imaginary part."""
 
 COVERED_CELLS = 0.75
 """Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. With
@@ -258,6 +262,12 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
         aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
+    samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2
+    check_room(
+        SAMPLE_BYTES * samples,
+        f"{samples:.3g} samples of a view with resolution cells of {range_cell:.3g} m by {u_cell:.3g} rad",
+        "see whether the image says the right wave_speed, frequencies and apertures",
+    )
     range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
     half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
     ahead = corners @ broadside

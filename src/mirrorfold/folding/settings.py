@@ -7,6 +7,9 @@ from typing import Any
 
 from mirrorfold.common.settings import Settings, setting
 
+MOST_DB = 300.0
+"""No level is this far from another [dB]: it is 15 decades of amplitude, twice what complex64 samples resolve."""
+
 
 @dataclass(frozen=True)
 class FoldSettings(Settings):
@@ -24,6 +27,8 @@ class FoldSettings(Settings):
         "brightest pixel. By default -18 for images, -26 for volumes.",
         kind="float",
         unit="dB",
+        lowest=-MOST_DB,
+        highest=MOST_DB,
     )
     minimum_length: float | None = setting(
         None,

@@ -19,6 +19,32 @@ TEXTS = ("title", "instrument", "description", "remark", "command", "preset", "t
 PLACES = re.compile(r"(folded_)?(corner_)?[xyz]([01]|_initial)?")
 """Names of coordinates in the tables of a reconstruction."""
 
+ROWS = {"/objects": "point", "/mirrors": "mirror"}
+"""The dimension of each table of a reconstruction."""
+
+TOGETHER = {
+    "/objects": (("z", "z_initial"),),
+    "/mirrors": (
+        tuple(f"{folded}z{end}" for folded in ("", "folded_") for end in "01"),
+        tuple(f"{folded}corner_{axis}" for folded in ("", "folded_") for axis in "xyz"),
+    ),
+}
+"""Columns that a table has all of, or none: those of volumes."""
+
+MEASURED = {
+    "wave_speed": 1.0,
+    **dict.fromkeys(("frequency_start", "frequency_stop"), 1e-3),
+    **dict.fromkeys(("range_resolution", "ambiguous_range", "spot_radius", "focus_distance"), 1e-9),
+    **dict.fromkeys(("tx_aperture", "rx_aperture", "frequency_points"), 0.0),
+}
+"""Attributes that are numbers, and less than any radar or sonar has of each [m/s, Hz, m, 1]."""
+
+ENDLESS = ("range_resolution", "ambiguous_range")
+"""Those that may be infinite, as with one frequency."""
+
+DIRECTED = ("radar_position", "array_direction")
+"""Attributes that are a place or a direction."""
+
 COUNTS = {"bounces": 0, "generation": 0, "parent": -1}
 """Columns of whole numbers, and the smallest that each may hold."""
 
@@ -64,8 +90,47 @@ def check_radar(attrs: Mapping[Any, Any], source: str) -> None:
             raise InputError(f"{source}: attr {name} is {shown(value)}, expected a number of metres")
 
 
+def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None:
+    """Refuse facts of the measurement that none can be, in the attributes of an image or of a reconstruction.
+
+    Parameters
+    ----------
+    attrs : dict
+    source : str
+        Names the file in the message.
+    prefix : str
+        What the names begin with: a reconstruction calls those of its image ``image_...``.
+
+    Raises
+    ------
+    InputError
+    """
+    for name, least in MEASURED.items():
+        value = attrs.get(f"{prefix}{name}")
+        if value is None:
+            continue
+        values = np.asarray(value)
+        number = values.ndim == 0 and values.dtype.kind in "fiu"
+        if not number or not values >= least or (np.isinf(values) and name not in ENDLESS):
+            what = f"attr {prefix}{name} is {shown(value)}, expected a number of at least {least:g}"
+            raise InputError(f"{source}: {what}; write it in SI units, or leave it out")
+    for name in DIRECTED:
+        value = attrs.get(f"{prefix}{name}")
+        if value is None:
+            continue
+        values = np.asarray(value)
+        if values.shape not in ((2,), (3,)) or values.dtype.kind not in "fiu" or unplaced(values) is not None:
+            raise InputError(f"{source}: attr {prefix}{name} is {shown(value)}, expected two or three numbers")
+        if name == "array_direction" and not np.linalg.norm(values[:2]) > 0.0:
+            raise InputError(f"{source}: attr {prefix}{name} is {shown(value)}, expected a direction in the plane")
+    start, stop = (attrs.get(f"{prefix}frequency_{end}") for end in ("start", "stop"))
+    several = (attrs.get(f"{prefix}frequency_points") or 0) > 1
+    if start is not None and stop is not None and (start > stop or (several and start == stop)):
+        raise InputError(f"{source}: attr {prefix}frequency_stop is {shown(stop)}, expected more than {shown(start)}")
+
+
 def check_tables(nodes: Mapping[str, xr.DataTree], columns: Mapping[str, Mapping[str, Any]], source: str) -> None:
-    """Refuse places that are none, and columns of numbers that hold something else.
+    """Refuse tables that lack some of their columns, places that are none, and columns that hold no numbers.
 
     Parameters
     ----------
@@ -80,8 +145,20 @@ def check_tables(nodes: Mapping[str, xr.DataTree], columns: Mapping[str, Mapping
     ------
     InputError
     """
-    for group in ("/objects", "/mirrors"):
-        for name, column in nodes[group].to_dataset(inherit=False).variables.items():
+    for group, row in ROWS.items():
+        held = nodes[group].to_dataset(inherit=False)
+        for names in TOGETHER[group]:
+            there = [name for name in names if name in held.variables]
+            if there and len(there) < len(names):
+                missing = next(name for name in names if name not in there)
+                raise InputError(
+                    f"{source}: {missing!r} is missing from the group {group}, which has {there[0]!r}; fold again"
+                )
+        for name, column in held.variables.items():
+            expected = (row, "corner") if "corner_" in str(name) else (row,)
+            if PLACES.fullmatch(str(name)) and column.dims != expected:
+                where = f"{source}: {name!r} in the group {group}"
+                raise InputError(f"{where} has dimensions {column.dims}, expected {expected}; fold again")
             wrong = _wrong(str(name), column.values, name in columns[group])
             if wrong is not None:
                 raise InputError(f"{source}: {name!r} in the group {group} holds a value that {wrong}; fold again")

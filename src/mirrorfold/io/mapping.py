@@ -62,13 +62,16 @@ def in_one_unit(content: Any, names: tuple[str, ...]) -> Any:
 
 
 def _quantities(value: Any) -> list[tuple[float, str]]:
-    """Numbers and units in a value: a text, a number, or lists of them; other texts are names."""
+    """Numbers and units in a value: a text, a number, or lists of them; other texts are names.
+
+    Of numbers without a unit, which may be too large for a float, only whether they are zero matters.
+    """
     if isinstance(value, list):
         return [pair for item in value for pair in _quantities(item)]
     if isinstance(value, str):
         found = split_quantity(value)
         return [] if found is None or not found[1] else [found]
-    return [(float(value), "")] if isinstance(value, int | float) else []
+    return [(1.0 if value else 0.0, "")] if isinstance(value, int | float) else []
 
 
 def _converted(value: Any, kind: str) -> Any:

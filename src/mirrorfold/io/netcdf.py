@@ -22,7 +22,7 @@ from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
-from mirrorfold.io.conforming import check_radar, check_tables, conform_attrs
+from mirrorfold.io.conforming import check_facts, check_radar, check_tables, conform_attrs
 from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
@@ -189,6 +189,24 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
         raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
     if image.size == 0:
         raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
+    _check_axes(image, source)
+    missing = int(np.count_nonzero(~np.isfinite(image.values)))
+    if missing:
+        raise InputError(
+            f"{source}: {missing} pixels of {image.size} are not finite (NaN or infinite); "
+            "replace them, for example by zero"
+        )
+    check_facts(image.attrs, source)
+    return image.rename("image").assign_attrs(mirrorfold_kind="image")
+
+
+def _check_axes(image: xr.DataArray, source: str) -> None:
+    """Refuse an image whose pixels have no place, or stand unevenly.
+
+    Raises
+    ------
+    InputError
+    """
     for name in image_axes(image):
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
@@ -202,13 +220,6 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
                 f"{source}: coordinate {name!r} has steps from {step.min():g} to {step.max():g}, "
                 "expected equal rising steps; sort it or resample to a uniform grid"
             )
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
-    if missing:
-        raise InputError(
-            f"{source}: {missing} pixels of {image.size} are not finite (NaN or infinite); "
-            "replace them, for example by zero"
-        )
-    return image.rename("image").assign_attrs(mirrorfold_kind="image")
 
 
 def image_axes(image: xr.DataArray) -> tuple[str, ...]:
@@ -248,7 +259,10 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
                 raise InputError(
                     f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
                 )
+    for group, name in (("/", "intensity"), ("/initial", "initial")):
+        _check_axes(nodes[group].to_dataset()[name], f"{source}: {name}")
     check_radar(reconstruction.attrs, source)
+    check_facts(reconstruction.attrs, source, "image_")
     check_tables(nodes, RECONSTRUCTION, source)
     for group, hidden in (("/objects", {"x", "y", "frame"}), ("/mirrors", {"frame"})):
         table = nodes[group].to_dataset(inherit=False)

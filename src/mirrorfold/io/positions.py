@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ from mirrorfold.io.mapping import Coordinate, Finite, Places, Row, Strict, Unit,
 from mirrorfold.io.quantities import Quantities
 from mirrorfold.io.readers import Contents
 from mirrorfold.io.readers.contents import read_bytes
-from mirrorfold.io.readers.table import parse_number
+from mirrorfold.io.readers.table import LONGEST_CELL, parse_number
 from mirrorfold.io.strict import read_written, validated
 
 Place = tuple[float, float, float]
@@ -200,7 +201,7 @@ def _read_table(path: Path) -> list[Line]:
     headings = [cell.strip() for cell in _cells(path, number, heading, delimiter)]
     columns = [_heading(path, number, cell) for cell in headings]
     names = [name for name, _ in columns]
-    twice = sorted({name for name in names if names.count(name) > 1 and name})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1 and name)
     if "file" not in names or twice:
         problem = f"names {', '.join(twice)} twice" if twice else "has no column 'file'"
         raise InputError(f"{path}: line {number}, {heading[:80]!r}, {problem}; expected file, tx_x, tx_y ... once each")
@@ -240,7 +241,7 @@ def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
     text = cell.strip().strip('"').lower()
     if text in FILE_NAMES:
         return "file", 1.0
-    match = HEADING.match(text)
+    match = HEADING.match(text) if len(text) <= LONGEST_CELL else None
     known = {name for group in GROUPS.values() for name in group}
     name = match[1].strip().replace(" ", "_") if match else ""
     name = {"az": "azimuth", "el": "elevation"}.get(name, name)

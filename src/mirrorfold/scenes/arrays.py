@@ -24,6 +24,9 @@ Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("lengt
 AnyAngle = Annotated[Finite, Quantity("angle")]
 """Numbers that a scene file may give with units."""
 
+Count = Annotated[int, Field(le=10**15)]
+"""How many there are of something: petabytes of one byte each are no measurement, and larger numbers no float64."""
+
 STRICT = ConfigDict(extra="forbid")
 
 POSITION_BYTES = 72.0
@@ -64,7 +67,7 @@ class LinearArray:
     """
 
     kind: Literal["linear"] = "linear"
-    elements: Annotated[int, Field(ge=1)]
+    elements: Annotated[Count, Field(ge=1)]
     pitch: PositiveLength
     center: Point = (0.0, 0.0)
     direction: tuple[Finite, Finite] | tuple[Finite, Finite, Finite] = (1.0, 0.0)
@@ -119,7 +122,7 @@ class Band:
 
     start: Annotated[Positive, Quantity("frequency")]
     stop: Annotated[Positive, Quantity("frequency")]
-    points: Annotated[int, Field(ge=2)]
+    points: Annotated[Count, Field(ge=2)]
 
     def __post_init__(self) -> None:
         if not self.stop > self.start:

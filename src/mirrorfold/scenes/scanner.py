@@ -15,7 +15,7 @@ from mirrorfold.common.memory import check_room
 from mirrorfold.common.reading import read_text
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
-from mirrorfold.scenes.arrays import STEP_BYTES, STRICT, Coordinate, Finite, NonNegativeLength, PositiveLength
+from mirrorfold.scenes.arrays import STEP_BYTES, STRICT, Coordinate, Count, Finite, NonNegativeLength, PositiveLength
 
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -36,7 +36,7 @@ class Steps:
 
     start: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
     stop: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
-    points: Annotated[int, Field(ge=2)]
+    points: Annotated[Count, Field(ge=2)]
 
     def __post_init__(self) -> None:
         if not self.stop > self.start:

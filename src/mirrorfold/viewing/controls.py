@@ -26,6 +26,9 @@ LEVEL_SPAN = 24.0
 LARGEST_FACTOR = 6.0
 """How far a slider of a positive number reaches, in multiples of the value that was used."""
 
+FINEST_STEP = 1e-11
+"""A slider with finer steps, or with ones coarser than the inverse, is of no use for anything that is measured."""
+
 SLIDER_STEPS = 150
 """About how many steps a slider has: no more than the pixels that it is wide."""
 
@@ -95,6 +98,8 @@ def _kind(name: str, value: Any) -> dict[str, Any]:
     lowest, highest = (value - LEVEL_SPAN, value + LEVEL_SPAN) if rule.unit == "dB" else (0.0, LARGEST_FACTOR * value)
     lowest = lowest if rule.lowest is None else max(lowest, rule.lowest)
     highest = highest if rule.highest is None else min(highest, rule.highest)
+    if not FINEST_STEP < (highest - lowest) / SLIDER_STEPS < 1.0 / FINEST_STEP:
+        return {"kind": "number"}
     step = _round_step((highest - lowest) / SLIDER_STEPS)
     lowest, highest = (round(step * round(end / step), 12) for end in (lowest, highest))
     if rule.above is not None:

@@ -113,7 +113,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer with the page or the state of the session."""
         if not self._is_local():
             return
-        _, _, path, query, _ = urlsplit(self.path)
+        path, query = _split(self.path)
         if path in ("/", "/api/state") and not self._is_known(path, query):
             return
         if path == "/":
@@ -137,7 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
         session = self.server.session
         actions = {"/api/fold": session.fold, "/api/save": session.save, "/api/open": _open(session)}
         actions["/api/cancel"] = session.cancel
-        action = actions.get(urlsplit(self.path).path)
+        action = actions.get(_split(self.path)[0])
         if action is None:
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
             return
@@ -160,7 +160,7 @@ class _Handler(BaseHTTPRequestHandler):
         names = {f"{host}:{self.server.server_port}" for host in HOSTS}
         origin = self.headers.get("Origin")
         if self.headers.get("Host", "").lower() in names and (
-            origin is None or urlsplit(origin).netloc.lower() in names
+            origin is None or origin.lower() in {f"http://{name}" for name in names}
         ):
             return True
         self._refuse(HTTPStatus.FORBIDDEN, "only a browser on this machine may look")
@@ -231,6 +231,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: Any) -> None:
         """Print nothing for each request: the terminal belongs to the user."""
+
+
+def _split(address: str) -> tuple[str, str]:
+    """Path and query of the address that a request names; empty where it is none."""
+    try:
+        _, _, path, query, _ = urlsplit(address)
+    except ValueError:
+        return "", ""
+    return path, query
 
 
 def _open(session: Session) -> Any:

@@ -30,6 +30,10 @@ NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf
 REAL = re.compile(NUMBER, re.IGNORECASE)
 UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
 
+LONGEST_CELL = 200
+"""Letters of a number, or of a heading that says what a column holds; to look for either in much longer text takes time
+that grows with the square of its length."""
+
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
 
 FREQUENCY = re.compile(
@@ -151,8 +155,15 @@ def _headings(line: str, delimiter: str) -> list[str]:
     """The cells of a line of headings, where marks within parentheses, as in ``S(2,1)``, end no cell."""
     if delimiter == " ":
         return line.split()
-    pieces = re.split(rf"{re.escape(delimiter)}(?![^()\[\]]*[)\]])", line.rstrip(delimiter + " "))
-    return [piece.strip().strip('"') for piece in pieces]
+    line = line.rstrip(delimiter + " ")
+    pieces, end, inside = [], len(line), False
+    for at in range(len(line) - 1, -1, -1):
+        if line[at] in "()[]":
+            inside = line[at] in ")]"
+        elif line[at] == delimiter and not inside:
+            pieces.append(line[at + 1 : end])
+            end = at
+    return [piece.strip().strip('"') for piece in (line[:end], *reversed(pieces))]
 
 
 def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex | None:
@@ -164,6 +175,8 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
     ((-0.25-0.004j), (1+2j), 1.5, (1+2j))
     """
     text = cell.replace(" ", "").strip("()")
+    if len(text) > LONGEST_CELL:
+        return None
     if decimal_comma:
         text = text.replace(",", ".")
     if REAL.fullmatch(text):
@@ -181,7 +194,8 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
 
 def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str]]:
     """Spectra where the headings name a frequency and columns that make complex numbers; and the other headings."""
-    found = [(n, match) for n, heading in enumerate(table.headings) if (match := FREQUENCY.match(heading))]
+    short = [(n, heading) for n, heading in enumerate(table.headings) if len(heading) <= LONGEST_CELL]
+    found = [(n, match) for n, heading in short if (match := FREQUENCY.match(heading))]
     if not found:
         return None, table.headings
     at, match = found[0]
@@ -207,6 +221,8 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str]]:
 
 def _kind(heading: str) -> tuple[str | None, str]:
     """What a column holds, and of which parameter."""
+    if len(heading) > LONGEST_CELL:
+        return None, heading
     for kind, words in KINDS:
         pattern = re.compile(WORD.format(words), re.IGNORECASE)
         if pattern.search(heading):

@@ -1,0 +1,1 @@
+"""What `fuzz.py` feeds to mirrorfold, and how it damages it."""

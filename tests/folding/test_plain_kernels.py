@@ -1,0 +1,119 @@
+"""The loops that find echoes and draw pictures, as plain Python: what compiled code gives, with every index checked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.testing import assert_allclose
+from synthetic import diffuse, radar_image, together
+
+from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.detection import volume_echoes
+from mirrorfold.folding import drawing, pictures
+from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.tree import lines_of_sight
+from mirrorfold.tree.lines_of_sight import hidden_at, through_at
+
+WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
+THING = np.array([[-0.2, 1.9], [-0.06, 1.95]])
+DIRECT = np.array([[-0.05, 1.1], [0.05, 1.1]])
+
+
+def plain(kernel):
+    return getattr(kernel, "py_func", kernel)
+
+
+@pytest.fixture
+def as_plain_python(monkeypatch):
+    """Run these loops, and what they call, as plain Python from now on."""
+
+    def change():
+        for module, name in (
+            (pictures, "draw_row"),
+            (drawing, "_place"),
+            (drawing, "through_at"),
+            (drawing, "hidden_at"),
+            (drawing, "at_point"),
+            (volume_echoes, "_runs_of"),
+        ):
+            monkeypatch.setattr(module, name, plain(getattr(module, name)))
+
+    return change
+
+
+def volume():
+    """An oblique wall before a raster scan, and behind it what it shows of a thing that stands aside."""
+    azimuth, elevation = np.linspace(-10, 10, 11), np.linspace(-6, 6, 7)
+    distance = np.arange(0.8, 1.6, 0.02)[:, None, None]
+    wall = 1.1 + 0.01 * azimuth[:, None] + 0.0 * elevation
+    thing = np.where((np.abs(azimuth[:, None]) < 5) & (np.abs(elevation) < 5), 1.4, np.inf)
+    values = np.exp(-(((distance - wall) / 0.01) ** 2)) + 0.3 * np.exp(-(((distance - thing) / 0.01) ** 2))
+    coords = {"range": distance.ravel(), "azimuth": azimuth, "elevation": elevation}
+    attrs = {"spot_radius": 0.02, "focus_distance": 1.2, "frequency_start": 270e9, "frequency_stop": 300e9}
+    return xr.DataArray(values.astype(np.complex64), dims=("range", "azimuth", "elevation"), coords=coords, attrs=attrs)
+
+
+def same(found, expected):
+    for name in ("x", "y", "amplitude", "bounces"):
+        assert_allclose(found["objects"][name].values, expected["objects"][name].values, rtol=1e-5, atol=1e-6)
+    picture, other = found["intensity"].values, expected["intensity"].values
+    # On an edge a pixel may fall to either side where single precision rounds another way.
+    assert np.mean(np.abs(picture - other) > 1e-4 * other.max()) < 0.002
+    assert other.max() > 0.0
+
+
+@pytest.mark.slow
+def test_a_plan_with_a_ghost_is_drawn_the_same(as_plain_python):
+    ghost = reflect(THING, WALL[0], segment_normal(*WALL))
+    parts = diffuse(*WALL, seed=0), diffuse(*ghost, seed=9), diffuse(*DIRECT, seed=12)
+    plan = FoldPlan(radar_image(*together(*parts), np.linspace(-1.2, 2.4, 361), np.linspace(0.3, 2.9, 261)))
+    grid = np.linspace(-1.2, 2.4, 73), np.linspace(0.3, 2.9, 53)
+    expected = plan.fold(grid=grid)
+    as_plain_python()
+    found = plan.fold(grid=grid)
+    same(found, expected)
+    # The thing stands at its true place, where the unfolded image has nothing.
+    x, y = THING.mean(axis=0)
+    assert found["intensity"].sel(x=x, y=y, method="nearest") > 3 * found["initial/initial"].sel(
+        x=x, y=y, method="nearest"
+    )
+
+
+@pytest.mark.slow
+def test_a_volume_is_drawn_the_same(as_plain_python):
+    corners = [[-0.15, 1.02, -0.1], [0.2, 1.18, -0.1], [0.2, 1.18, 0.1], [-0.15, 1.02, 0.1]]
+    grid = np.linspace(-0.5, 0.5, 21), np.linspace(0.6, 1.5, 19), np.linspace(-0.2, 0.2, 9)
+    expected = FoldPlan(volume()).fold(mirrors=[corners], grid=grid)
+    as_plain_python()
+    found = FoldPlan(volume()).fold(mirrors=[corners], grid=grid)
+    same(found, expected)
+    assert set(np.unique(found["objects"]["bounces"])) == {0, 1}
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("way", [through_at, plain(through_at)], ids=["compiled", "plain Python"])
+def test_a_point_is_seen_through_the_last_mirror_before_it(way):
+    random = np.random.default_rng(0)
+    crossing = np.sort(random.uniform(0.5, 3.0, (3, 8)), axis=0)
+    crossing[2, ::2] = np.inf
+    through = np.array([[-1] * 8, [0] * 8, [1] * 8, [2] * 8])
+    for direction in range(8):
+        for distance in random.uniform(0.0, 4.0, 20):
+            expected = np.count_nonzero(crossing[:, direction] < distance) - 1
+            assert way(crossing, through, distance, direction) == expected
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("way", [hidden_at, plain(hidden_at)], ids=["compiled", "plain Python"])
+def test_the_last_object_before_a_point_covers_it(way):
+    begin = np.array([[1.0, 2.0], [1.5, np.inf], [np.inf, np.inf]])
+    level = np.array([[0.2, 0.4], [0.3, 0.0], [0.0, 0.0]])
+    cases = {(0.9, 0): 0.0, (1.2, 0): 0.2, (9.0, 0): 0.3, (1.9, 1): 0.0, (2.1, 1): 0.4}
+    for (distance, direction), expected in cases.items():
+        assert way(begin, level, distance, direction) == expected
+
+
+def test_these_are_the_loops_that_are_used():
+    assert drawing.through_at is lines_of_sight.through_at
+    assert drawing.hidden_at is lines_of_sight.hidden_at
