@@ -156,7 +156,7 @@ def fold(
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     chosen = {"preset": preset, **given}
-    limited = {} if memory_limit is None else {"memory_limit": memory_limit}
+    limited: dict[str, Any] = {} if memory_limit is None else {"memory_limit": memory_limit}
     with frames_kept(focused, output, inputs, chosen) as kept:
         with progress("folding") as report:
             reconstruction = mf.fold(
