@@ -220,7 +220,7 @@ def test_a_file_is_moved_to_another_disk_by_a_copy(tmp_path, monkeypatch):
 
 
 def test_outputs_of_another_kind_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(mf.InputError, match="expected .png or .pdf; rename it"):
+    with pytest.raises(mf.InputError, match=r"expected \.png or \.pdf; rename it"):
         output.check_output(tmp_path / "a.nc", suffixes=(".png", ".pdf"))
     with pytest.raises(mf.InputError, match="is a directory"):
         output.check_output(tmp_path)
