@@ -4,8 +4,8 @@
     python benchmarks/mutants.py src/mirrorfold/tree/copies.py --tests tests/tree/test_copies.py --sample 40 --seed 1
 
 A mutant that all tests accept has survived: either a test is missing, or the change makes no difference. Each mutant is
-a fork of one process that has imported all libraries, so that it costs no more than the tests. Kernels run as plain
-Python, because compiled code that is kept on disk would be that of the original.
+a fork of one process that has imported all libraries, so that it costs no more than the tests. The kernels of a
+module run as plain Python, because compiled code that is kept on disk would be that of the original.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ import time
 from collections.abc import Iterator
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-
-os.environ["NUMBA_DISABLE_JIT"] = "1"
 
 SECONDS_A_MUTANT = 120
 """Tests that take longer have noticed: the mutant does not end."""
@@ -153,9 +151,13 @@ def main() -> int:
     parser.add_argument("--tests", nargs="+", required=True, help="what pytest is called with")
     parser.add_argument("--sample", type=int, default=0, help="so many mutants at random; by default all")
     parser.add_argument("--seed", type=int, default=0, help="of that sample")
+    parser.add_argument("--lines", type=int, nargs="*", help="of these lines alone")
     parser.add_argument("--minutes", type=float, default=60.0)
     options = parser.parse_args()
     path = options.module.resolve()
+    source = path.read_text(encoding="utf-8")
+    if "njit" in source:
+        os.environ["NUMBA_DISABLE_JIT"] = "1"
     import hypothesis
     import numba
     import pytest
@@ -168,7 +170,7 @@ def main() -> int:
     if not survives(path, None, options.tests):
         print("the tests fail without any change")
         return 2
-    found = list(changes(ast.parse(path.read_text(encoding="utf-8"))))
+    found = [one for one in changes(ast.parse(source)) if not options.lines or one[0] in options.lines]
     chosen = sorted(random.Random(options.seed).sample(range(len(found)), options.sample or len(found)))
     end, tried, alive = time.monotonic() + 60.0 * options.minutes, 0, 0
     for number in chosen:

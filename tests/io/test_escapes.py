@@ -329,3 +329,11 @@ def test_a_cluster_without_workers_is_not_waited_for(scene_file, monkeypatch):
         pytest.raises(mf.InputError, match="has no workers; start some with `dask worker"),
     ):
         mf.simulate(mf.load_scene(scene_file), solver="fullwave", scheduler=cluster.scheduler_address)
+
+
+def test_frequencies_that_are_no_row_of_numbers(folder, capsys):
+    with h5py.File("s.nc", "a") as content:
+        count = content["frequency"].size
+        del content["frequency"]
+        content["frequency"] = np.zeros((count, 3))
+    refused(capsys, "calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "GHz", word="frequency")

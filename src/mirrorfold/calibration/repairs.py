@@ -96,6 +96,7 @@ def scale_frequencies(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     """
     if "frequency" not in sweep.variables:
         raise InputError("scale_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
+    _check_numbers(sweep, "frequency", "scale_frequencies")
     values = sweep["frequency"].values * _factor("frequency", unit)
     scaled = sweep.assign_coords(frequency=("frequency", values, {**sweep["frequency"].attrs, "units": "Hz"}))
     return recorded(scaled, f"frequencies taken for {unit}")
@@ -117,12 +118,27 @@ def scale_angles(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     """
     if not is_raster(sweep):
         raise InputError("scale_angles: expected a raster scan, s(frequency, azimuth, elevation); leave the unit out")
+    for name in ("azimuth", "elevation"):
+        _check_numbers(sweep, name, "scale_angles")
     factor = _factor("angle", unit)
     scaled = {
         name: (name, sweep[name].values * factor, {**sweep[name].attrs, "units": "degree"})
         for name in ("azimuth", "elevation")
     }
     return recorded(check_sweep(sweep.assign_coords(scaled), source="scale_angles"), f"directions taken for {unit}")
+
+
+def _check_numbers(sweep: xr.Dataset, name: str, source: str) -> None:
+    """Refuse a coordinate that is no row of numbers along its own dimension.
+
+    Raises
+    ------
+    InputError
+    """
+    given = sweep[name]
+    if given.dims != (name,) or given.dtype.kind not in "fiu":
+        found = f"type {given.dtype} and dimensions {given.dims}"
+        raise InputError(f"{source}: {name} has {found}, expected numbers along {name!r}; correct the file")
 
 
 def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
