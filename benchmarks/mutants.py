@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import importlib
 import os
 import random
 import signal
@@ -24,6 +25,9 @@ from pathlib import Path
 
 SECONDS_A_MUTANT = 120
 """Tests that take longer have noticed: the mutant does not end."""
+
+LIBRARIES = ("hypothesis", "numba", "pytest", "scipy.ndimage", "scipy.spatial", "xarray")
+"""What all forks share."""
 
 SWAPPED = {
     ast.Add: ast.Sub,
@@ -158,14 +162,8 @@ def main() -> int:
     source = path.read_text(encoding="utf-8")
     if "njit" in source:
         os.environ["NUMBA_DISABLE_JIT"] = "1"
-    import hypothesis
-    import numba
-    import pytest
-    import scipy.ndimage
-    import scipy.spatial
-    import xarray
-
-    print(f"with {hypothesis.__name__}, {numba.__name__}, {pytest.__name__}, {scipy.__name__}, {xarray.__name__}")
+    for library in LIBRARIES:
+        importlib.import_module(library)
     assert not any(name.startswith("mirrorfold") for name in sys.modules)
     if not survives(path, None, options.tests):
         print("the tests fail without any change")
