@@ -66,7 +66,7 @@ test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
 
-coverage: $(READY) ## branches that the tests of the algorithm and of files take, each folder by its own; half an hour
+coverage: $(READY) ## branches that the tests of the algorithm and of files take, 95 % or more of each folder; half an hour
 	@rm -rf build/coverage && mkdir -p build/coverage
 	$(PYTHON) -m coverage run -m pytest -q -m "not timing" $(COVERING)
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m coverage run -m pytest -q -m nojit $(COVERING)

@@ -352,7 +352,7 @@ def _text(numbers: dict[str, float | None]) -> tuple[str, ...]:
     return (
         "Folding itself loses little from bounce to bounce. A mirror seen in others is fitted less exactly than "
         "one in line of sight: it is farther away, and shorter seen from there. Its place drifts more than its angle, "
-        "since errors of all mirrors before it add up; so does the target's. All of it stays far below a resolution cell.",
+        "since errors of all mirrors before it add up; so does the target's. All stays far below a resolution cell.",
         "Loss ends it, earlier than the link budget says. The budget is that of the target alone. Yet every wall on "
         "the way must be found, too, by what it scatters: an oblique wall of concrete scatters 17 dB less than meets "
         "it, and what is seen in it sinks by twice its loss with each bounce. Of the targets that are not found, "
