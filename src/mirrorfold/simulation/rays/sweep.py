@@ -7,8 +7,10 @@ the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per fre
 images, arcs and circles by their glints, and the waves from the ends of mirrors, with which a return fades instead of
 stopping at once.
 
+Arcs are mirrors, too: on each way there may be two mirrors with an arc among them, and any number of flat ones.
+
 What is left out: edge waves of arcs, of shadows, and of a mirror after another has reflected the wave; light that
-scatters diffusely twice; arcs as mirrors within a chain; and what passes through a surface.
+scatters diffusely twice; longer chains with arcs; and what passes through a surface.
 """
 
 from __future__ import annotations
@@ -27,10 +29,11 @@ from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.plane import in_plane
+from mirrorfold.simulation.rays.curved import CurvedChain, there_and_back, trace_curved, ways
 from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
 from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.rays.outline import Outline, outline
-from mirrorfold.simulation.rays.paths import Chain, Points, chains, trace
+from mirrorfold.simulation.rays.paths import Chain, ChainPaths, Points, chains, trace
 from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers, specular_coefficient
 
 LONGEST_BLOCK = 16
@@ -50,6 +53,7 @@ def scattered_field(
     seed: int,
     spacing: float | None = None,
     edges: bool = True,
+    curved: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.complex64]:
     """What each receiver measures of each transmitter, for sources with the field ``exp(-j k d) / sqrt(d)``.
@@ -64,6 +68,8 @@ def scattered_field(
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
     edges : bool
         Whether the ends of mirrors radiate; without, specular returns are those of geometrical optics.
+    curved : bool
+        Whether arcs are mirrors on the way to something else; without, they scatter and glint alone.
     progress : callable, optional
         Called as ``progress(done, total)`` after every block of frequencies.
 
@@ -86,9 +92,13 @@ def scattered_field(
 
     spacing = speed_of_light / float(frequency.mean()) if spacing is None else spacing
     rough = scatterers(scene, world, spacing=spacing, seed=seed)
-    from_tx = _diffuse(scene, world, to_tx, rough)
-    from_rx = from_tx if same_array else _diffuse(scene, world, to_rx, rough)
-    specular = _mirror_returns(scene, world, tx_chains[1:], rx) + _glint_returns(scene, world, to_tx, to_rx)
+    tx_ways = ways(tx, world, to_tx, bounces * curved)
+    rx_ways = tx_ways if same_array else ways(rx, world, to_rx, bounces * curved)
+    from_tx = _diffuse(scene, world, [*to_tx, *tx_ways.chains], rough)
+    from_rx = from_tx if same_array else _diffuse(scene, world, [*to_rx, *rx_ways.chains], rough)
+    over_arcs = there_and_back(tx_ways, rx_ways, tx, world)
+    specular = _mirror_returns(scene, world, [*tx_chains[1:], *over_arcs], rx)
+    specular += _glint_returns(scene, world, to_tx, to_rx)
     if edges:
         # There, over the mirror that ends, and back: one mirror more than twice the chain.
         specular += _edge_returns(scene, world, *([c for c in to if len(c.facets) < bounces] for to in (to_tx, to_rx)))
@@ -194,7 +204,7 @@ def _knots(band: Band) -> Array:
     return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
 
 
-def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> Complex:
+def _reflections(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Complex:
     """Product of the specular coefficients along a chain at the knots of the band, shape (3, paths)."""
     coefficient = np.ones((3, cosine.shape[1]), dtype=complex)
     for facet, at_mirror in zip(chain.facets, cosine, strict=True):
@@ -202,35 +212,39 @@ def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> C
     return coefficient
 
 
-def _diffuse(scene: Scene, world: Outline, seen_over: Sequence[Chain], rough: Scatterers) -> list[_Paths]:
+def _diffuse(scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rough: Scatterers) -> list[_Paths]:
     """The paths from the antennas to the scatterers; each amplitude holds one way's share of the scattering."""
     found = []
     for chain in seen_over:
-        paths = trace(chain, rough.points, world)
+        paths = _traced(chain, rough.points, world)
         amplitude = _reflections(scene, world, chain, paths.cosine)
-        amplitude *= rough.weight[paths.point] * paths.share / np.sqrt(paths.length)
+        amplitude *= rough.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
         law_of_path = rough.law[paths.point]
         for index in np.unique(law_of_path):
             mine = law_of_path == index
             amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
-        antennas = chain.images.shape[1]
         found.append(
-            _Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+            _Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
         )
     return found
 
 
-def _mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain], rx: Array) -> list[_Paths]:
+def _traced(chain: Chain | CurvedChain, points: Points, world: Outline) -> ChainPaths:
+    """The paths over a chain of flat mirrors, or over a sequence with arcs."""
+    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, world)
+
+
+def _mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rx: Array) -> list[_Paths]:
     """The paths from the transmitters over chains of mirrors to the receivers."""
     found = []
     receivers = Points.free(rx)
     for chain in seen_over:
-        paths = trace(chain, receivers, world)
+        paths = _traced(chain, receivers, world)
         if paths.length.size:
-            amplitude = _reflections(scene, world, chain, paths.cosine) * paths.share / np.sqrt(paths.length)
-            antennas = chain.images.shape[1]
+            amplitude = _reflections(scene, world, chain, paths.cosine)
+            amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))
             found.append(
-                _Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+                _Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
             )
     return found
 
