@@ -104,6 +104,11 @@ def _objects(points: Points) -> xr.Dataset:
         "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
         "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
     }
+    if any(name != "" for name in points.caustic) or (points.growth != 1.0).any():
+        data |= {
+            "growth": ("point", points.growth.astype(np.float32), {"long_name": "of the cell across, by curved mirrors"}),
+            "caustic": ("point", points.caustic, {"long_name": "near or beyond a caustic of a concave mirror"}),
+        }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
     return xr.Dataset(data).set_coords(list(axes))
 
