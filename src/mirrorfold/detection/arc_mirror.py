@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import SPACING
-from mirrorfold.detection.mirror import Fold, Mirror
+from mirrorfold.detection.mirror import Mirror
 
 END_CELLS = 0.5
 """Profiles leave out so many cells at either end of an arc, where its cells are half filled."""
@@ -231,12 +230,6 @@ class ArcMirror(Mirror):
             shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
             + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
         )
-
-    def columns(self, fold: Fold) -> dict[str, Any]:
-        """Its middle and its curvature, too: a reflection keeps these."""
-        found = super().columns(fold)
-        middle = fold(self.center[None])[0]
-        return found | {"xm": middle[0], "ym": middle[1]}
 
 
 def spread_over(way: Sequence[Mirror], points: Array) -> tuple[Array, Array]:

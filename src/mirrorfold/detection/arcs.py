@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.arc_mirror import ArcMirror
@@ -22,8 +23,12 @@ from mirrorfold.detection.lines import GAP_CELLS, LOBE
 PROPOSALS, JUDGES = 600, 1500
 """Circles that are proposed for each mirror, and echoes, evenly drawn, that propose and judge."""
 
-NEAR_CELLS, REACH_CELLS = 2.0, 14.0
+NEAR_CELLS, REACH_CELLS = 2.0, 24.0
 """Echoes that propose a circle lie so many resolution cells apart: closer ones say nothing of the curvature."""
+
+PROPOSED_BULGE_CELLS = 0.25
+"""How far the middle one of three that propose a circle lies beside the line of the others, in resolution cells: through
+an S-shaped row most circles that pass near many echoes are nearly straight."""
 
 SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
 """Radii, in resolution cells: what bulges on the scale of a cell is a point, and a larger circle is straight over any
@@ -43,6 +48,16 @@ SIGNIFICANT = 5.0
 
 GRAZING = 0.12
 """Cosine to the line of sight, 83 degrees, from which on an arc turns away from the radar."""
+
+CLOSE_CELLS, SMOOTH_CELLS, EXTENDED_CELLS = 0.12, 2.0, 3.0
+"""An arc ends where the centres of power, averaged over so many resolution cells, stray from it by more than this share
+of the range cell, three times what speckle makes them stray; it may go on by so many cells from one fit to the next."""
+
+DARK = 0.1
+"""An arc ends where its mean amplitude falls below this share of its median."""
+
+REFINEMENTS = 10
+"""Fits, each to the part that the one before has left."""
 
 MISSES, MOST_ARCS, ROUNDS = 12, 8, 4
 """Proposals in a row that are no arcs before the search ends; arcs that are found; and fits to the echoes of one."""
@@ -148,7 +163,11 @@ class _Arcs:
         middle, radius = circle_through(points[seeds], points[a], points[b])
         sound = near[np.arange(seeds.size), a] & near[np.arange(seeds.size), b] & np.isfinite(radius)
         sound &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
+        chord = np.linalg.norm(points[a] - points[b], axis=1)
+        chord = np.maximum(chord, np.maximum(distance[np.arange(seeds.size), a], distance[np.arange(seeds.size), b]))
         sound &= np.linalg.norm(points[a] - points[b], axis=1) > NEAR_CELLS * cell
+        # Of points that are farther apart than the circle is wide any two may be its ends.
+        sound &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
         if not sound.any():
             return None
         middle, radius, seeds = middle[sound], radius[sound], seeds[sound]
@@ -173,7 +192,7 @@ class _Arcs:
             middle, radius, _ = fitted_circle(
                 points[member], self.weight[member] / across**2, arc.middle, arc.radius
             )
-            if not 0.0 < radius < np.inf:
+            if not 0.0 < radius < LARGEST_CELLS * np.median(self.view.cell(self.echoes.range[member])):
                 return None, member
             arc = self._arc(middle, radius, points[member])
         return (arc if self._plausible(arc) else None), member
@@ -213,28 +232,24 @@ class _Arcs:
 
     def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
         """The arc fitted to the centres of power across it, as far as its row goes on; None if it is none there."""
-        for _ in range(3):
+        arc = self._as_long(arc, arc, free)
+        for _ in range(REFINEMENTS):
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
                 return None
-            arc = facing
-            places = arc.places(self.view)
-            across = self._across(arc, places)
-            depth = across[:, None] * np.linspace(-LOBE[0], LOBE[0], PROFILE_SAMPLES)
-            inward, power = arc.profiles(self.view, places, depth)
-            peak = power.max(axis=1)
-            power = np.where(power >= LOBE[1] ** 2 * peak[:, None], power, 0.0)
-            total = power.sum(axis=1)
-            lit = np.flatnonzero(total > 0.0)
-            if lit.size < 2 * FEWEST_BLOCKS:
+            measured = self._centres(facing)
+            if measured is None:
                 return None
-            centroid = np.sum(power[lit] * depth[lit], axis=1) / total[lit]
-            weight = np.minimum(peak[lit] / np.median(peak[lit]), LOBE[2]) / across[lit] ** 2
-            points = places[lit] + centroid[:, None] * inward[lit]
-            middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
-            if not 0.0 < radius < np.inf:
+            points, weight = measured
+            middle, radius, trust = fitted_circle(points, weight, facing.middle, facing.radius)
+            # What has become straight, or has turned its bulge, is no arc of this kind.
+            largest = LARGEST_CELLS * self.view.cell_at(facing.center)
+            if not 0.0 < radius < largest or (middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
                 return None
-            arc = self._as_long(replace(arc, middle=middle, radius=radius), arc, free)
+            before = facing.ends
+            arc = self._close(replace(facing, middle=middle, radius=radius), before)
+            if np.linalg.norm(arc.ends - before, axis=1).max() < 0.1 * self.view.range_cell:
+                break
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return None
@@ -244,6 +259,47 @@ class _Arcs:
             return None
         arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         return arc if arc.fill >= SMALLEST_FILL else None
+
+    def _centres(self, arc: ArcMirror) -> tuple[Array, Array] | None:
+        """Centres of power across an arc (n, 2), and their weights; None where there are too few."""
+        places = arc.places(self.view)
+        across = self._across(arc, places)
+        depth = across[:, None] * np.linspace(-LOBE[0], LOBE[0], PROFILE_SAMPLES)
+        inward, power = arc.profiles(self.view, places, depth)
+        peak = power.max(axis=1)
+        power = np.where(power >= LOBE[1] ** 2 * peak[:, None], power, 0.0)
+        total = power.sum(axis=1)
+        lit = np.flatnonzero(total > 0.0)
+        if lit.size < 2 * FEWEST_BLOCKS:
+            return None
+        centroid = np.sum(power[lit] * depth[lit], axis=1) / total[lit]
+        weight = np.minimum(peak[lit] / np.median(peak[lit]), LOBE[2]) / across[lit] ** 2
+        return places[lit] + centroid[:, None] * inward[lit], weight
+
+    def _close(self, circle: ArcMirror, ends: Array) -> ArcMirror:
+        """The part of a circle between about these ends along which the centres of power stay close to it.
+
+        An S-shaped row leaves the circle of either half at its joint.
+        """
+        first, last = np.sort(circle.along(ends))
+        margin = EXTENDED_CELLS * self.view.cell_at(circle.center)
+        wider = circle.part(first - margin, min(last + margin, first - margin + 0.95 * 2.0 * np.pi * circle.radius))
+        wider = self._facing(wider) or wider
+        measured = self._centres(wider)
+        if measured is None:
+            return circle.part(first, last)
+        points, weight = measured
+        along = wider.along(points)
+        window = max(1, round(SMOOTH_CELLS * self.view.cell_at(circle.center) / max(np.median(np.diff(along)), 1e-9)))
+        beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
+        # Beyond the end of a row there is no power to speak of.
+        bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)
+        near = (np.abs(beside) <= CLOSE_CELLS * self.view.range_cell) & (bright >= DARK * np.median(bright))
+        runs = [run for run in np.split(np.arange(near.size), np.flatnonzero(np.diff(near)) + 1) if near[run[0]]]
+        if not runs:
+            return circle.part(first, last)
+        run = max(runs, key=len)
+        return wider.part(float(along[run[0]]), float(along[run[-1]]))
 
     def _as_long(self, circle: ArcMirror, arc: ArcMirror, free: Mask) -> ArcMirror:
         """The part of a circle along which the row of echoes goes on, faint ones included."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import cast
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -10,10 +12,12 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Chain
+from mirrorfold.common.types import Array, Chain, Index
+from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Fold, WayFold, fold_of
 from mirrorfold.detection.volume_view import VolumeView
-from mirrorfold.folding.drawing import draw_row
+from mirrorfold.folding.drawing import draw_bent_row, draw_row
 from mirrorfold.folding.points import Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
@@ -58,7 +62,7 @@ def pictures(
 
 
 def draw(
-    sight: LinesOfSight, folds: dict[Chain, Isometry], wall_margin: float, grid: Grid, blobs: NDArray[np.int16]
+    sight: LinesOfSight, folds: Mapping[Chain, Fold], wall_margin: float, grid: Grid, blobs: NDArray[np.int16]
 ) -> NDArray[np.float32]:
     """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x).
 
@@ -77,22 +81,54 @@ def draw(
         amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
         axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
     mirrors = {ROOT: Isometry.identity(view.dimensions)}
-    mirrors |= {index: folds[chain].inverse for index, chain in enumerate(sight.chain) if chain}
+    chains = {index: folds[chain] for index, chain in enumerate(sight.chain) if chain}
+    mirrors |= {index: fold.inverse for index, fold in chains.items() if isinstance(fold, Isometry)}
     maps = np.zeros((len(mirrors), 3, 4))
     for into, back in zip(maps, mirrors.values(), strict=True):
         into[: len(frame), : view.dimensions] = frame @ back.linear
         into[: len(frame), 3] = frame @ (back.shift - view.radar)
     crossing, through = map(np.ascontiguousarray, sight.passages)
     empty = sight.open if sight.open.size else np.zeros(len(view.sight))
-    seen = np.array(list(mirrors)), crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
+    seen = crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
+    numbers = np.array(list(mirrors))
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
     table = amplitude, gain, view.beside_steps(view.range), shape, steps
     height = z[0] if z else np.zeros(1)
     out = np.zeros((y.size, x.size, height.size), dtype=np.float32)
-    for_each(lambda i: draw_row(x, float(y[i]), height, maps, *seen, *table, out[i]), range(y.size))
+    for_each(lambda i: draw_row(x, float(y[i]), height, maps, numbers, *seen, *table, out[i]), range(y.size))
+    for index, fold in chains.items():
+        bent = _bent(fold, view) if isinstance(fold, WayFold) and isinstance(view, ImageView) else None
+        if bent is not None:
+            draw = partial(_draw_bent, x, y, bent, maps[0], index, seen, table, out)
+            for_each(draw, range(y.size))
     return np.moveaxis(out, -1, 0) if z else out[..., 0]
+
+
+def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
+    """What `draw_bent_row` asks of a curved mirror; None if it is not the last on the way."""
+    arc = fold.way[-1]
+    if not isinstance(arc, ArcMirror):
+        return None
+    back = fold_of(fold.way[:-1], 2)
+    if not isinstance(back, Isometry):
+        return None
+    range_ = arc.crossing(view)
+    column = np.flatnonzero(np.isfinite(range_))
+    sight = view.sight[column]
+    place = view.radar + range_[column, None] * sight
+    normal = arc.outward(arc.along(place))
+    heading = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
+    unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
+    return unfold, column, place, heading, range_[column]
+
+
+def _draw_bent(
+    x: Array, y: Array, bent: Any, unmoved: Array, index: int, seen: Any, table: Any, out: Array, row: int
+) -> None:
+    """Draw one row of what a curved mirror shows."""
+    draw_bent_row(x, float(y[row]), *bent, unmoved, index, *seen, *table, out[row])
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:
