@@ -28,7 +28,7 @@ from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names, Progress
-from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs, overlap
+from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
@@ -53,7 +53,7 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.copies import COPY, copies
-from mirrorfold.tree.curved import FEWEST_CELLS, behind, bulk_gain, candidates, evidence, filled_cells, without_bent
+from mirrorfold.tree.curved import find_curved, without_bent
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
@@ -246,7 +246,12 @@ class FoldPlan:
                 share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
         if settings.curved and mirrors is None and not settings.published and isinstance(view, ImageView):
-            found = find_curved(view, found, settings, explain=elsewhere)
+            found = find_curved(
+                found,
+                view,
+                heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
+                again=partial(find_tree, view, settings=settings, explain=elsewhere),
+            )
         report(2, 3)
         points = fold_back(found.tree, view)
         if not settings.published:
@@ -345,7 +350,7 @@ def _agreed(
     """
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
-        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs else echoes
+        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
         mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
         order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
         if (
@@ -364,32 +369,6 @@ def _agreed(
             break
         echoes = seen
     return order, seen
-
-
-def find_curved(
-    view: ImageView, found: Found, settings: FoldSettings, *, explain: Callable[[Echoes], Names] | None = None
-) -> Found:
-    """Steps 2 to 4 once more, with the curved mirrors that the image tells; the same as before where it tells none.
-
-    Those in line of sight are looked for first, then those that flat mirrors show.
-    """
-    arcs: list[ArcMirror] = []
-    for _ in range(2):
-        trial = [*arcs, *(arc for arc in candidates(found, view) if not any(overlap(arc, other) for other in arcs))]
-        tried = found
-        while len(trial) > len(arcs):
-            echoes = find_echoes(view, threshold_db=settings.threshold_db, gain=bulk_gain(view, trial))
-            shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
-            if len(shown) == len(trial):
-                tried = find_tree(view, echoes, settings, explain=explain, arcs=trial)
-                shown = [arc for arc in trial if evidence(tried, view, arc).enough]
-            if len(shown) == len(trial):
-                break
-            trial = shown
-        if len(trial) <= len(arcs):
-            break
-        arcs, found = trial, tried
-    return found
 
 
 def completed(

@@ -36,7 +36,8 @@ def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
     Parameters
     ----------
     mirrors : xarray.Dataset
-        The group `mirrors` of a Reconstruction. Curved ones have a `curvature`, and xm and ym on the middle of the face.
+        The group `mirrors` of a Reconstruction. Where some have a `curvature`, all have xm and ym on the middle of
+        the face.
     prefix : str
         "folded_" for their true places.
     """

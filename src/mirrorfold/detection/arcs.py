@@ -1,22 +1,23 @@
 """Step 2 in the floor plan, for curved mirrors: unbroken rows of echoes along an arc.
 
-Three echoes of a neighbourhood propose a circle, all echoes vote, and the best proposal grows to the unbroken row about
-it, as for lines (`growing`). A row is curved if its curvature stands out of its own standard error and the row bulges by
-more than a straight mirror may. Whether it is a mirror, what is seen behind it must tell: round objects stay objects.
+Three echoes of a neighbourhood propose a circle, all echoes vote, and the best proposal grows to the unbroken row
+about it, as for lines (`growing`). A row is curved if its curvature stands out of its own standard error and it bulges
+by more than a straight mirror may. Whether it is a mirror, what is seen behind it tells: round objects stay objects.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side
-from mirrorfold.detection.growing import CLIP, NEAR
+from mirrorfold.detection.growing import CLIP
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.lines import GAP_CELLS, LOBE
 
@@ -27,8 +28,8 @@ NEAR_CELLS, REACH_CELLS = 2.0, 24.0
 """Echoes that propose a circle lie so many resolution cells apart: closer ones say nothing of the curvature."""
 
 PROPOSED_BULGE_CELLS = 0.25
-"""How far the middle one of three that propose a circle lies beside the line of the others, in resolution cells: through
-an S-shaped row most circles that pass near many echoes are nearly straight."""
+"""How far the middle one of three that propose a circle lies beside the line of the others, in resolution cells:
+through an S-shaped row most circles that pass near many echoes are nearly straight."""
 
 SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
 """Radii, in resolution cells: what bulges on the scale of a cell is a point, and a larger circle is straight over any
@@ -39,6 +40,10 @@ SHORTEST_CELLS = 4.5
 
 SMALLEST_FILL = 0.7
 """Share of its length that an arc's echoes must fill, between that of long and of short straight mirrors."""
+
+NEAR = 0.35
+"""Echoes of a row lie within this part of the resolution cell across it: less than for lines, whose rows do not leave
+them bit by bit as the two halves of an S leave each other's circles."""
 
 BULGE_CELLS = 0.3
 """A row that bulges by less, in resolution cells, is a straight mirror; that is where straight ones end."""
@@ -56,10 +61,13 @@ of the range cell, three times what speckle makes them stray; it may go on by so
 DARK = 0.1
 """An arc ends where its mean amplitude falls below this share of its median."""
 
+FEWEST, PASSES = 6, 3
+"""Echoes that make an arc, at least; and searches, each among the echoes that the one before has left."""
+
 REFINEMENTS = 10
 """Fits, each to the part that the one before has left."""
 
-MISSES, MOST_ARCS, ROUNDS = 12, 8, 4
+MISSES, MOST_ARCS, ROUNDS = 30, 8, 4
 """Proposals in a row that are no arcs before the search ends; arcs that are found; and fits to the echoes of one."""
 
 
@@ -121,8 +129,19 @@ class _Arcs:
         usual = np.median(self.echoes.amplitude[self.echoes.strong]) if self.echoes.strong.any() else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
         self.random = np.random.default_rng(0)
-        free, found, missed = self.echoes.strong.copy(), list[ArcMirror](), 0
-        while np.count_nonzero(free) >= 6 and missed <= MISSES and len(found) < MOST_ARCS:
+        found: list[ArcMirror] = []
+        for _ in range(PASSES):
+            known = len(found)
+            self._search(found)
+            found = self._parted(found)
+            if len(found) == known:
+                break
+        return found
+
+    def _search(self, found: list[ArcMirror]) -> None:
+        """Add arcs among the echoes that lie on none yet."""
+        free, missed = self.echoes.strong & ~on_arcs(found, self.view, self.echoes), 0
+        while np.count_nonzero(free) >= FEWEST and missed <= MISSES and len(found) < MOST_ARCS:
             arc = self._proposed(np.flatnonzero(free))
             if arc is None:
                 break
@@ -130,13 +149,52 @@ class _Arcs:
             fitted = None if arc is None else self._refined(arc, free)
             if fitted is None:
                 missed += 1
-                free[member] = False
+                # Its neighbours may still belong to an arc that this one crosses.
+                place, cell = self.echoes.position[member], np.asarray(self.view.cell(self.echoes.range[member]))
+                offset = np.linalg.norm(place - np.median(place, axis=0), axis=1)
+                free[member[offset <= np.maximum(2.0 * NEAR_CELLS * cell, offset.min())]] = False
                 continue
             missed = 0
             found.append(fitted)
-            _, own, across = fitted.near(self.view, self.echoes)
-            free &= ~(own & (np.abs(fitted.beside(self.echoes.position)) <= across))
-        return found
+            free &= ~on_arcs([fitted], self.view, self.echoes)
+
+    def _parted(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
+        """Arcs that pass into each other, cut in the middle of what they share and fitted to what is left of each."""
+        for i, j in combinations(range(len(arcs)), 2):
+            cell = self.view.cell_at(arcs[i].center)
+            cut = []
+            for one, other in ((arcs[i], arcs[j]), (arcs[j], arcs[i])):
+                along = np.linspace(0.0, one.length, 181)
+                place = one.at(along)
+                on = other.along(place)
+                shared = (np.abs(other.beside(place)) <= 0.5 * cell) & (on >= -cell) & (on <= other.length + cell)
+                if not shared.any() or shared.mean() > 0.5:
+                    break
+                middle = float(along[shared].mean())
+                cut.append(one.part(0.0, middle) if middle > 0.5 * one.length else one.part(middle, one.length))
+            if len(cut) == 2:
+                arcs[i], arcs[j] = (
+                    self._fitted(part) or whole for part, whole in zip(cut, (arcs[i], arcs[j]), strict=True)
+                )
+        return arcs
+
+    def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
+        """The arc between about these ends, on the circle that fits best; None if that is none."""
+        ends = arc.ends
+        for _ in range(ROUNDS):
+            measured = self._centres(arc)
+            if measured is None:
+                return None
+            points, weight = measured
+            middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
+            if not 0.0 < radius < LARGEST_CELLS * self.view.cell_at(arc.center):
+                return None
+            circle = replace(arc, middle=middle, radius=radius)
+            first, last = np.sort(circle.along(ends))
+            arc = circle.part(float(first), float(last))
+            if not self._plausible(arc):
+                return None
+        return self._with_errors(arc, points, trust)
 
     def _arc(self, middle: Array, radius: float, points: Array) -> ArcMirror:
         """The arc of a circle about points that lie on one side of it."""
@@ -182,16 +240,14 @@ class _Arcs:
         points = self.echoes.position
         for _ in range(ROUNDS):
             near = np.flatnonzero(free & (np.abs(arc.beside(points)) <= NEAR * self._across(arc, points)))
-            if near.size < 6:
+            if near.size < FEWEST:
                 return None, near if near.size else member
             around = self._arc(arc.middle, arc.radius, points[near])
             member = near[self._row(around, points[near], self.weight[near])]
-            if member.size < 6:
+            if member.size < FEWEST:
                 return None, near
             across = self._across(arc, points[member])
-            middle, radius, _ = fitted_circle(
-                points[member], self.weight[member] / across**2, arc.middle, arc.radius
-            )
+            middle, radius, _ = fitted_circle(points[member], self.weight[member] / across**2, arc.middle, arc.radius)
             if not 0.0 < radius < LARGEST_CELLS * np.median(self.view.cell(self.echoes.range[member])):
                 return None, member
             arc = self._arc(middle, radius, points[member])

@@ -106,7 +106,11 @@ def _objects(points: Points) -> xr.Dataset:
     }
     if any(name != "" for name in points.caustic) or (points.growth != 1.0).any():
         data |= {
-            "growth": ("point", points.growth.astype(np.float32), {"long_name": "of the cell across, by curved mirrors"}),
+            "growth": (
+                "point",
+                points.growth.astype(np.float32),
+                {"long_name": "of the cell across, by curved mirrors"},
+            ),
             "caustic": ("point", points.caustic, {"long_name": "near or beyond a caustic of a concave mirror"}),
         }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.

@@ -2,10 +2,10 @@
 
 A thin pencil of rays from the radar is as wide as ``q = r1 + s + 2 r1 s / (R cos(i))`` for each radian where it has
 met the mirror, of radius R (negative if concave) and at the angle of incidence i, after r1 and gone on for s. So the
-resolution cell of the array grows by ``|q| / (r1 + s)``. At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero; but
-there the waves from a point no longer arrive with the curvature for which the array is focused, ``1 / (r1 + s)``, but
-with ``(1 + 2 s / (R cos(i))) / q``. Over the array of length D they are inclined by the difference times D, of which
-the taper of a focused beam leaves about a half; at the distance of the image that is a blur of its own.
+resolution cell of the array grows by ``|q| / (r1 + s)``. At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero;
+but there the waves from a point no longer arrive with the curvature ``1 / (r1 + s)`` for which the array is focused,
+but with ``(1 + 2 s / (R cos(i))) / q``. Over the array of length D they are inclined by the difference times D, of
+which the taper of a focused beam leaves about a half; at the distance of the image that is a blur of its own.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NEAR, BEYOND = "near", "beyond"
 
 
 def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[Array, Names]:
-    """Growth of the resolution cell across at points (n, 2) of the image, (n,), and on which side of a caustic they are.
+    """Growth of the resolution cell across at points (n, 2) of the image, (n,), and where they are of a caustic.
 
     "near" a caustic waves arrive out of focus: images blur and overlap. "beyond" it they are upside down; where both
     apply, "near". Empty for what flat mirrors and convex ones show.

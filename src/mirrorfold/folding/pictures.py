@@ -125,7 +125,7 @@ def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, A
 
 
 def _draw_bent(
-    x: Array, y: Array, bent: Any, unmoved: Array, index: int, seen: Any, table: Any, out: Array, row: int
+    x: Array, y: Array, bent: Any, unmoved: Array, index: int, seen: Any, table: Any, out: Any, row: int
 ) -> None:
     """Draw one row of what a curved mirror shows."""
     draw_bent_row(x, float(y[row]), *bent, unmoved, index, *seen, *table, out[row])

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror, dimming
+from mirrorfold.detection.arc_mirror import ArcMirror, dimming, overlap
 from mirrorfold.detection.arcs import find_arcs
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
@@ -23,10 +24,54 @@ from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 
 FEWEST_CELLS = 3
-"""Resolution cells behind a mirror in which echoes stand, at least: multiple scattering fills one or two now and then."""
+"""Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one or two."""
 
 MOST_EMPTY = 0.3
 """Share of these cells that may fold to where the radar sees nothing."""
+
+
+class Heard(Protocol):
+    """The echoes of the image; where known mirrors dim what they show, down to thresholds lower by so much."""
+
+    def __call__(self, *, gain: Array) -> Echoes: ...  # noqa: D102
+
+
+class Again(Protocol):
+    """Steps 2 to 4 with echoes and curved mirrors, see `mirrorfold.reconstruction.find_tree`."""
+
+    def __call__(self, *, echoes: Echoes, arcs: Sequence[ArcMirror]) -> Found: ...  # noqa: D102
+
+
+def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) -> Found:
+    """Steps 2 to 4 once more, with the curved mirrors that the image tells; the same as before where it tells none.
+
+    Those in line of sight are looked for first, then those that flat mirrors show.
+
+    Parameters
+    ----------
+    found : Found
+        With flat mirrors alone.
+    view : ImageView
+    heard, again : callable
+        See `Heard` and `Again`.
+    """
+    arcs: list[ArcMirror] = []
+    for _ in range(2):
+        trial = [*arcs, *(arc for arc in candidates(found, view) if not any(overlap(arc, other) for other in arcs))]
+        tried = found
+        while len(trial) > len(arcs):
+            echoes = heard(gain=gains(view, trial))
+            shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
+            if len(shown) == len(trial):
+                tried = again(echoes=echoes, arcs=trial)
+                shown = [arc for arc in trial if evidence(tried, view, arc).enough]
+            if len(shown) == len(trial):
+                break
+            trial = shown
+        if len(trial) <= len(arcs):
+            break
+        arcs, found = trial, tried
+    return found
 
 
 def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
@@ -55,7 +100,7 @@ def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
     return find_arcs(view, echoes, own)
 
 
-def bulk_gain(view: ImageView, arcs: Sequence[ArcMirror]) -> Array:
+def gains(view: ImageView, arcs: Sequence[ArcMirror]) -> Array:
     """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
     gain = np.ones((view.range.size, view.u.size))
     for arc in arcs:

@@ -29,12 +29,13 @@ from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.plane import in_plane
-from mirrorfold.simulation.rays.curved import CurvedChain, there_and_back, trace_curved, ways
+from mirrorfold.simulation.rays.curved import CurvedChain, trace_curved
 from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
 from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.rays.outline import Outline, outline
 from mirrorfold.simulation.rays.paths import Chain, ChainPaths, Points, chains, trace
 from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers, specular_coefficient
+from mirrorfold.simulation.rays.ways import there_and_back, ways
 
 LONGEST_BLOCK = 16
 """Frequencies whose fields are computed in one go."""
