@@ -29,6 +29,7 @@ from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names, Progress
+from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
@@ -55,6 +56,7 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.copies import COPY, copies
+from mirrorfold.tree.curved import find_curved, without_bent
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order, order_mirrors
@@ -275,8 +277,15 @@ class FoldPlan:
             if self._shares is not None:
                 share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
+        if settings.curved and mirrors is None and not settings.published and isinstance(view, ImageView):
+            found = find_curved(
+                found,
+                view,
+                heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
+                again=partial(find_tree, view, settings=settings, explain=elsewhere),
+            )
         report(2, 3)
-        points = fold_back(found.tree)
+        points = fold_back(found.tree, view)
         if not settings.published:
             points = judged(points, found, share)
         result = collect(self.image, found, points, settings, grid=grid)
@@ -315,6 +324,7 @@ def find_tree(
     known: Array | None = None,
     walls: Mask | None = None,
     explain: Callable[[Echoes], Names] | None = None,
+    arcs: Sequence[ArcMirror] = (),
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -331,6 +341,8 @@ def find_tree(
     explain : callable, optional
         Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
         one comes into view when it is left out, and is tested in its turn.
+    arcs : sequence of ArcMirror
+        Curved mirrors, besides the flat ones that are found.
     """
     every, index = echoes, np.arange(len(echoes))
     explanation = np.full(len(echoes), "", dtype=object)
@@ -338,7 +350,7 @@ def find_tree(
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
-        order, seen = _agreed(view, echoes, settings, known, walls)
+        order, seen = _agreed(view, echoes, settings, known, walls, arcs)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
@@ -357,7 +369,12 @@ def find_tree(
 
 
 def _agreed(
-    view: View, echoes: Echoes, settings: FoldSettings, known: Array | None = None, walls: Mask | None = None
+    view: View,
+    echoes: Echoes,
+    settings: FoldSettings,
+    known: Array | None = None,
+    walls: Mask | None = None,
+    arcs: Sequence[ArcMirror] = (),
 ) -> tuple[Order, Echoes]:
     """Mirrors and their order in turn, until both agree with what is visible.
 
@@ -365,8 +382,9 @@ def _agreed(
     """
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
-        mirrors = find_mirrors(view, echoes, minimum_length=length, tested=tested, known=known)
-        order = order_mirrors(mirrors, view, echoes, settings, walls)
+        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
+        mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
+        order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
         if (
             known is None and settings.opaque and (own := order.itself()).any()
         ):  # the antennas are opaque, but no mirror of the scene
@@ -375,7 +393,9 @@ def _agreed(
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
             more = completed(mirrors, order, view, echoes, settings)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
-                order = order_mirrors(more, view, echoes, settings, walls)
+                order = order_mirrors([*more, *arcs], view, echoes, settings, walls)
+            if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
+                order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break

@@ -176,9 +176,10 @@ def test_glint_seen_in_a_mirror_is_the_glint_of_the_mirrored_circle() -> None:
     wall = segment((1.0, -1.0), (1.0, 3.0))
     hidden = {"kind": "circle", "center": (-0.5, 2.0), "radius": 0.2}
     screen = segment((-0.6, 1.0), (-0.05, 1.0))
-    seen = simulate(make_scene(wall, hidden, screen, elements=4, pitch=0.01))["s"].values
+    # By way of one mirror alone: over more, the circle is a mirror itself that shows the back of the screen.
+    seen = simulate(make_scene(wall, hidden, screen, elements=4, pitch=0.01), bounces=1)["s"].values
     direct = simulate(make_scene({**hidden, "center": (2.5, 2.0)}, elements=4, pitch=0.01))["s"].values
-    plain = simulate(make_scene(wall, screen, elements=4, pitch=0.01))["s"].values
+    plain = simulate(make_scene(wall, screen, elements=4, pitch=0.01), bounces=1)["s"].values
     np.testing.assert_allclose(seen - plain, direct, atol=2e-6)
 
 
@@ -482,7 +483,7 @@ def twin_field(scene: Scene, *, bounces: int, seed: int, spacing: float) -> np.n
 def test_agrees_with_the_slow_twin(bounces: int, spacing: float) -> None:
     # Apart from the transmitters, because their own paths in a corner all meet its vertex, which the twin cannot judge.
     scene = busy_scene(elements=2, rx={"elements": 2, "pitch": 0.013, "center": (0.021, 0.004)})
-    fast = scattered_field(scene, bounces=bounces, seed=5, spacing=spacing, edges=False)
+    fast = scattered_field(scene, bounces=bounces, seed=5, spacing=spacing, edges=False, curved=False)
     slow = twin_field(scene, bounces=bounces, seed=5, spacing=spacing)
     assert np.abs(fast - slow).max() < 1e-5 * np.abs(slow).max()
 

@@ -14,7 +14,7 @@ from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import to_image_view
+from mirrorfold.detection.image_view import ImageView, to_image_view
 from mirrorfold.detection.known_mirrors import known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
@@ -46,7 +46,9 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
     return to_image_view(image, normalization=normalization)
 
 
-def find_echoes(view: View, *, threshold_db: float | None = None, published: bool = False) -> Echoes:
+def find_echoes(
+    view: View, *, threshold_db: float | None = None, published: bool = False, gain: Array | None = None
+) -> Echoes:
     """The echoes of a view, maybe none: what stands above noise, threshold and side lobes.
 
     Parameters
@@ -56,12 +58,17 @@ def find_echoes(view: View, *, threshold_db: float | None = None, published: boo
         Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
     published : bool
         Every pixel above the threshold, relative to the brightest pixel, is an echo.
+    gain : (nr, nu) array, optional
+        Of an image: by how much known mirrors dim what is seen at each place, which lowers the threshold there.
     """
     found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
     usual = image_echoes.THRESHOLD_DB
     if view.dimensions == 3:
         found, usual = (volume_echoes.find_runs, volume_echoes.find_voxels), volume_echoes.THRESHOLD_DB
-    return found[published](view, threshold_db=usual if threshold_db is None else threshold_db)
+    level = usual if threshold_db is None else threshold_db
+    if gain is not None and isinstance(view, ImageView):
+        return image_echoes.find_ridges(view, threshold_db=level, gain=gain)
+    return found[published](view, threshold_db=level)
 
 
 def find_mirrors(

@@ -6,6 +6,8 @@ the side lobes of brighter echoes, and the ridges that remain.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import maximum_filter, maximum_filter1d
 
@@ -63,8 +65,11 @@ def side_lobes(view: ImageView) -> Array:
     return claim
 
 
-def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
-    """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo."""
+def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Array | None = None) -> Echoes:
+    """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo.
+
+    Where a `gain` (nr, nu) is given, the threshold is lower by it: there a known mirror dims what it shows.
+    """
     amplitude = view.amplitude
     quiet, floor = noise_floor(view), side_lobes(view)
     floor *= 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
@@ -72,7 +77,8 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoe
     above = amplitude > floor
     reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))
     threshold = reference * 10.0 ** (threshold_db / 20.0)
-    above &= amplitude >= threshold * 10.0 ** (FAINT_DB / 20.0)
+    level = amplitude if gain is None else amplitude * gain
+    above &= level >= threshold * 10.0 ** (FAINT_DB / 20.0)
 
     cell = tuple(2 * round(width / step) + 1 for width, step in ((view.range_cell, view.dr), (view.u_cell, view.du)))
     brightest = maximum_filter(amplitude, size=cell, mode="constant")
@@ -94,7 +100,11 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB) -> Echoe
     u = view.u[columns] + view.du * _vertex(beside(1, -1), found, beside(1, 1))
     points = view.to_points(range_, u)
     length = np.where(in_range[rows, columns], view.cross_cell(points) * view.du / view.u_cell, view.dr)
-    return Echoes.found(points, range_, view.column(u), found, length, floor[rows, columns], threshold, reference)
+    echoes = Echoes.found(points, range_, view.column(u), found, length, floor[rows, columns], threshold, reference)
+    if gain is None:
+        return echoes
+    limit = threshold / gain[rows, columns]
+    return replace(echoes, limit=limit, strong=found >= limit)
 
 
 def _vertex(before: Array, at: Array, after: Array) -> Array:

@@ -105,10 +105,24 @@ class Mirror(ABC):
         """Distance of its ends [m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
-    def columns(self, fold: Isometry) -> dict[str, Any]:
+    def columns(self, fold: Fold) -> dict[str, Any]:
         """What a file says of its place after a map: values by name, here those of the ends, x0, y0, x1 ..."""
         return {f"{axis}{end}": place[i] for end, place in enumerate(fold(self.ends))
                 for i, axis in zip(range(place.size), "xyz", strict=False)}  # fmt: skip
+
+    @property
+    def curved(self) -> bool:
+        """Whether lines of sight meet tangents of their own."""
+        return False
+
+    @property
+    def curvature(self) -> float:
+        """One over the radius [1/m], positive where it bulges towards the radar; zero if it is flat."""
+        return 0.0
+
+    def facing(self, points: Array) -> tuple[Array, Array]:
+        """Place and unit normal (n, d) of the line or plane that the lines of sight through points (n, d) meet."""
+        return np.broadcast_to(self.center, points.shape), np.broadcast_to(self.normal, points.shape)
 
     @property
     def reflection(self) -> Isometry:
@@ -139,6 +153,58 @@ class Mirror(ABC):
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
         return np.asarray((points - self.center) @ self.inward(view))
+
+
+class WayFold:
+    """The map from the image to the true place for what is seen by way of mirrors of which one is curved.
+
+    Each line of sight has an isometry of its own: it is reflected by the tangents that this same line of sight meets in
+    the image, the deepest first. Flat mirrors are the special case in which all lines of sight meet the same.
+
+    Parameters
+    ----------
+    way : sequence of Mirror
+        The one that the radar looks into first.
+    """
+
+    STEP = 1e-5
+    """Length [m] over which the map is differentiated."""
+
+    def __init__(self, way: Sequence[Mirror]) -> None:
+        self.way = tuple(way)
+
+    def __call__(self, points: Array) -> Array:
+        """Map points (..., d) [m] of the image."""
+        seen = np.asarray(points, dtype=float).reshape(-1, np.shape(points)[-1])
+        place = seen
+        for mirror in reversed(self.way):
+            hit, normal = mirror.facing(seen)
+            place = place - 2.0 * np.sum((place - hit) * normal, axis=1)[:, None] * normal
+        return place.reshape(np.shape(points))
+
+    def turn(self, points: Array) -> Array:
+        """Derivative of the map at points (n, d), (n, d, d)."""
+        steps = self.STEP * np.eye(points.shape[1])
+        return np.stack([(self(points + step) - self(points - step)) / (2.0 * self.STEP) for step in steps], axis=2)
+
+
+Fold = Isometry | WayFold
+"""A map from the image to true places."""
+
+
+def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
+    """The map from the image to the true place for what is seen by way of mirrors, the first on the way first."""
+    if any(mirror.curved for mirror in way):
+        return WayFold(way)
+    fold = Isometry.identity(dimensions)
+    for mirror in way:
+        fold = fold @ mirror.reflection
+    return fold
+
+
+def turns(fold: Fold, points: Array) -> Array:
+    """Derivative of a map at points (n, d): (n, d, d), or (d, d) where it is the same everywhere."""
+    return fold.turn(points) if isinstance(fold, WayFold) else fold.linear
 
 
 def faces(

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_dilation, label
 
-from mirrorfold.common.geometry import Isometry, unit
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.mirror import Fold, Mirror
 from mirrorfold.detection.view import DEVIATION
 from mirrorfold.detection.volume_view import VolumeView
 
@@ -138,7 +138,7 @@ class PlaneMirror(Mirror):
                 (kept if min(piece.extent) >= 0.5 * smallest else remains).append(piece)
         return (kept, remains) if kept else ([self], [])
 
-    def columns(self, fold: Isometry) -> dict[str, Any]:
+    def columns(self, fold: Fold) -> dict[str, Any]:
         """Center, normal and corners, too."""
         center, corners = fold(self.center), fold(self.corners)
         normal = fold(self.center + self.normal) - center

@@ -193,6 +193,13 @@ class View(ABC):
         """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
         return np.asarray(np.sqrt(self.squares(points)(along)))
 
+    def extent_each(self, points: Array, along: Array) -> Array:
+        """The same along a unit vector for each of the points, (n, d), (n,)."""
+        offset, cross = points - self.radar, self.cross_cell(points) ** 2
+        sight = offset / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)[:, None]
+        cosine = np.sum(sight * along, axis=1)
+        return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
+
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in directions."""
         return self.radar + range_[..., None] * self.sight[direction]

@@ -11,7 +11,7 @@ import xarray as xr
 from mirrorfold import __version__
 from mirrorfold.common.chains import chain_name
 from mirrorfold.detection.finding import example_mirror
-from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.mirror import Fold, Mirror
 from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
@@ -104,6 +104,15 @@ def _objects(points: Points) -> xr.Dataset:
         "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
         "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
     }
+    if any(name != "" for name in points.caustic) or (points.growth != 1.0).any():
+        data |= {
+            "growth": (
+                "point",
+                points.growth.astype(np.float32),
+                {"long_name": "of the cell across, by curved mirrors"},
+            ),
+            "caustic": ("point", points.caustic, {"long_name": "near or beyond a caustic of a concave mirror"}),
+        }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
     return xr.Dataset(data).set_coords(list(axes))
 
@@ -112,19 +121,28 @@ def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
     """Every mirror in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
+             "curvature": "1/m", "curvature_error": "1/m",
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
+    any_curved = any(mirror.curved for _, mirror in nodes)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
+
+    def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
+        """Its columns, and where any mirror is curved the middle of its face."""
+        middle = dict(zip(("xm", "ym"), fold(mirror.center[None])[0], strict=True)) if any_curved else {}
+        return mirror.columns(fold) | middle
 
     def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
         parent = node.chain[:-1]
-        true = {f"folded_{name}": value for name, value in mirror.columns(folds[parent]).items()}
+        true = {f"folded_{name}": value for name, value in own_place(mirror, folds[parent]).items()}
         place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
         chain = chain_name(node.chain)
         own = {"chain": chain, "confidence": mirror_confidence(points, chain)}
-        own |= {name: getattr(mirror, name, 0.0) for name in units}
+        own |= {name: getattr(mirror, name, 0.0) for name in units if "curvature" not in name}
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
-        return mirror.columns(folds[()]) | true | place | own
+        if any_curved:
+            own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
+        return own_place(mirror, folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]
     size = len(rows)

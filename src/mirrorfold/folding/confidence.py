@@ -17,6 +17,7 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.mirror import turns
 from mirrorfold.detection.view import View
 from mirrorfold.folding.points import Points
 from mirrorfold.tree.assignment import Found
@@ -165,11 +166,13 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     for chain, way in ways.items():
         if way:
             on_it, mirror = points.mirror == chain_name(chain), way[-1]
-            flat = np.eye(dimensions) - np.outer(mirror.normal, mirror.normal)
+            normal = mirror.facing(points.initial[on_it])[1]
+            flat = np.eye(dimensions) - np.einsum("ni,nj->nij", normal, normal)
             variance[on_it] = flat @ variance[on_it] @ flat + mirror.strays(points.initial[on_it])
     for chain, way in ways.items():
-        seen, turn = points.chain == chain_name(chain), folds[chain].linear
-        variance[seen] = turn @ variance[seen] @ turn.T
+        seen = points.chain == chain_name(chain)
+        turn = turns(folds[chain], points.initial[seen])
+        variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)
         led[seen] = led_astray(points.initial[seen], way)
     astray = np.sqrt(np.trace(led, axis1=1, axis2=2)) / np.asarray(view.cell(range_))
     return np.sqrt(np.einsum("nii->ni", variance + led)), astray
@@ -183,5 +186,6 @@ def _with_ghosts(points: Points, found: Found) -> Points:
         echoes.position, echoes.position, echoes.amplitude, np.maximum(echoes.noise, echoes.limit),
         np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
         np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
+        np.ones(len(echoes)), nothing,
     )  # fmt: skip
     return Points(*(np.concatenate([getattr(both, item.name) for both in (points, ghosts)]) for item in fields(points)))

@@ -28,6 +28,44 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
+def _shown(  # type: ignore[no-untyped-def]
+    a, e, k, x, y, z, mirror, unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side,
+    shape, grid, least,
+):  # fmt: skip
+    """The amplitude of the image at place a, e, k if it shows there, by way of a mirror, what stands at x, y, z.
+
+    Zero where it does not, or not more than the `least`.
+    """
+    columns, rows = shape
+    if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):
+        return 0.0
+    beam, r = int(a + 0.5) * rows + int(e + 0.5), grid[2, 0] + k * grid[2, 1]
+    if through_at(crossing, through, r - margin, beam) != mirror:
+        return 0.0
+    value = at_point(amplitude, a, e, k) * gain[int(k)]
+    if value <= least or value <= hidden_at(begin, level, r, beam):
+        return 0.0
+    owner = blobs[beam, int(k + 0.5)]
+    if owner == NOBODY:
+        return 0.0
+    if mirror >= 0:
+        if owner != mirror:
+            return 0.0
+        # Next to the edge of what the mirror shows, the radar's own view must not contradict.
+        b, f, n = _place(unmoved, x, y, z, grid, rows == 1)
+        ahead = -0.5 <= b < columns - 0.5 and -0.5 <= f < rows - 0.5 and n >= 0.0
+        if ahead and grid[2, 0] + n * grid[2, 1] < empty[int(b + 0.5) * rows + int(f + 0.5)]:
+            s, inside = side[int(k)], True
+            for right, high in ((-s, 0), (s, 0), (0, -s), (0, s)):
+                c = min(max(int(a + 0.5) + right, 0), columns - 1)
+                beside = c * rows + min(max(int(e + 0.5) + high, 0), rows - 1)
+                inside &= through_at(crossing, through, r - margin, beside) == mirror
+            if not inside:
+                return 0.0
+    return value
+
+
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def draw_row(  # type: ignore[no-untyped-def]
     x, y, z, maps, number, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid,
     out,
@@ -38,34 +76,46 @@ def draw_row(  # type: ignore[no-untyped-def]
     first value and step of the two angles and of range, and the limits of the angles' tangents, or of the sine of an
     image, which has one row of directions.
     """
-    columns, rows = shape
     for w in range(number.size):
         for j in range(x.size):
             for i in range(z.size):
-                a, e, k = _place(maps[w], x[j], y, z[i], grid, rows == 1)
-                if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):
-                    continue
-                beam, r = int(a + 0.5) * rows + int(e + 0.5), grid[2, 0] + k * grid[2, 1]
-                if through_at(crossing, through, r - margin, beam) != number[w]:
-                    continue
-                value = at_point(amplitude, a, e, k) * gain[int(k)]
-                if value <= out[j, i] or value <= hidden_at(begin, level, r, beam):
-                    continue
-                owner = blobs[beam, int(k + 0.5)]
-                if owner == NOBODY:
-                    continue
-                if number[w] >= 0:
-                    if owner != number[w]:
-                        continue
-                    # Next to the edge of what the mirror shows, the radar's own view must not contradict.
-                    b, f, n = _place(maps[0], x[j], y, z[i], grid, rows == 1)
-                    ahead = -0.5 <= b < columns - 0.5 and -0.5 <= f < rows - 0.5 and n >= 0.0
-                    if ahead and grid[2, 0] + n * grid[2, 1] < empty[int(b + 0.5) * rows + int(f + 0.5)]:
-                        s, inside = side[int(k)], True
-                        for right, high in ((-s, 0), (s, 0), (0, -s), (0, s)):
-                            c = min(max(int(a + 0.5) + right, 0), columns - 1)
-                            beside = c * rows + min(max(int(e + 0.5) + high, 0), rows - 1)
-                            inside &= through_at(crossing, through, r - margin, beside) == number[w]
-                        if not inside:
-                            continue
-                out[j, i] = value
+                a, e, k = _place(maps[w], x[j], y, z[i], grid, shape[1] == 1)
+                value = _shown(
+                    a, e, k, x[j], y, z[i], number[w], maps[0], crossing, through, begin, level, empty, margin, blobs,
+                    amplitude, gain, side, shape, grid, out[j, i],
+                )  # fmt: skip
+                if value > out[j, i]:
+                    out[j, i] = value
+
+
+@njit(nogil=True, error_model="numpy")
+def draw_bent_row(  # type: ignore[no-untyped-def]
+    x, y, unfold, column, place, heading, before, unmoved, number, crossing, through, begin, level, empty, margin,
+    blobs, amplitude, gain, side, shape, grid, out,
+):  # fmt: skip
+    """The same for what a curved mirror shows: pixels of one y, (x, 1).
+
+    Its lines of sight `column` (m,) leave it at `place` with `heading` (m, 2), `before` (m,) [m] behind the radar; the
+    map `unfold` (2, 3) takes pixels to where the flat mirrors in front of it show them. A pixel is shown by every line
+    of sight that leads to it (Fermat): by several behind a caustic, of which the strongest is drawn.
+    """
+    for j in range(x.size):
+        px = unfold[0, 0] * x[j] + unfold[0, 1] * y + unfold[0, 2]
+        py = unfold[1, 0] * x[j] + unfold[1, 1] * y + unfold[1, 2]
+        last, ahead_last = 0.0, -1.0
+        for i in range(column.size):
+            dx, dy = px - place[i, 0], py - place[i, 1]
+            miss, ahead = heading[i, 0] * dy - heading[i, 1] * dx, heading[i, 0] * dx + heading[i, 1] * dy
+            joined = i > 0 and column[i] == column[i - 1] + 1
+            if joined and (miss < 0.0) != (last < 0.0) and ahead > 0.0 and ahead_last > 0.0:
+                share = last / (last - miss)
+                hx = place[i - 1, 0] + share * (place[i, 0] - place[i - 1, 0])
+                hy = place[i - 1, 1] + share * (place[i, 1] - place[i - 1, 1])
+                r = before[i - 1] + share * (before[i] - before[i - 1]) + np.sqrt((px - hx) ** 2 + (py - hy) ** 2)
+                value = _shown(
+                    column[i - 1] + share, 0.0, (r - grid[2, 0]) / grid[2, 1], x[j], y, 0.0, number, unmoved, crossing,
+                    through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid, out[j, 0],
+                )  # fmt: skip
+                if value > out[j, 0]:
+                    out[j, 0] = value
+            last, ahead_last = miss, ahead

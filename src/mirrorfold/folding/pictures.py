@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import cast
 
 import numpy as np
@@ -10,10 +11,12 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Chain
+from mirrorfold.common.types import Array, Chain, Index
+from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Fold, WayFold, fold_of
 from mirrorfold.detection.volume_view import VolumeView
-from mirrorfold.folding.drawing import draw_row
+from mirrorfold.folding.drawing import draw_bent_row, draw_row
 from mirrorfold.folding.points import Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
@@ -59,7 +62,7 @@ def pictures(
 
 def draw(
     sight: LinesOfSight,
-    folds: dict[Chain, Isometry],
+    folds: Mapping[Chain, Fold],
     wall_margin: float,
     grid: Grid,
     blobs: NDArray[np.int16],
@@ -84,14 +87,16 @@ def draw(
         amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
         axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
     mirrors = {ROOT: Isometry.identity(view.dimensions)}
-    mirrors |= {index: folds[chain].inverse for index, chain in enumerate(sight.chain) if chain}
+    chains = {index: folds[chain] for index, chain in enumerate(sight.chain) if chain}
+    mirrors |= {index: fold.inverse for index, fold in chains.items() if isinstance(fold, Isometry)}
     maps = np.zeros((len(mirrors), 3, 4))
     for into, back in zip(maps, mirrors.values(), strict=True):
         into[: len(frame), : view.dimensions] = frame @ back.linear
         into[: len(frame), 3] = frame @ (back.shift - view.radar)
     crossing, through = map(np.ascontiguousarray, sight.passages)
     empty = sight.open if sight.open.size else np.zeros(len(view.sight))
-    seen = np.array(list(mirrors)), crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
+    seen = crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
+    numbers = np.array(list(mirrors))
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
@@ -99,15 +104,40 @@ def draw(
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
     out = np.zeros((y.size, x.size) if columns else (y.size, x.size, height.size), dtype=np.float32)
+    bent = [
+        (index, way)
+        for index, fold in chains.items()
+        if isinstance(fold, WayFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
+    ]
 
     def row(i: int) -> None:
         voxels = np.zeros((x.size, height.size), dtype=np.float32) if columns else out[i]
-        draw_row(x, float(y[i]), height, maps, *seen, *table, voxels)
+        draw_row(x, float(y[i]), height, maps, numbers, *seen, *table, voxels)
+        for index, way in bent:
+            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *table, voxels)
         if columns:
             np.max(voxels, axis=1, out=out[i])
 
     for_each(row, range(y.size))
     return out if columns else np.moveaxis(out, -1, 0)
+
+
+def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
+    """What `draw_bent_row` asks of a curved mirror; None if it is not the last on the way."""
+    arc = fold.way[-1]
+    if not isinstance(arc, ArcMirror):
+        return None
+    back = fold_of(fold.way[:-1], 2)
+    if not isinstance(back, Isometry):
+        return None
+    range_ = arc.crossing(view)
+    column = np.flatnonzero(np.isfinite(range_))
+    sight = view.sight[column]
+    place = view.radar + range_[column, None] * sight
+    normal = arc.outward(arc.along(place))
+    heading = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
+    unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
+    return unfold, column, place, heading, range_[column]
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:

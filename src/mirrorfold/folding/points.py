@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
-from mirrorfold.detection.view import in_pieces
+from mirrorfold.detection.view import View, in_pieces
+from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -46,6 +47,10 @@ class Points:
     confocal : (n,) array
         Share of its energy that came back the way it went, see `mirrorfold.tree.directions.confocal_share`; NaN where
         that is not known.
+    growth : (n,) array
+        By how much the resolution cell across is wider than by way of flat mirrors; one for these.
+    caustic : (n,) array of str
+        "near" or "beyond" a caustic of a concave mirror, see `mirrorfold.folding.magnification`; else empty.
     """
 
     position: Array
@@ -59,26 +64,35 @@ class Points:
     error: Array
     explanation: Names
     confocal: Array
+    growth: Array
+    caustic: Names
 
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
         return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
-def fold_back(tree: MirrorTree) -> Points:
-    """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces."""
-    folds = tree.folds()
+def fold_back(tree: MirrorTree, view: View | None = None) -> Points:
+    """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces.
+
+    The `view` tells what resolution remains behind curved mirrors.
+    """
+    folds, ways = tree.folds(), tree.ways()
     parts: list[tuple[Any, ...]] = []
     for node in tree.walk():
         for echoes, chain, mirror in ((node.objects, node.chain, ()), (node.face, node.chain[:-1], node.chain)):
             names = [np.full(len(echoes), chain_name(way), dtype=object) for way in (chain, mirror)]
             bounces = np.full(len(echoes), len(chain), dtype=np.int32)
             level = echoes.amplitude, np.maximum(echoes.noise, echoes.limit)
-            parts.append((folds[chain](echoes.position), echoes.position, *level, bounces, *names))
-    position, initial, amplitude, exceeded, bounces, chains, mirrors = map(np.concatenate, zip(*parts, strict=True))
+            cell = magnified(ways[chain], echoes.position, view)
+            parts.append((folds[chain](echoes.position), echoes.position, *level, bounces, *names, *cell))
+    position, initial, amplitude, exceeded, bounces, chains, mirrors, growth, caustic = map(
+        np.concatenate, zip(*parts, strict=True)
+    )
     named = chains.astype(str), mirrors.astype(str)
     usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
-    return Points(position, initial, amplitude, exceeded, bounces, *named, *usual, np.full_like(amplitude, np.nan))
+    known = np.full_like(amplitude, np.nan), growth, caustic.astype(str)
+    return Points(position, initial, amplitude, exceeded, bounces, *named, *usual, *known)
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:

@@ -76,6 +76,12 @@ class FoldSettings(Settings):
         kind="bool",
         label="copies are left out",
     )
+    curved: bool = setting(
+        True,
+        "Whether, in images, arcs are mirrors behind which the image shows what an opaque thing cannot.",
+        kind="bool",
+        label="curved mirrors",
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
@@ -96,6 +102,7 @@ PRESETS = {
         wall_margin=0.0,
         opaque=False,
         copies=False,
+        curved=False,
         min_confidence=0.0,
         published=True,
     ),

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
@@ -110,9 +111,7 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
         if "corner_x" in mirrors:
             outlines += list(np.stack([mirrors[f"{prefix}corner_{axis}"].values for axis in "xyz"], axis=-1))
             continue
-        ends = np.stack([mirrors[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1)
-        flat = ends.reshape(-1, 2, 2)
-        outlines += list(np.concatenate([flat, np.zeros((size, 2, 1))], axis=-1))
+        outlines += [np.column_stack([line, np.zeros(len(line))]) for line in mirror_curves(mirrors, prefix)]
     columns |= {name: np.tile(mirrors[name].values, 2) for name in ("parent", "generation", "frame")
                 if name in mirrors.variables}  # fmt: skip
     typed = {name: values.astype("<i4") for name, values in columns.items()}
@@ -120,6 +119,7 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
         outlines,
         {**typed, "strength": np.tile(mirrors["strength"].values, 2).astype("<f4")},
         notes(mirror_chains(mirrors)),
+        lines="corner_x" not in mirrors,
     )
 
 

@@ -33,12 +33,17 @@ def points_file(points: NDArray, columns: Columns, notes: Sequence[str] = ()) ->
     return _poly_data(points, f"<PointData>{_arrays(columns)}</PointData>", cells, notes, verts=len(points))
 
 
-def walls_file(outlines: Sequence[Array], columns: Columns, notes: Sequence[str] = ()) -> bytes:
-    """A VTP file of walls: lines of two points (2, 3) [m], or faces of more; with a value of each column for each."""
+def walls_file(
+    outlines: Sequence[Array], columns: Columns, notes: Sequence[str] = (), *, lines: bool | None = None
+) -> bytes:
+    """A VTP file of walls: lines (n, 3) [m], or faces; with a value of each column for each.
+
+    By default all are faces unless each has two points.
+    """
     corners = np.concatenate([np.empty((0, 3)), *outlines]).astype("<f4")
     each = np.arange(len(corners), dtype="<i8")
     ends = np.cumsum([len(outline) for outline in outlines]).astype("<i8")
-    flat = all(len(outline) == 2 for outline in outlines)
+    flat = all(len(outline) == 2 for outline in outlines) if lines is None else lines
     kind = "Lines" if flat else "Polys"
     cells = f"<CellData>{_arrays(columns)}</CellData>"
     placed = f"<{kind}>{_array('connectivity', each)}{_array('offsets', ends)}</{kind}>"

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 
@@ -81,8 +82,7 @@ def radar_of(reconstruction: xr.DataTree) -> Array:
 
 
 def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Array, int]]:
-    """The two ends (2, 2) [m] of each mirror, and its generation."""
+    """Each mirror as a line: its two ends (2, 2) [m], or points along an arc (n, 2); and its generation."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    prefix = "folded_" if folded else ""
-    ends = np.stack([held[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1)
-    return list(zip(ends.reshape(-1, 2, 2), held["generation"].values.astype(int).tolist(), strict=True))
+    lines = mirror_curves(held, "folded_" if folded else "")
+    return list(zip(lines, held["generation"].values.astype(int).tolist(), strict=True))

@@ -142,7 +142,7 @@ def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool
     for index, (ends, generation) in enumerate(mirror_lines(reconstruction, folded=folded)):
         colour = colour_of(generation - 1)
         ax.plot(*ends.T, color=colour, linewidth=3.4, solid_capstyle="round", path_effects=halo(2.4))
-        along = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-9)
+        along = (ends[-1] - ends[0]) / max(float(np.linalg.norm(ends[-1] - ends[0])), 1e-9)
         ax.annotate(
             str(index),
             ends.mean(axis=0),

@@ -11,7 +11,7 @@ from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Surface
+from mirrorfold.scenes.surfaces import Arc, Circle, Surface
 
 BOUNCES = 3
 """Reflections that a line of sight may take to a piece of truth that counts as reachable."""
@@ -29,6 +29,12 @@ SHORTEST_MIRROR = 0.15
 STRAIGHT = ("segment", "polyline")
 """Kinds of surfaces that mirrors are looked for in."""
 
+ARC_NODES = 721
+"""Angles along an arc between which the mirror point of a line of sight is looked for."""
+
+OFF_ARC = 5e-4
+"""Mirror points are moved so far [m] off an arc, clear of the chords that stand for it."""
+
 PROBES = np.linspace(0.01, 0.99, 25)
 """Places along a mirror, as shares of its length, one of which must be seen for the mirror to show anything."""
 
@@ -36,11 +42,14 @@ TOUCHING = 1e-4
 """Within this distance of its ends [m] a ray may touch the surfaces that it comes from and goes to."""
 
 
-def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = BOUNCES) -> tuple[Mask, Mask]:
+def visible_truth(
+    scene: Scene, truth: Array, normals: Array, *, bounces: int = BOUNCES, curved: bool = True
+) -> tuple[Mask, Mask]:
     """Which points (n, 2) [m] with these normals the middle of the array can see: directly; by way of mirrors, too.
 
     Lines of sight are those of geometrical optics: by the radar's images in chains of straight pieces, with every
-    reflection on the piece itself and nothing in the way; no further than the ambiguous range.
+    reflection on the piece itself and nothing in the way; and, where `curved` mirrors count, by way of one arc or
+    circle alone. No further than the ambiguous range.
     """
     pieces = [facets(surface, CHORD) for surface in scene.surface]
     blockers = np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
@@ -71,7 +80,47 @@ def visible_truth(scene: Scene, truth: Array, normals: Array, *, bounces: int = 
                 path = [(images[i], mirrors[m]) for i, m in enumerate(new[0])]
                 reachable[open_] |= _seen(image, path, truth[open_], normals[open_], blockers, limit)
         chains = longer
+    if bounces and curved:
+        for surface in scene.surface:
+            if isinstance(surface, Arc | Circle) and not reachable.all():
+                open_ = ~reachable
+                reachable[open_] |= _seen_in_arc(surface, radar, truth[open_], normals[open_], blockers, limit)
     return direct, reachable
+
+
+def _seen_in_arc(
+    surface: Arc | Circle, radar: Array, points: Array, normals: Array, blockers: Array, limit: float
+) -> Mask:
+    """Whether points (n, 2) with these normals are seen from the radar by way of one arc or circle, either side of it.
+
+    Where the length of the way has no slope along the arc it is reflected.
+    """
+    first, last = (0.0, 360.0) if isinstance(surface, Circle) else (surface.start_angle, surface.stop_angle)
+    angle = np.radians(np.linspace(first, last, ARC_NODES))
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    tangent = np.stack([-outward[:, 1], outward[:, 0]], axis=1)
+    place = np.asarray(surface.center) + surface.radius * outward
+    to_radar = place - radar
+    slope = np.sum(tangent * to_radar, axis=1) / np.linalg.norm(to_radar, axis=1)
+    away = place - points[:, None]
+    slope = slope + np.einsum("md,nmd->nm", tangent, away) / np.maximum(np.linalg.norm(away, axis=2), 1e-9)
+    who, node = np.nonzero((slope[:, 1:] < 0.0) != (slope[:, :-1] < 0.0))
+    before, after = slope[who, node], slope[who, node + 1]
+    met = angle[node] + before / (before - after) * (angle[1] - angle[0])
+    normal = np.stack([np.cos(met), np.sin(met)], axis=1)
+    hit, target = np.asarray(surface.center) + surface.radius * normal, points[who]
+    there, back = hit - radar, target - hit
+    length = np.linalg.norm(there, axis=1), np.linalg.norm(back, axis=1)
+    incident, reflected = -np.sum(there * normal, axis=1) / length[0], np.sum(back * normal, axis=1) / length[1]
+    side = np.sign(incident)
+    found = (incident * reflected > 0.0) & (np.abs(incident) >= SMALLEST_COSINE) & (length[0] + length[1] <= limit)
+    found &= np.abs(np.sum(back * normals[who], axis=1)) >= SMALLEST_COSINE * length[1]
+    hit = hit + OFF_ARC * side[:, None] * normal
+    found[found] &= _free(np.broadcast_to(radar, hit.shape)[found], hit[found], blockers)
+    found[found] &= _free(hit[found], target[found], blockers)
+    seen = np.zeros(len(points), dtype=bool)
+    seen[who[found]] = True
+    return seen
 
 
 def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array, *, grazing: bool = False) -> Mask:

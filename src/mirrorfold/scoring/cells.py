@@ -16,12 +16,13 @@ HALF_POWER = np.sqrt(2.0 * np.log(2.0))
 """Width of a Gaussian beam between half powers, in units of the radius at which its amplitude falls to 1/e."""
 
 
-def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any]) -> Array | None:
+def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = True) -> Array | None:
     """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], by its attrs.
 
     Along the line of sight it is ``c / (2 B)``. Across, at the length r of the way, it is ``r lambda / D`` for an array
     of length D, and the beam's width between half powers for a scan. Folding keeps the length of the way, so that r is
-    the distance of the point from the radar before it was folded.
+    the distance of the point from the radar before it was folded. A curved mirror makes it wider across by the column
+    `growth`, unless what is asked for is not `grown`.
 
     Returns
     -------
@@ -51,4 +52,6 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any]) -> Array | None:
         )
     else:
         return None
+    if grown and "growth" in objects.variables:
+        across = across * objects["growth"].values
     return np.asarray(np.hypot(float(known["range_resolution"]), across))  # type: ignore[arg-type]

@@ -148,7 +148,7 @@ def score(
         held, given = (2, 3) if flat else (3, 2)
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
-    cells = point_cells(objects, reconstruction.attrs)
+    cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
         every, hidden, each = _judge(
@@ -175,17 +175,19 @@ SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
 
 
 def _judge(
-    points: Array, cells: Array | None, truth: Truth, kind: type[SomeFigures], size: str
+    points: Array, cells: tuple[Array | None, Array | None], truth: Truth, kind: type[SomeFigures], size: str
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
     """The figures of all points (n, d); of those that claim to be out of sight; and of these by the surface at them.
 
-    `cells` (n,) [m] are those of resolution, where they are known. `size` is what `kind` calls the length or area of
+    `cells` (n,) [m] are those of resolution, where they are known, and the same without what curved mirrors add: a
+    wide cell is no claim to be in line of sight. `size` is what `kind` calls the length or area of
     the reachable truth.
     """
     every, count = counted(points)
-    cell = None if cells is None else cells[cKDTree(points).query(every)[1]] if len(points) else np.zeros(0)
+    nearest_point = cKDTree(points).query(every)[1] if len(points) else np.zeros(0, dtype=np.intp)
+    cell, own = (None if one is None else one[nearest_point] if len(points) else np.zeros(0) for one in cells)
     distance, nearest = truth.distances(every)
-    margin = WIDE if cell is None else np.maximum(WIDE, WITHIN_CELLS * cell)
+    margin = WIDE if own is None else np.maximum(WIDE, WITHIN_CELLS * own)
     claimed = truth.distances(every, truth.direct)[0] > margin
     whose = truth.owner[nearest] if len(truth.owner) else np.full(len(every), -1)
 

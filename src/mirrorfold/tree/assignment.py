@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirror import Mirror, fold_of
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
@@ -54,7 +54,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, NOBODY)
     chains: list[Chain] = [() for _ in order.mirrors]
 
-    def node(index: int, chain: Chain, fold: Isometry) -> MirrorTree:
+    def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:
         children = np.flatnonzero(sight.parent == index)
         objects = echoes.take(owner == index)
         face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
@@ -62,14 +62,15 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
         if index != ROOT:
             mirror = order.mirrors[index]
             chains[index] = chain
-            fold = fold @ mirror.reflection
+            way = (*way, mirror)
             if opaque:
+                fold = fold_of(way, sight.view.dimensions)
                 objects = objects.take(~sight.contradicted(objects, fold) & ~itself(sight.view, objects, fold))
             face = mirror.snapped(sight.view, face)
-        below = tuple(node(int(child), (*chain, i), fold) for i, child in enumerate(children))
+        below = tuple(node(int(child), (*chain, i), way) for i, child in enumerate(children))
         return MirrorTree(mirror, face, objects, below, chain)
 
-    root = node(ROOT, (), Isometry.identity(sight.view.dimensions))
+    root = node(ROOT, (), ())
     return root, replace(sight, chain=tuple(chains))
 
 

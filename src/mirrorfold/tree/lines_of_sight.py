@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirror import Fold
 from mirrorfold.detection.view import View, in_pieces
 
 CLEAR_DB = 20.0
@@ -143,7 +143,7 @@ class LinesOfSight:
         """Which echoes no object hides, (n,)."""
         return self.cover.clear(echoes.range, echoes.direction, echoes.amplitude)
 
-    def contradicted(self, echoes: Echoes, fold: Isometry) -> Mask:
+    def contradicted(self, echoes: Echoes, fold: Fold) -> Mask:
         """Which echoes at the edge of what their mirror shows would stand where the radar itself sees nothing, (n,).
 
         A beam that reaches over the edge shows what is beside it, too. `fold` maps to where the echoes would stand.
@@ -172,7 +172,7 @@ class LinesOfSight:
         return empty
 
 
-def itself(view: View, echoes: Echoes, fold: Isometry) -> Mask:
+def itself(view: View, echoes: Echoes, fold: Fold) -> Mask:
     """Which echoes, folded, stand on the antennas, (n,).
 
     In a mirror that faces it, the radar sees itself, at twice the distance of the mirror: where the antennas sit on the

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.svg import tree_card
 from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.mirror import Fold, Mirror, fold_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +49,13 @@ class MirrorTree:
         """Number of mirrors on the way here: 0 for the root."""
         return len(self.chain)
 
-    def folds(self) -> dict[Chain, Isometry]:
+    def folds(self) -> dict[Chain, Fold]:
         """For the chain of every node of this root, the map from the image to the true place of what it holds.
 
         Each reflects across its own mirror, which is a ghost itself, first, then across its parents' up to the root.
         """
-        result: dict[Chain, Isometry] = {(): Isometry.identity(self.objects.position.shape[1])}
-        for node in self.walk():
-            if node.line is not None:
-                result[node.chain] = result[node.chain[:-1]] @ node.line.reflection
-        return result
+        dimensions = self.objects.position.shape[1]
+        return {chain: fold_of(way, dimensions) for chain, way in self.ways().items()}
 
     def ways(self) -> dict[Chain, tuple[Mirror, ...]]:
         """For the chain of every node of this root, the mirrors on the way to it, its own last."""
@@ -80,7 +76,7 @@ class MirrorTree:
             angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
             covariance, normal = led_astray(line.center[None], way)[0], line.normal
             for mirror in reversed(way):
-                normal = mirror.reflection.linear @ normal
+                normal = _turn(mirror, line.center[None])[0] @ normal
             offset = line.offset_error**2 + float(normal @ covariance @ normal)
             result[chain] = float(np.sqrt(angle)), float(np.sqrt(offset))
         return result
@@ -93,6 +89,8 @@ class MirrorTree:
         line = None
         if self.line is not None:
             line = dict(zip(("start", "end"), self.line.ends.tolist(), strict=True), strength=self.line.strength)
+            if self.line.curved:
+                line |= {"middle": self.line.center.tolist(), "curvature": self.line.curvature}
             line |= {"angle_error_deg": self.line.angle_error, "offset_error_m": self.line.offset_error}
         return {
             "chain": list(self.chain),
@@ -119,9 +117,16 @@ def led_astray(places: Array, way: Sequence[Mirror]) -> Array:
 
     Each mirror is a ghost by way of those before it, and takes its own away first.
     """
-    covariance = np.zeros((*places.shape, places.shape[1]))
+    covariance, seen = np.zeros((*places.shape, places.shape[1])), places
     for mirror in reversed(way):
-        turn = mirror.reflection.linear
-        covariance = turn @ covariance @ turn.T + 4.0 * mirror.strays(places)
-        places = mirror.reflection(places)
+        turn = _turn(mirror, seen)
+        covariance = turn @ covariance @ np.swapaxes(turn, -1, -2) + 4.0 * mirror.strays(places)
+        hit, normal = mirror.facing(seen)
+        places = places - 2.0 * np.sum((places - hit) * normal, axis=1)[:, None] * normal
     return covariance
+
+
+def _turn(mirror: Mirror, seen: Array) -> Array:
+    """The reflections (n, d, d) by which lines of sight through places (n, d) are turned at a mirror."""
+    normal = mirror.facing(seen)[1]
+    return np.asarray(np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal))

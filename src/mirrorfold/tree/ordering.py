@@ -11,8 +11,9 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.arc_mirror import dimming
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
-from mirrorfold.detection.mirror import Mirror, faces
+from mirrorfold.detection.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
 
@@ -45,11 +46,16 @@ class Order:
         """Which mirrors are the radar's own antennas, seen in another mirror, (mirrors,)."""
         view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):
-            place, before = mirror.center, self.sight.parent[index]
-            while before >= 0:
-                place, before = self.mirrors[before].reflection(place), self.sight.parent[before]
+            place = fold_of(self.way(self.sight.parent[index]), view.dimensions)(mirror.center)
             found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
         return found
+
+    def way(self, index: int) -> tuple[Mirror, ...]:
+        """The mirrors on the way to what is seen by way of one of them, the first first; none for `ROOT`."""
+        way: tuple[Mirror, ...] = ()
+        while index >= 0:
+            way, index = (self.mirrors[index], *way), int(self.sight.parent[index])
+        return way
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong` as they follow from this order."""
@@ -65,8 +71,11 @@ class Order:
             behind = visible & (self.face == ROOT) & (through == mirror)
             objects = behind & echoes.strong
             if objects.any():
-                reference = reference_echo(brightest_of(number[objects], echoes.amplitude[objects]))
-                limit[behind] = min(reference / echoes.reference, 1.0) * echoes.threshold
+                # What a curved mirror spreads is known, and is no loss.
+                gain = dimming(self.way(mirror), echoes.position)
+                level = echoes.amplitude * gain
+                reference = reference_echo(brightest_of(number[objects], level[objects]))
+                limit[behind] = (min(reference / echoes.reference, 1.0) * echoes.threshold / gain)[behind]
                 strong |= behind & (echoes.amplitude >= limit)
         return replace(echoes, visible=visible, strong=strong, limit=limit)
 

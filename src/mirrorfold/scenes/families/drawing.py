@@ -27,6 +27,9 @@ SPACING = 0.005
 APART = 0.12
 """Hidden surfaces keep this distance from all others [m], eight cells of the usual radar."""
 
+FLAT_BOUNCES = 2
+"""Flat mirrors in a row that must not show what only a curved one shall show; more are too weak."""
+
 SHOWN, SHOWN_OF_CIRCLE = 0.5, 0.2
 """Share of a hidden surface that mirrors must show; less of a circle, more than half of which is always turned away."""
 
@@ -44,7 +47,7 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
     for _ in range(DRAWS):
         content = {"name": f"{family.name} {seed}", **places, "band": radar.band, "surface": family.make(random, radar)}
         scene = parse_scene(content, source=f"family {family.name!r}, seed {seed}")
-        if not isinstance(scene, Scene) or family.engine == "fullwave" or good(scene, family.bounces):
+        if not isinstance(scene, Scene) or family.engine == "fullwave" or good(scene, family.bounces, family.curved):
             return scene
     raise InputError(
         f"family {family.name!r}, seed {seed}: none of {DRAWS} draws hides its objects from the radar and shows them "
@@ -52,8 +55,11 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
     )
 
 
-def good(scene: Scene, bounces: int) -> bool:
-    """Whether every hidden surface is out of sight, touches no other, and a good part of it is shown by mirrors."""
+def good(scene: Scene, bounces: int, curved: bool = False) -> bool:
+    """Whether every hidden surface is out of sight, touches no other, and a good part of it is shown by mirrors.
+
+    Where they shall be `curved`, no flat one may show any of it.
+    """
     parts = [surface.sample(SPACING)[:2] for surface in scene.surface]
     hidden = [i for i, surface in enumerate(scene.surface) if surface.name.split()[0] in HIDDEN]
     for i in hidden:
@@ -62,6 +68,8 @@ def good(scene: Scene, bounces: int) -> bool:
                 return False
     for i in hidden:
         direct, reachable = visible_truth(scene, *parts[i], bounces=bounces)
+        if curved and visible_truth(scene, *parts[i], bounces=FLAT_BOUNCES, curved=False)[1].any():
+            return False
         if direct.any() or reachable.mean() < (SHOWN_OF_CIRCLE if scene.surface[i].kind == "circle" else SHOWN):
             return False
     return True

@@ -35,6 +35,8 @@ class Family:
         Signal over noise per sample; no noise by default.
     radar : str or Radar, optional
         The radar that alone sees the family, one of `RADARS` by its name or another; any of them by default.
+    curved : bool, default False
+        Whether the hidden surfaces must be out of reach of flat mirrors, so that only a curved one shows them.
     options : dict
         Further options of `mirrorfold.simulate`.
     """
@@ -46,4 +48,5 @@ class Family:
     bounces: int = 1
     snr_db: float | None = None
     radar: str | Radar | None = None
+    curved: bool = False
     options: dict[str, Any] = field(default_factory=dict)

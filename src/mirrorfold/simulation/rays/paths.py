@@ -8,7 +8,7 @@ chain where the straight line from the image passes the window and no obstacle s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,20 @@ class Chain:
     mirrors: Array
     images: Array
     window: Array
+
+    @property
+    def faces(self) -> tuple[tuple[int, int], ...]:
+        """The mirrors and their sides, 0 for a flat one."""
+        return tuple((facet, 0) for facet in self.facets)
+
+    @property
+    def count(self) -> int:
+        """Number of antennas."""
+        return int(self.images.shape[1])
+
+    def of(self, antennas: NDArray[np.intp]) -> Chain:
+        """The same from some of the antennas."""
+        return replace(self, images=self.images[:, antennas], window=self.window[antennas])
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +264,10 @@ class ChainPaths:
     share: Array
     cosine: Array
     end_cosine: Array
+
+    def spread(self, wavelength: Array) -> Array:
+        """Amplitude at any wavelength, (1, paths): flat mirrors leave waves as they are."""
+        return np.asarray(self.share / np.sqrt(self.length))[None]
 
 
 def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:

@@ -11,10 +11,11 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.simulation.rays.curved import CurvedChain, trace_curved
 from mirrorfold.simulation.rays.edges import edge_factor, edge_waves
 from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.rays.outline import Outline
-from mirrorfold.simulation.rays.paths import Chain, Points, trace
+from mirrorfold.simulation.rays.paths import Chain, ChainPaths, Points, trace
 from mirrorfold.simulation.rays.phasors import Paths
 from mirrorfold.simulation.rays.scatterers import Scatterers, specular_coefficient
 
@@ -24,7 +25,12 @@ def _knots(band: Band) -> Array:
     return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
 
 
-def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> Complex:
+def _traced(chain: Chain | CurvedChain, points: Points, world: Outline) -> ChainPaths:
+    """The paths over a chain of flat mirrors, or over a sequence with arcs."""
+    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, world)
+
+
+def _reflections(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Complex:
     """Product of the specular coefficients along a chain at the knots of the band, shape (3, paths)."""
     coefficient = np.ones((3, cosine.shape[1]), dtype=complex)
     for facet, at_mirror in zip(chain.facets, cosine, strict=True):
@@ -32,35 +38,36 @@ def _reflections(scene: Scene, world: Outline, chain: Chain, cosine: Array) -> C
     return coefficient
 
 
-def diffuse_paths(scene: Scene, world: Outline, seen_over: Sequence[Chain], rough: Scatterers) -> list[Paths]:
+def diffuse_paths(
+    scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rough: Scatterers
+) -> list[Paths]:
     """The paths from the antennas to the scatterers; each amplitude holds one way's share of the scattering."""
     found = []
     for chain in seen_over:
-        paths = trace(chain, rough.points, world)
+        paths = _traced(chain, rough.points, world)
         amplitude = _reflections(scene, world, chain, paths.cosine)
-        amplitude *= rough.weight[paths.point] * paths.share / np.sqrt(paths.length)
+        amplitude *= rough.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
         law_of_path = rough.law[paths.point]
         for index in np.unique(law_of_path):
             mine = law_of_path == index
             amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
-        antennas = chain.images.shape[1]
         found.append(
-            Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+            Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
         )
     return found
 
 
-def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain], rx: Array) -> list[Paths]:
+def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rx: Array) -> list[Paths]:
     """The paths from the transmitters over chains of mirrors to the receivers."""
     found = []
     receivers = Points.free(rx)
     for chain in seen_over:
-        paths = trace(chain, receivers, world)
+        paths = _traced(chain, receivers, world)
         if paths.length.size:
-            amplitude = _reflections(scene, world, chain, paths.cosine) * paths.share / np.sqrt(paths.length)
-            antennas = chain.images.shape[1]
+            amplitude = _reflections(scene, world, chain, paths.cosine)
+            amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))
             found.append(
-                Paths.at_first_frequency(scene.band, antennas, paths.antenna, paths.point, paths.length, amplitude)
+                Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
             )
     return found
 

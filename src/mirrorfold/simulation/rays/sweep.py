@@ -7,8 +7,10 @@ the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per fre
 images, arcs and circles by their glints, and the waves from the ends of mirrors, with which a return fades instead of
 stopping at once.
 
+Arcs are mirrors, too: on each way there may be two mirrors with an arc among them, and any number of flat ones.
+
 What is left out: edge waves of arcs, of shadows, and of a mirror after another has reflected the wave; light that
-scatters diffusely twice; arcs as mirrors within a chain; and what passes through a surface.
+scatters diffusely twice; longer chains with arcs; and what passes through a surface.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ def scattered_field(
     seed: int,
     spacing: float | None = None,
     edges: bool = True,
+    curved: bool = True,
     memory_limit: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.complex64]:
@@ -51,6 +54,8 @@ def scattered_field(
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
     edges : bool
         Whether the ends of mirrors radiate; without, specular returns are those of geometrical optics.
+    curved : bool
+        Whether arcs are mirrors on the way to something else; without, they scatter and glint alone.
     memory_limit : float [B], optional
         Of all that this process may hold; by default what is free.
     progress : callable, optional
@@ -65,7 +70,7 @@ def scattered_field(
     InputError
         If the scene is not a two-dimensional one of surfaces that rays can follow, or not even a tile fits.
     """
-    lit = light(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges)
+    lit = light(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges, curved=curved)
     count, field_bytes = tiles_that_fit(lit, memory_limit)
     shape = scene.band.points, len(lit.tx), len(lit.rx)
     s = np.zeros(shape, dtype=np.complex64)
@@ -93,8 +98,8 @@ def _add(
     progress: Callable[[int], None],
 ) -> None:
     """Add what some scatterers, and some specular paths, return to a sweep, in blocks of frequencies."""
-    from_tx = diffuse_paths(lit.scene, lit.world, lit.to_tx, rough)
-    from_rx = from_tx if lit.same_array else diffuse_paths(lit.scene, lit.world, lit.to_rx, rough)
+    from_tx = diffuse_paths(lit.scene, lit.world, lit.over_tx, rough)
+    from_rx = from_tx if lit.same_array else diffuse_paths(lit.scene, lit.world, lit.over_rx, rough)
     # A scatterer counts where both ways reach it.
     used = np.intersect1d(points_of(from_tx), points_of(from_rx)).astype(np.int32)
     for pieces in (from_tx,) if lit.same_array else (from_tx, from_rx):

@@ -21,11 +21,14 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.plane import in_plane
+from mirrorfold.simulation.rays.curved import MOST, CurvedChain
+from mirrorfold.simulation.rays.fermat import FACTS
 from mirrorfold.simulation.rays.outline import Outline, outline
 from mirrorfold.simulation.rays.paths import Chain, chains
 from mirrorfold.simulation.rays.phasors import Paths, points_of
 from mirrorfold.simulation.rays.returns import diffuse_paths, edge_returns, glint_returns, mirror_returns
 from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers
+from mirrorfold.simulation.rays.ways import LONGEST, Ways, there_and_back, ways
 
 LONGEST_BLOCK = 16
 """Frequencies whose fields are computed in one go."""
@@ -47,6 +50,10 @@ TRACED_BYTES = 24.0
 
 MIRROR_BYTES = 8.0
 """... and an angle for each mirror."""
+
+CURVED_BYTES = 2.0 * (1.0 + 8.0 * (FACTS + LONGEST))
+"""Of each pair of an antenna and a point while a sequence with an arc is traced: room for two paths, each of which is
+known or not, with angles and facts."""
 
 FOUND_BYTES = 56.0
 """Of each path of a chain while it is copied from these tables: its ends twice, length, share and angle at the end."""
@@ -78,6 +85,10 @@ class Lit:
     bounces : int
     to_tx, to_rx : list of Chain
         Over up to that many; the same list for one array.
+    tx_ways, rx_ways : Ways
+        What the antennas see over few mirrors with arcs among them; the same for one array.
+    over_arcs : list of CurvedChain
+        From the transmitters over two arcs or more, and back to the receivers.
     rough : Scatterers
     edges : bool
         Whether the ends of mirrors radiate.
@@ -91,6 +102,9 @@ class Lit:
     bounces: int
     to_tx: Sequence[Chain]
     to_rx: Sequence[Chain]
+    tx_ways: Ways
+    rx_ways: Ways
+    over_arcs: Sequence[CurvedChain]
     rough: Scatterers
     edges: bool
 
@@ -98,6 +112,16 @@ class Lit:
     def same_array(self) -> bool:
         """Whether transmitters and receivers stand at the same places."""
         return self.to_rx is self.to_tx
+
+    @property
+    def over_tx(self) -> list[Chain | CurvedChain]:
+        """Sequences over which the transmitters see scatterers."""
+        return [*self.to_tx, *self.tx_ways.chains]
+
+    @property
+    def over_rx(self) -> list[Chain | CurvedChain]:
+        """Those over which the receivers do."""
+        return [*self.to_rx, *self.rx_ways.chains]
 
     @property
     def antennas(self) -> int:
@@ -113,9 +137,16 @@ class Lit:
     def counts(self) -> Counts:
         """How many paths there will be."""
         some = np.unique(np.linspace(0, len(self.tx) - 1, min(COUNTED, len(self.tx))).astype(int))
-        few = replace(self, tx=self.tx[some], tx_chains=seen_by(self.tx_chains, some), to_tx=seen_by(self.to_tx, some))
+        few = replace(
+            self,
+            tx=self.tx[some],
+            tx_chains=[chain.of(some) for chain in self.tx_chains],
+            to_tx=[chain.of(some) for chain in self.to_tx],
+            tx_ways=replace(self.tx_ways, chains=[chain.of(some) for chain in self.tx_ways.chains]),
+            over_arcs=[chain.of(some) for chain in self.over_arcs],
+        )
         times = len(self.tx) / some.size
-        pieces = diffuse_paths(self.scene, self.world, few.to_tx, self.rough)
+        pieces = diffuse_paths(self.scene, self.world, few.over_tx, self.rough)
         found = [paths.point.size for paths in specular_paths(few)]
         return Counts(
             diffuse=times * sum(paths.point.size for paths in pieces) * self.antennas / len(self.tx),
@@ -129,13 +160,15 @@ class Lit:
     def most(self) -> Counts:
         """How many paths there would be if every antenna saw everything over every chain."""
         pairs, arcs, ends = len(self.tx) * len(self.rx), len(self.world.arcs), 2 * len(self.world.facets)
-        seen = len(self.tx) * len(self.to_tx) + (0 if self.same_array else len(self.rx) * len(self.to_rx))
-        back = len(self.tx_chains) + ends * len(self.to_tx) + arcs * len(self.to_tx) * len(self.to_rx)
+        each = MOST if self.tx_ways.chains or self.over_arcs else 1  # paths over one sequence
+        seen = len(self.tx) * len(self.over_tx) + (0 if self.same_array else len(self.rx) * len(self.over_rx))
+        back = len(self.tx_chains) + len(self.over_arcs)
+        back += ends * len(self.to_tx) + arcs * len(self.to_tx) * len(self.to_rx)
         return Counts(
-            diffuse=float(len(self.rough) * seen),
-            largest=float(len(self.rough) * max(len(self.tx), len(self.rx))),
-            specular=float(pairs * back),
-            largest_specular=float(pairs),
+            diffuse=float(each * len(self.rough) * seen),
+            largest=float(each * len(self.rough) * max(len(self.tx), len(self.rx))),
+            specular=float(each * pairs * back),
+            largest_specular=float(each * pairs),
             used=len(self.rough),
         )
 
@@ -168,7 +201,9 @@ class RayEstimate(Record):
     remarks: list[str] = fact("sentences on what looks wrong")
 
 
-def light(scene: Scene, *, bounces: int, seed: int, spacing: float | None = None, edges: bool = True) -> Lit:
+def light(
+    scene: Scene, *, bounces: int, seed: int, spacing: float | None = None, edges: bool = True, curved: bool = True
+) -> Lit:
     """A scene with its chains of mirrors and its scatterers; see `scattered_field`.
 
     Raises
@@ -180,21 +215,21 @@ def light(scene: Scene, *, bounces: int, seed: int, spacing: float | None = None
     world = outline(scene)
     tx_chains = chains(tx, world, 2 * bounces)
     to_tx = [chain for chain in tx_chains if len(chain.facets) <= bounces]
-    to_rx = to_tx if np.array_equal(tx, rx) else chains(rx, world, bounces)
+    same_array = np.array_equal(tx, rx)
+    to_rx = to_tx if same_array else chains(rx, world, bounces)
+    tx_ways = ways(tx, world, to_tx, bounces * curved)
+    rx_ways = tx_ways if same_array else ways(rx, world, to_rx, bounces * curved)
+    over_arcs = list(there_and_back(tx_ways, rx_ways, tx, world))
     spacing = speed_of_light / float(scene.band.frequency.mean()) if spacing is None else spacing
     rough = scatterers(scene, world, spacing=spacing, seed=seed)
-    return Lit(scene, world, tx, rx, tx_chains, bounces, to_tx, to_rx, rough, edges)
-
-
-def seen_by(all_chains: Sequence[Chain], antennas: Array) -> list[Chain]:
-    """The chains as some of the antennas see them."""
-    return [replace(chain, images=chain.images[:, antennas], window=chain.window[antennas]) for chain in all_chains]
+    return Lit(scene, world, tx, rx, tx_chains, bounces, to_tx, to_rx, tx_ways, rx_ways, over_arcs, rough, edges)
 
 
 def specular_paths(lit: Lit) -> list[Paths]:
     """The paths of all purely specular returns."""
     scene, world = lit.scene, lit.world
-    found = mirror_returns(scene, world, lit.tx_chains[1:], lit.rx) + glint_returns(scene, world, lit.to_tx, lit.to_rx)
+    found = mirror_returns(scene, world, [*lit.tx_chains[1:], *lit.over_arcs], lit.rx)
+    found += glint_returns(scene, world, lit.to_tx, lit.to_rx)
     if lit.edges:
         # There, over the mirror that ends, and back: one mirror more than twice the chain.
         shorter = ([c for c in to if len(c.facets) < lit.bounces] for to in (lit.to_tx, lit.to_rx))
@@ -209,6 +244,8 @@ def tiled_parts(lit: Lit, tiles: int, field_bytes: float = BLOCK_BYTES, counts: 
     to_scatterers = {"paths to scatterers": PATH_BYTES * counts.diffuse / tiles}
     points = float(len(lit.rough)) * max(len(lit.tx), len(lit.rx)) / tiles
     table = TRACED_BYTES + MIRROR_BYTES * lit.bounces
+    if lit.tx_ways.chains or lit.rx_ways.chains:
+        table = max(table, CURVED_BYTES)
     found = table - TRACED_BYTES + FOUND_BYTES
     largest = counts.largest / tiles
     tracing = {"tracing": max(table * points + found * largest, WORKED_BYTES * largest)}

@@ -1,0 +1,52 @@
+"""Arcs given by three points, as tables of mirrors hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.types import Array
+
+POINTS = 49
+"""Of an arc that is drawn: of a half circle each chord spans less than four degrees."""
+
+STRAIGHT = 1e-6
+"""Bulge, as a share of the chord, up to which three points lie on a line."""
+
+
+def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) -> Array:
+    """Points (count, 2) along the arc through three points (2,), or the two ends (2, 2) if these lie on a line."""
+    b, c = middle - start, end - start
+    double = 2.0 * (b[0] * c[1] - b[1] * c[0])
+    if abs(double) <= STRAIGHT * float(c @ c):
+        return np.stack([start, end])
+    offset = np.array([c[1] * (b @ b) - b[1] * (c @ c), b[0] * (c @ c) - c[0] * (b @ b)]) / double
+    center, radius = start + offset, float(np.linalg.norm(offset))
+    first, half, last = (float(np.arctan2(*(point - center)[::-1])) for point in (start, middle, end))
+    turn = (last - first) % (2.0 * np.pi)
+    if (half - first) % (2.0 * np.pi) > turn:  # the middle lies on the other way around
+        turn -= 2.0 * np.pi
+    angle = first + turn * np.linspace(0.0, 1.0, count)
+    return np.asarray(center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
+    """Every mirror of a table in the floor plan: its two ends (2, 2) [m], or points along its arc (n, 2).
+
+    Parameters
+    ----------
+    mirrors : xarray.Dataset
+        The group `mirrors` of a Reconstruction. Where some have a `curvature`, all have xm and ym on the middle of
+        the face.
+    prefix : str
+        "folded_" for their true places.
+    """
+    ends = np.stack([mirrors[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
+    if "curvature" not in mirrors:
+        return list(ends)
+    middle = np.stack([mirrors[f"{prefix}{name}"].values for name in ("xm", "ym")], axis=-1)
+    bent = mirrors["curvature"].values != 0.0
+    return [
+        arc_through(line[0], point, line[1]) if curved else line
+        for line, point, curved in zip(ends, middle, bent, strict=True)
+    ]

@@ -1,0 +1,347 @@
+"""Paths over curved mirrors by Fermat's principle: the places on the arcs at which the length is stationary.
+
+A sequence of mirrors is *unfolded*: all that follows a flat mirror is reflected in it, so that the path crosses it
+straight, and only the arcs bend the path. With the unfolded places ``x_k`` on arcs at the angles ``t_k`` the length is
+``L = sum of |x_k - x_(k-1)|``; its derivatives by neighbouring angles alone depend on each other, and Newton's method
+takes one tridiagonal system a step. A path counts where it is reflected at every arc instead of passing through it,
+crosses every flat mirror, and no obstacle shadows a leg of it.
+
+The width of a thin pencil of rays, ``q`` [m] for each radian at the antenna, grows by ``s q'`` over the distance s, and
+a mirror of radius R (positive where it bulges towards the waves), met at the angle of incidence i, bends it by
+``q' += 2 q / (R cos i)`` (Balanis, Advanced Engineering Electromagnetics, 2nd ed., ch. 13). The amplitude is
+``1 / sqrt(|q|)``; at each zero of q, a caustic, the wave gains a quarter turn, +j for ``exp(+jwt)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.kernels import njit
+from mirrorfold.common.types import Array
+from mirrorfold.simulation.rays.outline import TOUCH, shadowed
+
+X, Y, M00, M01, M10, M11, RADIUS, FIRST, SPAN, SIDE, REAL_X, REAL_Y = range(12)
+"""Columns of the table of arcs: unfolded center [m], the linear part of the unfolding, radius [m], first angle and span
+[rad], +1 for the outer side and -1 for the inner one, and the true center [m]."""
+
+STEPS, LARGEST_STEP, EXACT = 16, 0.3, 1e-10
+"""Steps of Newton's method, the largest of them and the last one [rad]; the length is exact to second order in that."""
+
+SAME = 1e-6
+"""Angles [rad] so close belong to one path."""
+
+TURN = 1e-3
+"""Angle [rad] over which the third derivative of a length is taken by differences."""
+
+LENGTH, SPREADING, CAUSTICS, LEGS, EXTENT, BEND, END_COSINE, FACTS = range(8)
+"""What is found of each path: its length [m]; ``|q|`` [m]; the number of caustics on its way; of its last arc, ``q s /
+cos(i)^2`` with the remaining way s [m^2], the length of that arc [m], and the third derivative of the path's length
+along it, over cos(i) [1/m^2]; and the cosine at the point."""
+
+
+@njit(error_model="numpy", nogil=True)
+def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: Array, work: Array) -> bool:
+    """Take angles (k,) to those of the stationary path a - arcs - p nearby, p unfolded; False where there is none.
+
+    `work` (5, k + 2) is scratch memory.
+    """
+    k = arcs.shape[0]
+    x, y, gradient, diagonal, off = work
+    x[0], y[0], x[k + 1], y[k + 1] = ax, ay, px, py
+    for _ in range(STEPS):
+        for i in range(k):
+            cos, sin = np.cos(angle[i]), np.sin(angle[i])
+            x[i + 1] = arcs[i, X] + arcs[i, RADIUS] * (arcs[i, M00] * cos + arcs[i, M01] * sin)
+            y[i + 1] = arcs[i, Y] + arcs[i, RADIUS] * (arcs[i, M10] * cos + arcs[i, M11] * sin)
+        for i in range(k):
+            radius = arcs[i, RADIUS]
+            nx, ny = (x[i + 1] - arcs[i, X]) / radius, (y[i + 1] - arcs[i, Y]) / radius
+            # The tangent in the direction of growing angles turns with the handedness of the unfolding.
+            hand = arcs[i, M00] * arcs[i, M11] - arcs[i, M01] * arcs[i, M10]
+            tx, ty = -ny * hand, nx * hand
+            bx, by = x[i + 1] - x[i], y[i + 1] - y[i]
+            fx, fy = x[i + 1] - x[i + 2], y[i + 1] - y[i + 2]
+            back, ahead = np.sqrt(bx * bx + by * by), np.sqrt(fx * fx + fy * fy)
+            if back < TOUCH or ahead < TOUCH:
+                return False
+            bx, by, fx, fy = bx / back, by / back, fx / ahead, fy / ahead
+            slope_b, slope_f = tx * bx + ty * by, tx * fx + ty * fy
+            gradient[i] = radius * (slope_b + slope_f)
+            diagonal[i] = radius * radius * ((1.0 - slope_b**2) / back + (1.0 - slope_f**2) / ahead)
+            diagonal[i] -= radius * (nx * (bx + fx) + ny * (by + fy))
+            if i > 0:
+                cos, sin = np.cos(angle[i - 1]), np.sin(angle[i - 1])
+                ux = -arcs[i - 1, M00] * sin + arcs[i - 1, M01] * cos
+                uy = -arcs[i - 1, M10] * sin + arcs[i - 1, M11] * cos
+                across = tx * ux + ty * uy - slope_b * (ux * bx + uy * by)
+                off[i] = -radius * arcs[i - 1, RADIUS] * across / back
+        for i in range(1, k):
+            share = off[i] / diagonal[i - 1]
+            diagonal[i] -= share * off[i]
+            gradient[i] -= share * gradient[i - 1]
+        largest = 0.0
+        for i in range(k - 1, -1, -1):
+            gradient[i] = (gradient[i] - (off[i + 1] * gradient[i + 1] if i < k - 1 else 0.0)) / diagonal[i]
+            largest = max(largest, abs(gradient[i]))
+        if not largest < np.inf:
+            return False
+        scale = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        for i in range(k):
+            angle[i] -= scale * gradient[i]
+        if largest < EXACT:
+            return True
+    return False
+
+
+@njit(error_model="numpy", nogil=True)
+def _second(vx: float, vy: float, px: float, py: float, sign: float, arc: Array, angle: float) -> float:
+    """Second derivative, along the arc, of the length v - arc - p; `sign` is -1 for waves that converge towards v."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    nx, ny = arc[M00] * cos + arc[M01] * sin, arc[M10] * cos + arc[M11] * sin
+    x, y = arc[X] + arc[RADIUS] * nx, arc[Y] + arc[RADIUS] * ny
+    before, after = np.sqrt((vx - x) ** 2 + (vy - y) ** 2), np.sqrt((px - x) ** 2 + (py - y) ** 2)
+    incident = sign * ((vx - x) * nx + (vy - y) * ny) / before
+    reflected = ((px - x) * nx + (py - y) * ny) / after
+    return float(incident**2 / (sign * before) + reflected**2 / after + (incident + reflected) / arc[RADIUS])
+
+
+@njit(error_model="numpy", nogil=True)
+def walk(
+    ax: float,
+    ay: float,
+    px: float,
+    py: float,
+    target_x: float,
+    target_y: float,
+    normal_x: float,
+    normal_y: float,
+    through: int,
+    arcs: Array,
+    angle: Array,
+    arc_slot: NDArray[np.int64],
+    leg: NDArray[np.int64],
+    flat_slot: NDArray[np.int64],
+    unfolded: Array,
+    flat: Array,
+    facets: Array,
+    obstacles: Array,
+    cosines: Array,
+    facts: Array,
+) -> bool:
+    """Whether the path with these angles is one; fills the cosines on all mirrors, and the facts about it.
+
+    The `target` is the unfolded point p. Facets (f, 2, 2) are crossed on the given legs, in their order; `flat` are the
+    true ones. `facets` and `obstacles` are those of the `Outline`.
+    """
+    k = arcs.shape[0]
+    ux, uy, rx, ry = ax, ay, ax, ay
+    q, growth, length, caustics, crossed = 0.0, 1.0, 0.0, 0, 0
+    legs, extent, bend, last_cos = 0.0, 0.0, 0.0, 1.0
+    for level in range(k + 1):
+        if level < k:
+            cos, sin = np.cos(angle[level]), np.sin(angle[level])
+            if (angle[level] - arcs[level, FIRST]) % (2.0 * np.pi) > arcs[level, SPAN]:
+                return False
+            radius, side = arcs[level, RADIUS], arcs[level, SIDE]
+            nx = arcs[level, M00] * cos + arcs[level, M01] * sin
+            ny = arcs[level, M10] * cos + arcs[level, M11] * sin
+            vx, vy = arcs[level, X] + radius * nx, arcs[level, Y] + radius * ny
+        else:
+            vx, vy = target_x, target_y
+        dx, dy = vx - ux, vy - uy
+        distance = np.sqrt(dx * dx + dy * dy)
+        before = TOUCH
+        while crossed < leg.size and leg[crossed] == level:
+            sx = unfolded[crossed, 1, 0] - unfolded[crossed, 0, 0]
+            sy = unfolded[crossed, 1, 1] - unfolded[crossed, 0, 1]
+            ox, oy = unfolded[crossed, 0, 0] - ux, unfolded[crossed, 0, 1] - uy
+            denominator = dx * sy - dy * sx
+            along = (ox * sy - oy * sx) / denominator * distance
+            share = (ox * dy - oy * dx) / denominator
+            if not (before < along < distance - TOUCH and 0.0 <= share <= 1.0):
+                return False
+            hit_x = flat[crossed, 0, 0] + share * (flat[crossed, 1, 0] - flat[crossed, 0, 0])
+            hit_y = flat[crossed, 0, 1] + share * (flat[crossed, 1, 1] - flat[crossed, 0, 1])
+            cosines[flat_slot[crossed]] = abs(denominator) / (distance * np.sqrt(sx * sx + sy * sy))
+            if shadowed(rx, ry, hit_x, hit_y, facets, obstacles, -1):
+                return False
+            rx, ry, before = hit_x, hit_y, along + TOUCH
+            crossed += 1
+        grown = q + distance * growth
+        if q * grown < 0.0:
+            caustics += 1
+        q, length = grown, length + distance
+        if level == k:
+            break
+        incidence = -(dx * nx + dy * ny) * side / distance
+        next_x, next_y = target_x - vx, target_y - vy
+        if level + 1 < k:
+            cos, sin = np.cos(angle[level + 1]), np.sin(angle[level + 1])
+            other = arcs[level + 1]
+            next_x = other[X] + other[RADIUS] * (other[M00] * cos + other[M01] * sin) - vx
+            next_y = other[Y] + other[RADIUS] * (other[M10] * cos + other[M11] * sin) - vy
+        # Straight through the arc the length is stationary, too.
+        if incidence <= 0.0 or (next_x * nx + next_y * ny) * side <= 0.0:
+            return False
+        real_x, real_y = (
+            arcs[level, REAL_X] + radius * np.cos(angle[level]),
+            arcs[level, REAL_Y] + radius * np.sin(angle[level]),
+        )
+        if shadowed(rx, ry, real_x, real_y, facets, obstacles, -1):
+            return False
+        rx, ry = real_x, real_y
+        cosines[arc_slot[level]] = incidence
+        if level == k - 1:
+            legs, extent, last_cos = abs(q), radius * arcs[level, SPAN], incidence
+            if side < 0.0:
+                # The waves that arrive diverge from a point, or converge to it, as far away as their radius.
+                curve = q / growth
+                wx, wy = vx - curve * dx / distance, vy - curve * dy / distance
+                sign = 1.0 if curve > 0.0 else -1.0
+                high = _second(wx, wy, target_x, target_y, sign, arcs[level], angle[level] + TURN)
+                low = _second(wx, wy, target_x, target_y, sign, arcs[level], angle[level] - TURN)
+                bend = abs(high - low) / (2.0 * TURN * radius)
+        growth += side * 2.0 * q / (radius * incidence)
+        ux, uy = vx, vy
+    if shadowed(px, py, rx, ry, facets, obstacles, through):
+        return False
+    way = np.sqrt((rx - px) ** 2 + (ry - py) ** 2)
+    facing = ((rx - px) * normal_x + (ry - py) * normal_y) / way
+    if facing <= 0.0 and (normal_x != 0.0 or normal_y != 0.0):
+        return False
+    facts[LENGTH], facts[SPREADING], facts[CAUSTICS] = length, abs(q), caustics
+    facts[LEGS], facts[EXTENT], facts[BEND] = legs * distance / last_cos**2, extent, bend
+    facts[END_COSINE] = facing
+    return True
+
+
+@njit(error_model="numpy", nogil=True)
+def starts(
+    angle: Array,
+    place: Array,
+    heading: Array,
+    joined: NDArray[np.bool_],
+    target: Array,
+    found: Array,
+    count: NDArray[np.int64],
+) -> None:
+    """Where a fan of rays passes points (p, 2): interpolated angles `found` (p, most, k), `count` (p,) of them.
+
+    The rays leave their last arcs at `place` (m, 2) with `heading` (m, 2); neighbours are `joined` (m,) to the next.
+    """
+    most, rays = found.shape[1], angle.shape[0]
+    miss, ahead = np.empty(rays), np.empty(rays)
+    for p in range(target.shape[0]):
+        for i in range(rays):
+            dx, dy = target[p, 0] - place[i, 0], target[p, 1] - place[i, 1]
+            miss[i] = heading[i, 0] * dy - heading[i, 1] * dx
+            ahead[i] = heading[i, 0] * dx + heading[i, 1] * dy
+        for i in range(1, rays):
+            if not joined[i - 1] or (ahead[i] <= 0.0 and ahead[i - 1] <= 0.0):
+                continue
+            if (miss[i] < 0.0) != (miss[i - 1] < 0.0):
+                if count[p] < most:
+                    _between(angle, i, miss[i - 1] / (miss[i - 1] - miss[i]), found[p, count[p]])
+                    count[p] += 1
+                continue
+            # Near a caustic two paths pass between the same two rays: the parabola through three misses tells.
+            if i + 1 == rays or not joined[i] or count[p] + 1 >= most:
+                continue
+            low, middle, high = miss[i - 1], miss[i], miss[i + 1]
+            if abs(middle) >= min(abs(low), abs(high)) or (high < 0.0) != (middle < 0.0):
+                continue
+            bend, slope = low - 2.0 * middle + high, 0.5 * (high - low)
+            square = slope * slope - 2.0 * bend * middle
+            if square > 0.0:
+                for sign in (-1.0, 1.0):
+                    share = (-slope + sign * np.sqrt(square)) / bend
+                    if abs(share) <= 1.0:
+                        _between(angle, i if share <= 0.0 else i + 1, share % 1.0, found[p, count[p]])
+                        count[p] += 1
+
+
+@njit(error_model="numpy", nogil=True)
+def _between(angle: Array, i: int, share: float, out: Array) -> None:
+    """The angles a share of the way from ray i - 1 to ray i."""
+    for j in range(angle.shape[1]):
+        turn = (angle[i, j] - angle[i - 1, j] + np.pi) % (2.0 * np.pi) - np.pi
+        out[j] = angle[i - 1, j] + share * turn
+
+
+@njit(error_model="numpy", nogil=True)
+def trace_points(
+    antennas: Array,
+    below: NDArray[np.int64],
+    above: NDArray[np.int64],
+    start: Array,
+    count: NDArray[np.int64],
+    position: Array,
+    normal: Array,
+    through: NDArray[np.int64],
+    target: Array,
+    arcs: Array,
+    arc_slot: NDArray[np.int64],
+    leg: NDArray[np.int64],
+    flat_slot: NDArray[np.int64],
+    unfolded: Array,
+    flat: Array,
+    facets: Array,
+    obstacles: Array,
+    seen: NDArray[np.bool_],
+    cosine: Array,
+    facts: Array,
+    first: int,
+    last: int,
+) -> None:
+    """Fill columns `first` to `last` of the (n, p, most) tables of the paths.
+
+    Newton's method starts from the paths of the antennas `below` and `above` (n,) each, for which fans were cast:
+    ``start`` (fans, p, most, k), of which there are `count` (fans, p).
+    """
+    k = arcs.shape[0]
+    angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty(seen.shape[2])
+    for p in range(first, last):
+        for n in range(antennas.shape[0]):
+            number = 0
+            for turn in range(2):
+                fan = above[n] if turn else below[n]
+                if turn and (above[n] == below[n] or number >= max(count[above[n], p], count[below[n], p])):
+                    continue
+                for candidate in range(count[fan, p]):
+                    if number == taken.size:
+                        break
+                    angle[:] = start[fan, p, candidate]
+                    if not stationary(antennas[n, 0], antennas[n, 1], target[p, 0], target[p, 1], arcs, angle, work):
+                        continue
+                    again = False
+                    for other in range(number):
+                        gap = (angle[0] - taken[other] + np.pi) % (2.0 * np.pi) - np.pi
+                        again |= abs(gap) < SAME
+                    if again:
+                        continue
+                    if walk(
+                        antennas[n, 0],
+                        antennas[n, 1],
+                        position[p, 0],
+                        position[p, 1],
+                        target[p, 0],
+                        target[p, 1],
+                        normal[p, 0],
+                        normal[p, 1],
+                        through[p],
+                        arcs,
+                        angle,
+                        arc_slot,
+                        leg,
+                        flat_slot,
+                        unfolded,
+                        flat,
+                        facets,
+                        obstacles,
+                        cosine[n, p, number],
+                        facts[n, p, number],
+                    ):
+                        seen[n, p, number] = True
+                        taken[number] = angle[0]
+                        number += 1

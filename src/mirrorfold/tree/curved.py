@@ -1,0 +1,174 @@
+"""Which curved rows of echoes are mirrors: those behind which the image shows what an opaque thing cannot.
+
+Behind a round object a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and each echo
+of it folds to a place that the radar does not see to be empty. So a row is a mirror if enough echoes stand behind it,
+strong for what the arc leaves of them, and most of them fold to where something may stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.arc_mirror import ArcMirror, dimming, overlap
+from mirrorfold.detection.arcs import find_arcs
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Mirror, faces, fold_of
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.ordering import Order
+
+FEWEST_CELLS = 3
+"""Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one or two."""
+
+MOST_EMPTY = 0.3
+"""Share of these cells that may fold to where the radar sees nothing."""
+
+
+class Heard(Protocol):
+    """The echoes of the image; where known mirrors dim what they show, down to thresholds lower by so much."""
+
+    def __call__(self, *, gain: Array) -> Echoes: ...  # noqa: D102
+
+
+class Again(Protocol):
+    """Steps 2 to 4 with echoes and curved mirrors, see `mirrorfold.reconstruction.find_tree`."""
+
+    def __call__(self, *, echoes: Echoes, arcs: Sequence[ArcMirror]) -> Found: ...  # noqa: D102
+
+
+def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) -> Found:
+    """Steps 2 to 4 once more, with the curved mirrors that the image tells; the same as before where it tells none.
+
+    Those in line of sight are looked for first, then those that flat mirrors show.
+
+    Parameters
+    ----------
+    found : Found
+        With flat mirrors alone.
+    view : ImageView
+    heard, again : callable
+        See `Heard` and `Again`.
+    """
+    arcs: list[ArcMirror] = []
+    for _ in range(2):
+        trial = [*arcs, *(arc for arc in candidates(found, view) if not any(overlap(arc, other) for other in arcs))]
+        tried = found
+        while len(trial) > len(arcs):
+            echoes = heard(gain=gains(view, trial))
+            shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
+            if len(shown) == len(trial):
+                tried = again(echoes=echoes, arcs=trial)
+                shown = [arc for arc in trial if evidence(tried, view, arc).enough]
+            if len(shown) == len(trial):
+                break
+            trial = shown
+        if len(trial) <= len(arcs):
+            break
+        arcs, found = trial, tried
+    return found
+
+
+def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
+    """Curved rows among the echoes in line of sight, and among those that flat mirrors show.
+
+    Parameters
+    ----------
+    found : Found
+        What is known so far; its flat mirrors may be pieces of a curved one.
+    view : ImageView
+    """
+    sight, echoes = found.sight, found.echoes
+    ways, lines = found.tree.ways(), {}
+    for index, chain in enumerate(sight.chain):
+        if chain and chain in ways:
+            lines[index] = ways[chain][-1]
+    own = sight.seen_through(echoes.range, echoes.direction)
+    if lines:
+        numbers = np.array(list(lines))
+        face = faces(list(lines.values()), view, echoes, 0.0, nobody=NOBODY, root=ROOT)
+        on_it = face >= 0
+        own = own.copy()
+        own[on_it] = sight.parent[numbers[face[on_it]]]
+    curved = [index for index, line in lines.items() if line.curved or any(m.curved for m in ways[sight.chain[index]])]
+    own[np.isin(own, curved)] = NOBODY
+    return find_arcs(view, echoes, own)
+
+
+def gains(view: ImageView, arcs: Sequence[ArcMirror]) -> Array:
+    """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
+    gain = np.ones((view.range.size, view.u.size))
+    for arc in arcs:
+        crossing = arc.crossing(view)
+        met = np.flatnonzero(np.isfinite(crossing))
+        places = view.to_points(view.range[:, None], view.u[None, met])
+        behind = view.range[:, None] > crossing[met]
+        own = dimming([arc], places.reshape(-1, 2)).reshape(behind.shape)
+        gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
+    return gain
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What stands behind an arc.
+
+    Attributes
+    ----------
+    cells : int
+        Resolution cells of the image with strong echoes in them.
+    empty : float
+        Share of them that fold to where the radar sees nothing.
+    """
+
+    cells: int
+    empty: float
+
+    @property
+    def enough(self) -> bool:
+        """Whether this is a mirror."""
+        return self.cells >= FEWEST_CELLS and self.empty <= MOST_EMPTY
+
+
+def behind(view: ImageView, echoes: Echoes, arc: ArcMirror) -> Mask:
+    """Strong echoes behind an arc, deeper than an object is, (n,)."""
+    crossing = arc.crossing(view)[echoes.direction]
+    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
+
+
+def filled_cells(view: ImageView, echoes: Echoes) -> int:
+    """Resolution cells of the image in which echoes stand."""
+    return len(np.unique(np.rint(view.in_cells(echoes.position)), axis=0)) if len(echoes) else 0
+
+
+def evidence(found: Found, view: ImageView, arc: ArcMirror) -> Evidence:
+    """What is seen by way of an arc that was tried as a mirror."""
+    sight, echoes = found.sight, found.echoes
+    ways = found.tree.ways()
+    own = [
+        (index, ways[chain])
+        for index, chain in enumerate(sight.chain)
+        if chain and isinstance(line := ways[chain][-1], ArcMirror) and np.allclose(line.middle, arc.middle)
+    ]
+    cells, empty = 0, 0.0
+    through = sight.seen_through(echoes.range, echoes.direction)
+    for index, way in own:
+        shown = echoes.take(echoes.visible & behind(view, echoes, arc) & (through == index))
+        if not len(shown):
+            continue
+        place = fold_of(way, view.dimensions)(shown.position)
+        range_, direction, inside = view.locate(place)
+        contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(shown), bool)
+        cells += filled_cells(view, shown)
+        empty += filled_cells(view, shown.take(contradicted))
+    return Evidence(cells, empty / max(cells, 1))
+
+
+def without_bent(order: Order) -> list[Mirror] | None:
+    """The mirrors without those seen by way of a curved one; None if there are no such."""
+    bent = [any(mirror.curved for mirror in order.way(index)[:-1]) for index in range(len(order.mirrors))]
+    return [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent] if any(bent) else None
