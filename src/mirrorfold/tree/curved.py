@@ -2,7 +2,8 @@
 
 Behind a round object a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and each echo
 of it folds to a place that the radar does not see to be empty. So a row is a mirror if enough echoes stand behind it,
-strong for what the arc leaves of them, and most of them fold to where something may stand.
+strong for what the arc leaves of them, most of them fold to where something may stand, and some show what is not known
+without: of what is seen directly or in flat mirrors, a convex one shows a coarser picture at best.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.arc_mirror import ArcMirror, dimming, overlap
@@ -23,8 +25,12 @@ from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 
-FEWEST_CELLS = 3
-"""Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one or two."""
+FEWEST_CELLS, FEWEST_NEW = 3, 2
+"""Resolution cells behind a mirror in which echoes stand, at least, and those that show what is not known without:
+multiple scattering may fill one."""
+
+KNOWN_CELLS = 1.5
+"""What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that."""
 
 MOST_EMPTY = 0.3
 """Share of these cells that may fold to where the radar sees nothing."""
@@ -55,7 +61,7 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
     heard, again : callable
         See `Heard` and `Again`.
     """
-    arcs: list[ArcMirror] = []
+    arcs, known = list[ArcMirror](), known_places(found)
     for _ in range(2):
         trial = [*arcs, *(arc for arc in candidates(found, view) if not any(overlap(arc, other) for other in arcs))]
         tried = found
@@ -64,7 +70,7 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
             shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
             if len(shown) == len(trial):
                 tried = again(echoes=echoes, arcs=trial)
-                shown = [arc for arc in trial if evidence(tried, view, arc).enough]
+                shown = [arc for arc in trial if evidence(tried, view, arc, known).enough]
             if len(shown) == len(trial):
                 break
             trial = shown
@@ -121,17 +127,20 @@ class Evidence:
     ----------
     cells : int
         Resolution cells of the image with strong echoes in them.
+    new : int
+        Those of them that fold to places where nothing was known to be.
     empty : float
-        Share of them that fold to where the radar sees nothing.
+        Share of all that fold to where the radar sees nothing.
     """
 
     cells: int
+    new: int
     empty: float
 
     @property
     def enough(self) -> bool:
         """Whether this is a mirror."""
-        return self.cells >= FEWEST_CELLS and self.empty <= MOST_EMPTY
+        return self.cells >= FEWEST_CELLS and self.new >= FEWEST_NEW and self.empty <= MOST_EMPTY
 
 
 def behind(view: ImageView, echoes: Echoes, arc: ArcMirror) -> Mask:
@@ -145,8 +154,16 @@ def filled_cells(view: ImageView, echoes: Echoes) -> int:
     return len(np.unique(np.rint(view.in_cells(echoes.position)), axis=0)) if len(echoes) else 0
 
 
-def evidence(found: Found, view: ImageView, arc: ArcMirror) -> Evidence:
-    """What is seen by way of an arc that was tried as a mirror."""
+def known_places(found: Found) -> Array:
+    """Where all that was found stands, (n, 2) [m]."""
+    folds = found.tree.folds()
+    parts = [folds[node.chain](node.objects.position) for node in found.tree.walk()]
+    parts += [folds[node.chain[:-1]](node.face.position) for node in found.tree.walk() if node.chain]
+    return np.concatenate(parts)
+
+
+def evidence(found: Found, view: ImageView, arc: ArcMirror, known: Array) -> Evidence:
+    """What is seen by way of an arc that was tried as a mirror, besides known places (n, 2) [m]."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     own = [
@@ -154,7 +171,8 @@ def evidence(found: Found, view: ImageView, arc: ArcMirror) -> Evidence:
         for index, chain in enumerate(sight.chain)
         if chain and isinstance(line := ways[chain][-1], ArcMirror) and np.allclose(line.middle, arc.middle)
     ]
-    cells, empty = 0, 0.0
+    cells, fresh, empty = 0, 0, 0
+    tree = cKDTree(known if len(known) else np.full((1, 2), np.inf))
     through = sight.seen_through(echoes.range, echoes.direction)
     for index, way in own:
         shown = echoes.take(echoes.visible & behind(view, echoes, arc) & (through == index))
@@ -163,9 +181,12 @@ def evidence(found: Found, view: ImageView, arc: ArcMirror) -> Evidence:
         place = fold_of(way, view.dimensions)(shown.position)
         range_, direction, inside = view.locate(place)
         contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(shown), bool)
+        width = np.abs(arc.spread(shown.position)[0]) * view.cross_cell(shown.position)
+        near = tree.query(place)[0] <= KNOWN_CELLS * np.hypot(view.range_cell, width)
         cells += filled_cells(view, shown)
+        fresh += filled_cells(view, shown.take(~near & ~contradicted))
         empty += filled_cells(view, shown.take(contradicted))
-    return Evidence(cells, empty / max(cells, 1))
+    return Evidence(cells, fresh, empty / max(cells, 1))
 
 
 def without_bent(order: Order) -> list[Mirror] | None:
