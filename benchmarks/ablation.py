@@ -26,6 +26,7 @@ from mirrorfold import reconstruction
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
+from mirrorfold.tree import completion
 
 WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
     "(all parts)": ({}, {}),
@@ -39,13 +40,14 @@ WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
     "copies": ({}, {"copies": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),
 }
-"""For each part functions of `mirrorfold.reconstruction` that do nothing in its place, and settings."""
+"""For each part functions that do nothing in its place, where steps 2 to 4 call it, and settings."""
 
 
 def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> list[float]:
     """Of hidden things without one part: precision, completeness and F-score in cells, and the invented share."""
     instead, settings = WITHOUT[part]
-    context: AbstractContextManager[Any] = patch.multiple(reconstruction, **instead) if instead else nullcontext()
+    home = completion if all(hasattr(completion, name) for name in instead) else reconstruction
+    context: AbstractContextManager[Any] = patch.multiple(home, **instead) if instead else nullcontext()
     with context:
         found = mf.score(mf.fold(image, sweep=sweep, **settings), scene).hidden
     values = found.precision_cells, found.completeness_cells, found.f_score_cells, found.invented_fraction

@@ -31,14 +31,10 @@ from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names, Progress
 from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.plan_mirrors import mirrors_of_plan
-from mirrorfold.detection.shadows import beyond_shadows, joined
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
@@ -55,6 +51,7 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
+from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import find_curved, without_bent
 from mirrorfold.tree.lines_of_sight import ROOT
@@ -401,19 +398,3 @@ def _agreed(
             break
         echoes = seen
     return order, seen
-
-
-def completed(
-    mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, settings: FoldSettings
-) -> list[Mirror]:
-    """The mirrors with what objects hide of them, and with those that the radar sees edge-on."""
-    clear = order.sight.cover.clear
-    loose = echoes.take(order.face == ROOT)  # rows of their own stay such
-    longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
-    shortest = settings.minimum_length or 0.0
-    sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
-    halves = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
-    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, sighted, clear, shortest)
-    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
-    seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
-    return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]

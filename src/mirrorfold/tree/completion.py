@@ -1,0 +1,35 @@
+"""Mirrors told by the order of the others: what objects hide of them, and those that the radar sees edge-on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.edge_on import edge_on
+from mirrorfold.detection.finding import find_mirrors
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.shadows import beyond_shadows, joined
+from mirrorfold.tree.lines_of_sight import ROOT
+from mirrorfold.tree.ordering import Order
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
+
+
+def completed(
+    mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, settings: FoldSettings
+) -> list[Mirror]:
+    """The mirrors with what objects hide of them, and with those that the radar sees edge-on."""
+    clear = order.sight.cover.clear
+    loose = echoes.take(order.face == ROOT)  # rows of their own stay such
+    longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
+    shortest = settings.minimum_length or 0.0
+    sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
+    halves = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
+    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, sighted, clear, shortest)
+    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
+    seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
+    return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]
