@@ -12,6 +12,7 @@ import os
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
@@ -91,8 +92,8 @@ def run(*words: object) -> None:
     from mirrorfold.cli import main
 
     said = io.StringIO()
-    os.environ["MIRRORFOLD_DEBUG"] = "1"  # errors come out as they are
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    errors_as_they_are = patch.dict(os.environ, MIRRORFOLD_DEBUG="1")
+    with errors_as_they_are, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         code = main([str(word) for word in words])
     if code == 2:
         raise InputError(said.getvalue())

@@ -135,7 +135,11 @@ def test_a_reconstruction_lists_mirrors_and_points(reconstruction):
 
 def test_mirrors_of_space_have_three_coordinates(reconstruction, capsys):
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    heights = {f"folded_z{end}": ("mirror", np.full(mirrors.sizes["mirror"], 0.3 + end)) for end in (0, 1)}
+    heights = {
+        f"{folded}z{end}": ("mirror", np.full(mirrors.sizes["mirror"], 0.3 + end))
+        for folded in ("", "folded_")
+        for end in (0, 1)
+    }
     reconstruction["mirrors"] = xr.DataTree(mirrors.assign(heights))
     mirror = mf.info(reconstruction).mirrors[0]
     assert mirror.start_m == [0.4, 1.6, 0.3]
