@@ -38,6 +38,7 @@ DEMO_SCENES = {
     "drywall-mannequin": "drywall-mannequin.toml",
     "drywall-control": "drywall-control.toml",
     "corridor": "corridor.toml",
+    "pillar": "pillar.toml",
 }
 
 DEMO_SNR_DB = 20.0
@@ -46,7 +47,7 @@ DEMO_SNR_DB = 20.0
 
 def demo(
     *,
-    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor"] = "hidden-corner",
+    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor", "pillar"] = "hidden-corner",
     out: Path = Path("demo"),
     json: bool = False,
 ) -> None:

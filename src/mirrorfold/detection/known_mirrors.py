@@ -1,7 +1,8 @@
 """Mirrors that are known or drawn, in the place of detected ones.
 
 The file of such mirrors is JSON, in metres and in the coordinates of the unfolded image, where a mirror seen through
-another is a ghost itself: ``{"mirrors": [{"start": [x, y], "end": [x, y]}, ...]}`` for an image,
+another is a ghost itself: ``{"mirrors": [{"start": [x, y], "end": [x, y]}, ...]}`` for an image, where a curved one is
+an arc ``{"start": [x, y], "through": [x, y], "end": [x, y]}`` by way of a third point, and
 ``{"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]}, ...]}`` for a volume.
 """
 
@@ -10,14 +11,18 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.arcs import arc_through
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.arcs import circle_through
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.growing import evidence
 from mirrorfold.detection.image_view import ImageView
@@ -46,6 +51,8 @@ EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
 
+    Where some are arcs, of first, third and last points, (mirrors, 3, 2): those of a line lie on it.
+
     Raises
     ------
     InputError
@@ -58,11 +65,11 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         places = np.array(np.nan)
     if places.shape[:1] == (0,):
         return np.empty((0, 2, 2))
-    if places.ndim != 3 or places.shape[1:] not in ((2, 2), (4, 3)):
+    if places.ndim != 3 or places.shape[1:] not in ((2, 2), (3, 2), (4, 3)):
         found = "something else" if places.ndim == 0 else f"an array of shape {places.shape}"
         raise InputError(
-            f"{source}: expected for each mirror its two ends of two numbers, or in space its four corners of three "
-            f"numbers [m], got {found}"
+            f"{source}: expected for each mirror its two ends of two numbers, of an arc a point between them, too, or "
+            f"in space its four corners of three numbers [m], got {found}"
         )
     if len(places) > LARGEST_COUNT:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
@@ -98,17 +105,31 @@ def read_mirrors(path: str | Path) -> Array:
         match mirror:
             case {"corners": corners}:
                 places.append(corners)
+            case {"start": start, "through": through, "end": end}:
+                places.append([start, through, end])
             case {"start": start, "end": end}:
                 places.append([start, end])
             case _:
                 raise InputError(f"{path}: mirror {number} has no 'start' and 'end'; expected {EXAMPLE}")
+    if any(len(place) == 3 for place in places) and all(len(place) < 4 for place in places):
+        places = [_by_three(place) for place in places]
     return check_mirrors(places, str(path))
+
+
+def _by_three(place: list[Any]) -> list[Any]:
+    """A line by three points, as arcs are given; what has other numbers of coordinates stays, to be refused."""
+    try:
+        (x0, y0), (x1, y1) = place
+        return [[x0, y0], [0.5 * (x0 + x1), 0.5 * (y0 + y1)], [x1, y1]]
+    except (TypeError, ValueError):
+        return place
 
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
     """Write a file of mirrors that `read_mirrors` reads back to the last bit; returns its path."""
     places = check_mirrors(mirrors).tolist()
-    rows = [{"corners": p} if len(p) == 4 else {"start": p[0], "end": p[1]} for p in places]
+    names = {2: ("start", "end"), 3: ("start", "through", "end")}
+    rows = [{"corners": p} if len(p) == 4 else dict(zip(names[len(p)], p, strict=True)) for p in places]
     path = Path(path)
     path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
     return path
@@ -123,7 +144,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     mirrors: list[Mirror] = []
     for number, points in enumerate(places):
         go_on()
-        mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else LineMirror(*points)
+        mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else _line_or_arc(points, view)
         size, reach = float(np.ptp(points, axis=0).max()), float(view.range[-1])
         if size > LONGEST * reach:
             raise InputError(
@@ -137,6 +158,19 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
         fill = mirror.filled(view, evidence(on_it, view))
         mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
     return mirrors
+
+
+def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
+    """The line between two points (2, 2) [m], or the arc by way of a third one, (3, 2)."""
+    start, end = points[[0, -1]]
+    if len(points) == 2 or len(arc_through(*points)) == 2:
+        return LineMirror(start, end)
+    middle, radius = (found[0] for found in circle_through(start[None], points[1][None], end[None]))
+    first, through, last = (float(np.arctan2(*(point - middle)[::-1])) for point in points)
+    turn = (last - first) % (2.0 * np.pi)
+    if (through - first) % (2.0 * np.pi) > turn:
+        first, turn = last, 2.0 * np.pi - turn
+    return ArcMirror(middle=middle, radius=float(radius), first=first, span=turn, radar=view.radar)
 
 
 def _plane(outline: Array, view: VolumeView) -> PlaneMirror:

@@ -32,6 +32,10 @@ multiple scattering may fill one."""
 KNOWN_CELLS = 1.5
 """What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that."""
 
+SAMPLES, PIECE = 9, 0.4
+"""Places along a flat mirror, and the share of them that lie on an arc if it is a piece of it: of an S-shaped wall that
+was taken for straight, half of it lies on either arc."""
+
 MOST_EMPTY = 0.3
 """Share of these cells that may fold to where the radar sees nothing."""
 
@@ -61,7 +65,7 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
     heard, again : callable
         See `Heard` and `Again`.
     """
-    arcs, known = list[ArcMirror](), known_places(found)
+    arcs, flat = list[ArcMirror](), found
     for _ in range(2):
         trial = [*arcs, *(arc for arc in candidates(found, view) if not any(overlap(arc, other) for other in arcs))]
         tried = found
@@ -70,6 +74,7 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
             shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
             if len(shown) == len(trial):
                 tried = again(echoes=echoes, arcs=trial)
+                known = known_places(flat, view, trial)
                 shown = [arc for arc in trial if evidence(tried, view, arc, known).enough]
             if len(shown) == len(trial):
                 break
@@ -154,12 +159,23 @@ def filled_cells(view: ImageView, echoes: Echoes) -> int:
     return len(np.unique(np.rint(view.in_cells(echoes.position)), axis=0)) if len(echoes) else 0
 
 
-def known_places(found: Found) -> Array:
-    """Where all that was found stands, (n, 2) [m]."""
-    folds = found.tree.folds()
-    parts = [folds[node.chain](node.objects.position) for node in found.tree.walk()]
-    parts += [folds[node.chain[:-1]](node.face.position) for node in found.tree.walk() if node.chain]
+def known_places(found: Found, view: ImageView, arcs: Sequence[ArcMirror]) -> Array:
+    """Where all stands that was found without flat pieces along those arcs, (n, 2) [m]: they place it wrongly."""
+    folds, ways = found.tree.folds(), found.tree.ways()
+    parts = [np.empty((0, 2))]
+    for node in found.tree.walk():
+        for way, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
+            if not any(_along(mirror, arc, view) for mirror in ways[way] for arc in arcs):
+                parts.append(folds[way](echoes.position))
     return np.concatenate(parts)
+
+
+def _along(mirror: Mirror, arc: ArcMirror, view: ImageView) -> bool:
+    """Whether a flat mirror is a piece of an arc, or a chord of it."""
+    places = mirror.ends[0] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (mirror.ends[1] - mirror.ends[0])
+    cell, along = view.cell_at(arc.center), arc.along(places)
+    near = (np.abs(arc.beside(places)) <= cell) & (along >= -cell) & (along <= arc.length + cell)
+    return not mirror.curved and bool(near.mean() >= PIECE)
 
 
 def evidence(found: Found, view: ImageView, arc: ArcMirror, known: Array) -> Evidence:
