@@ -240,11 +240,13 @@ def test_a_mirror_shows_only_what_reflects_on_it():
         assert seen(make_scene(SCREEN, MIRROR, HIDDEN, blocker), bounces=1)[2] == (0.0, 0.0)
 
 
-def test_short_and_curved_pieces_are_not_counted_on_as_mirrors():
+def test_short_pieces_are_not_counted_on_as_mirrors_and_curved_ones_are():
     for start, share in ((0.68, 1.0), (0.7, 0.0)):
         assert seen(make_scene(SCREEN, segment((0.8, start), (0.8, 0.84)), HIDDEN))[2] == (0.0, share)
     curved = {"kind": "arc", "center": [20.8, 1.6], "radius": 20.0, "start_angle": 178.0, "stop_angle": 183.0}
-    assert seen(make_scene(SCREEN, curved, HIDDEN))[2][1] == 0.0
+    assert seen(make_scene(SCREEN, curved, HIDDEN))[2] == (0.0, 1.0)
+    # Turned away, or behind the screen itself, the arc shows nothing.
+    assert seen(make_scene(SCREEN, {**curved, "start_angle": 170.0, "stop_angle": 174.0}, HIDDEN))[2][1] == 0.0
 
 
 def test_two_mirrors_show_what_one_does_not():

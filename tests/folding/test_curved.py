@@ -1,0 +1,96 @@
+"""Curved mirrors from the sweep to the score: a pillar shows what a screen hides."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import mirrorfold as mf
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.image_view import to_image_view
+from mirrorfold.folding.magnification import BEYOND, NEAR, magnified
+from mirrorfold.scoring.cells import point_cells
+
+
+@pytest.fixture(scope="module")
+def scene() -> mf.Scene:
+    return mf.load_scene(files("mirrorfold") / "scenes/shipped/pillar.toml")
+
+
+@pytest.fixture(scope="module")
+def measured(scene: mf.Scene) -> tuple[xr.DataArray, xr.Dataset]:
+    sweep = mf.simulate(scene)
+    return mf.focus(sweep, tolerance=1e-3), sweep
+
+
+@pytest.mark.slow
+def test_pillar_shows_what_is_hidden_and_keeps_its_radius(
+    scene: mf.Scene, measured: tuple[xr.DataArray, xr.Dataset]
+) -> None:
+    image, sweep = measured
+    folded = mf.fold(image, sweep=sweep)
+    mirrors = folded.children["mirrors"].dataset
+    bent = mirrors["curvature"].values != 0.0
+    assert np.count_nonzero(bent) == 1
+    assert abs(1.0 / (0.35 * mirrors["curvature"].values[bent][0]) - 1.0) < 0.03
+    score = mf.score(folded, scene)
+    assert score.hidden.f_score_cells is not None
+    assert score.hidden.f_score_cells > 0.9
+    assert score.hidden.accuracy_m is not None
+    assert score.hidden.accuracy_m < 0.05
+    # The picture shows it, too, and nothing where nothing stands: between the radar and the screen.
+    picture = folded["intensity"]
+    peak = float(picture.sel(x=slice(-0.5, -0.2), y=slice(1.3, 1.7)).max())
+    assert peak > 0.0
+    assert float(picture.sel(x=slice(-0.4, 0.4), y=slice(0.3, 0.8)).max()) < 1e-3 * peak
+
+
+@pytest.mark.slow
+def test_switched_off_the_pillar_is_an_object(scene: mf.Scene, measured: tuple[xr.DataArray, xr.Dataset]) -> None:
+    image, sweep = measured
+    flat = mf.fold(image, sweep=sweep, curved=False)
+    assert "curvature" not in flat.children["mirrors"].dataset
+    assert "growth" not in flat.children["objects"].dataset
+    assert not (flat.children["objects"].dataset["bounces"].values > 0).any()
+    assert mf.score(flat, scene).hidden.completeness_cells == 0.0
+
+
+@pytest.mark.slow
+def test_what_is_folded_is_saved_loaded_and_scored_in_grown_cells(
+    measured: tuple[xr.DataArray, xr.Dataset], tmp_path: object
+) -> None:
+    image, sweep = measured
+    folded = mf.fold(image, sweep=sweep)
+    mf.save(folded, f"{tmp_path}/folded.nc")
+    again = mf.load(f"{tmp_path}/folded.nc")
+    objects = again.children["objects"].dataset
+    grown, plain = point_cells(objects, again.attrs), point_cells(objects, again.attrs, grown=False)
+    assert grown is not None
+    assert plain is not None
+    behind = objects["chain"].values == "1"
+    np.testing.assert_array_equal(grown[~behind], plain[~behind])
+    assert (grown[behind] > 2.0 * plain[behind]).all()
+
+
+def test_points_near_and_beyond_a_caustic_are_marked() -> None:
+    attrs = {"frequency_start": 290e9, "frequency_stop": 300e9, "frequency_points": 401, "tx_aperture": 0.04,
+             "rx_aperture": 0.04}  # fmt: skip
+    axes = {"y": np.linspace(0.1, 3.0, 60), "x": np.linspace(-1.0, 2.0, 60)}
+    view = to_image_view(xr.DataArray(np.ones((60, 60)), axes, ("y", "x"), attrs=attrs))
+    bay = ArcMirror(
+        middle=np.array([0.0, 1.0]), radius=1.0, first=np.radians(60.0), span=np.radians(60.0), radar=np.zeros(2)
+    )
+    # Straight ahead, at 2 m: with the radar 1 m before the center the caustic lies 2/3 m from the face.
+    image = np.array([[0.0, 2.0 + s] for s in (1e-3, 0.66, 0.9, 6.0)])
+    growth, caustic = magnified([bay], image, view)
+    assert list(caustic) == ["", NEAR, BEYOND, BEYOND]
+    assert growth[0] == pytest.approx(1.0, abs=0.05)
+    width, bend = bay.spread(image)
+    assert abs(width[1]) < 0.02
+    # What the pencil loses, the blur of the aperture makes up for: half of 4 cm, in cells.
+    blur = 0.5 * view.glint * abs(bend[1] - width[1]) / float(view.width(2.66))
+    assert growth[1] == pytest.approx(np.hypot(width[1], blur), rel=1e-6)
+    assert growth[1] > 5.0 * abs(width[1])
