@@ -31,8 +31,8 @@ multiple scattering may fill one."""
 
 NEW_SHARE = 0.2
 """Least share of the cells behind a mirror that show what is not known: ways over it and further mirrors, which fold to
-wrong places, fill fewer of the cells behind a pillar that shows known things. It was 0.25 and more behind true mirrors of
-random scenes, and 0.17 at most behind others."""
+wrong places, fill fewer of the cells behind a pillar that shows known things. It was 0.25 and more behind true mirrors
+of random scenes, and 0.17 at most behind others."""
 
 KNOWN_CELLS = 1.5
 """What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that."""
