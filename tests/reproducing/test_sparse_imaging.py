@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
-from mirrorfold.reproducing.parts.sparse_imaging import Channels, Modes, focused, random_channels, sparse_reflectivity
+from mirrorfold.reproducing.parts.sparse_imaging import Channels, Modes, random_channels, sparse_reflectivity
 
 SHAPE = (24, 20, 20)
 X, Y = np.arange(-0.5, 0.5, 0.03), np.arange(0.5, 1.3, 0.04)
@@ -35,6 +35,10 @@ def truth():
     for pixel, value in POINTS.items():
         x[pixel] = value
     return x
+
+
+def focused(sweep, s):
+    return mf.focus(sweep.assign(s=(sweep["s"].dims, s)), x=X, y=Y)
 
 
 def ways(model, share):
@@ -100,10 +104,10 @@ def test_few_reflectors_are_found_from_a_tenth(sweep, model, truth, kind):
     measurement = ways(model, 0.1)[kind]
     s = model.all_samples(truth)
     y = measurement.measured(s)
-    whole = focused(sweep, s, X, Y)
+    whole = focused(sweep, s)
     x = sparse_reflectivity(measurement, y, 60).x
-    sparse = focused(sweep, measurement.completed(y, x), X, Y)
-    matched = focused(sweep, measurement.matched(y), X, Y)
+    sparse = focused(sweep, measurement.completed(y, x))
+    matched = focused(sweep, measurement.matched(y))
     # The matched filter has a scale of its own; the one nearest to the whole image is fair.
     matched = matched * (np.vdot(matched, whole) / np.vdot(matched, matched))
     assert np.linalg.norm(sparse - whole) < 0.2 * np.linalg.norm(matched - whole)

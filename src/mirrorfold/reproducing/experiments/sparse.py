@@ -14,7 +14,7 @@ import mirrorfold as mf
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.sparse_figures import draw_example, draw_quality, draw_unexplained
-from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, focused, random_channels
+from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, Samples, random_channels
 from mirrorfold.reproducing.parts.sparse_imaging import sparse_reflectivity as solve
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import Radar, draw
@@ -120,7 +120,8 @@ def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example
     """The scores of one scene by way and method; pictures of one way are put into `example`."""
     s = np.asarray(sweep["s"].values)
     model = mf.FocusOperator(sweep, x=setting.x, y=setting.y, tolerance=1e-3)
-    everything = mf.fold(focused(sweep, s, setting.x, setting.y))
+    imaged = partial(_folded, sweep, setting)
+    everything = imaged(s, s)
     scores = {"full": _score(everything, scene)}
     left = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
     # What no reflectivities explain, less the noise, as a share of the amplitude.
@@ -139,19 +140,25 @@ def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example
             x, fell = solve(measurement, y, setting.iterations)
             falls.append(fell)
             filled.append(np.count_nonzero(x) / x.size)
-            images = (
-                focused(sweep, measurement.matched(y), setting.x, setting.y),
-                focused(sweep, measurement.completed(y, x), setting.x, setting.y),
-                model.image(x),
+            matched = measurement.matched(y)
+            found = (
+                imaged(matched, matched),
+                imaged(measurement.completed(y, x), matched),
+                mf.fold(model.image(x)),
             )
-            for method, image in zip(METHODS, images, strict=True):
-                folded = mf.fold(image)
+            for method, folded in zip(METHODS, found, strict=True):
                 scores[f"{kind}, {share:g}, {method}"] = _score(folded, scene)
                 if (kind, share) == EXAMPLE:
                     example[method] = folded
     example["all channels"] = everything
     scores["scene"] |= {"falls": float(np.mean(falls)), "filled": float(np.mean(filled))}
     return scores
+
+
+def _folded(sweep: xr.Dataset, setting: Setting, s: Samples, measured: Samples) -> xr.DataTree:
+    """What other samples of the same measurement show; those that were measured tell mixed paths between the discs."""
+    shown, known = (sweep.assign(s=(sweep["s"].dims, samples.astype(np.complex64))) for samples in (s, measured))
+    return mf.fold(mf.focus(shown, x=setting.x, y=setting.y), sweep=known)
 
 
 def _score(reconstruction: xr.DataTree, scene: Scene) -> dict[str, float]:
@@ -374,7 +381,8 @@ def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tupl
         "restored as radio astronomers restore the components of CLEAN (Hogbom 1974): x predicts the samples of all "
         "channels, measured ones keep their values, and the completed sweep is focused as usual. That is the model "
         "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself. What modes "
-        "leave unexplained is added by their matched filter.",
+        "leave unexplained is added by their matched filter. Besides the image folding is given the samples that were "
+        "measured, which tell what left and arrived by different ways; the image that is not restored has none.",
         "How few channels suffice is a matter of where their side lobes lie. Any channels at random spread the side "
         "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
         "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "

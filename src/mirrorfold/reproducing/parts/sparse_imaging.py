@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
@@ -174,11 +173,6 @@ def sparse_reflectivity(measurement: Measurement, y: Samples, iterations: int) -
         pylops.aslinearoperator(operator), y, niter=iterations, eps=2.0 * threshold, alpha=STEP_SHARE / largest, tol=0.0
     )
     return Sparse(np.asarray(x, dtype=np.complex64), float(cost[len(cost) // 2] / cost[-1] - 1.0))
-
-
-def focused(sweep: xr.Dataset, s: Samples, x: Any, y: Any) -> xr.DataArray:
-    """The image of other samples of the same measurement."""
-    return mf.focus(sweep.assign(s=(sweep["s"].dims, s.astype(np.complex64))), x=x, y=y)
 
 
 def _phases(random: np.random.Generator, frequencies: int, modes: int, elements: int) -> Samples:
