@@ -159,7 +159,8 @@ def test_a_line_that_was_cut_off_is_made_again(tmp_path):
     file = tmp_path / "scenes.jsonl"
     file.write_text(file.read_text()[:-40])
     small_benchmark.calls.clear()
-    again = run("nothing", output=tmp_path)
+    with pytest.warns(UserWarning, match="1 of 2 lines are damaged"):
+        again = run("nothing", output=tmp_path)
     assert again.results[0].figures == whole.results[0].figures
     assert small_benchmark.calls == ["nothing"]
     assert len(read_lines(file)) == len(file.read_text().splitlines()) == 2

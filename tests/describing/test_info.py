@@ -32,9 +32,7 @@ def test_a_block_of_metal_is_resolved_where_it_is():
     position = np.zeros((8, 3))
     position[:, 0] = 0.63e-3 * (np.arange(8) - 3.5)
     s = np.exp(-2j * np.pi * frequency[:, None, None] * (np.zeros((8, 8)) + 0.04) / 6300.0)
-    sweep = mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=position).assign_attrs(
-        wave_speed=6300.0
-    )
+    sweep = mf.make_sweep(s, frequency=frequency, tx_position=position, rx_position=position, wave_speed=6300.0)
     stated = mf.info(sweep, diagnose=False).cross_range_resolution_m
     assert max(map(float, stated)) == pytest.approx(6300.0 / (2 * 8e6 / 270), rel=0.01)
     image = mf.focus(sweep, x=np.linspace(-0.01, 0.01, 21), y=np.linspace(0.01, 0.03, 21))

@@ -209,6 +209,7 @@ def flight(seed, degrees):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:Neighbouring antennas stand")
 @pytest.mark.parametrize("seed", range(2))
 def test_a_smeared_image_tells_the_mistakes_of_a_moving_antenna(seed):
     for mistake in ("none", "conjugated", "reversed"):

@@ -356,6 +356,7 @@ def test_many_images_are_kept_in_one_file(tmp_path, dims):
         assert mf.fold(again)["intensity"].sizes["frame"] == shape[0]
 
 
+@pytest.mark.filterwarnings("ignore:Neighbouring antennas stand")
 def test_frames_are_focused_to_a_file(tmp_path):
     place = np.array([[-0.01, 0.0, 0.0], [0.01, 0.0, 0.0]])
     frequency = np.linspace(290e9, 300e9, 16)

@@ -19,7 +19,10 @@ from mirrorfold.sweep import make_monostatic_sweep, make_raster_sweep, make_swee
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(15))
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore:the files hold S11", "ignore:.*were not measured", "ignore:.*neighbouring places"
+    "ignore:the files hold S11",
+    "ignore:.*were not measured",
+    "ignore:.*neighbouring places",
+    "ignore:Neighbouring antennas stand",
 )
 
 

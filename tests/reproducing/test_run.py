@@ -175,6 +175,7 @@ def test_steps_of_another_program_or_damaged_ones_are_made_again(tmp_path):
     assert COUNTS["one"] == ["first"] * 3
 
 
+@pytest.mark.filterwarnings("ignore:.*strong echoes come from")
 @pytest.mark.parametrize("solver", ["rays", "fullwave"])
 def test_sweeps_are_kept_until_the_experiment_is_done(tmp_path, monkeypatch, solver):
     content = {

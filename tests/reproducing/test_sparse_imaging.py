@@ -10,6 +10,8 @@ from numpy.testing import assert_allclose
 import mirrorfold as mf
 from mirrorfold.reproducing.parts.sparse_imaging import Channels, Modes, random_channels, sparse_reflectivity
 
+pytestmark = pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
+
 SHAPE = (24, 20, 20)
 X, Y = np.arange(-0.5, 0.5, 0.03), np.arange(0.5, 1.3, 0.04)
 POINTS = {(4, 6): 1.0, (15, 25): -0.3j, (8, 20): 0.05 + 0.05j}

@@ -167,6 +167,7 @@ def test_field_where_two_paths_meet_stays_finite() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*strong echoes come from")
 @pytest.mark.parametrize("radius", [0.1, 0.2])
 def test_ghost_in_a_pillar_is_that_of_full_waves(radius: float) -> None:
     center = np.array([0.25, 1.0])

@@ -137,6 +137,7 @@ def test_circle_glint_follows_geometrical_optics() -> None:
     assert abs(np.abs(s[0]) * distance / np.sqrt(radius / 2) - 1.0) < 0.01
 
 
+@pytest.mark.filterwarnings("ignore:Neighbouring antennas stand")
 @pytest.mark.parametrize(
     ("center", "radius", "side"),
     [((0.1, 1.5), 0.5, -90.0), ((0.02, -0.1), 1.0, 90.0), ((0.0, 0.5), 0.5, 90.0)],
@@ -303,6 +304,7 @@ def busy_scene(move: Isometry | None = None, rx: dict[str, Any] | None = None, *
     return make_scene(*surfaces, pitch=0.03, array=array, band=band, **entries)
 
 
+@pytest.mark.filterwarnings("ignore:Neighbouring antennas stand")
 def test_sweep_is_reciprocal() -> None:
     s = simulate(busy_scene(elements=9))["s"].values
     assert np.abs(s - s.transpose(0, 2, 1)).max() < 1e-6 * np.abs(s).max()

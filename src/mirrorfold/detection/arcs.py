@@ -108,7 +108,7 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
         offset = points - middle
         away = np.linalg.norm(offset, axis=1)
         beside = away - radius
-        deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).tiny
+        deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).eps * radius
         trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
         root = np.sqrt(trust)

@@ -84,8 +84,8 @@ class PlaneMirror(Mirror):
         return wide[echoes.direction], self.beams[echoes.direction], stray
 
     def places(self, view: VolumeView) -> Array:  # type: ignore[override]
-        """Where its beams meet it."""
-        return self.shown(view, self.beams).outline
+        """Where its beams meet it; not finite where one does not."""
+        return view.points(view.meets(self.normal, self.center)[self.beams], np.flatnonzero(self.beams))
 
     def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
         """Along its beams: a beam gathers echoes from all of its footprint, symmetrically about its axis."""
@@ -110,7 +110,7 @@ class PlaneMirror(Mirror):
 
     def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
         """As much of its plane as some of the beams show."""
-        points = view.points(view.meets(self.normal, self.center)[beams], np.flatnonzero(beams))
+        points = replace(self, beams=beams).places(view)
         return replace(self, center=points.mean(axis=0), outline=points, beams=beams)
 
     def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]

@@ -201,8 +201,9 @@ class View(ABC):
         return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
 
     def points(self, range_: Array, direction: Index) -> Array:
-        """Positions (n, d) [m] at ranges [m] in directions."""
-        return self.radar + range_[..., None] * self.sight[direction]
+        """Positions (n, d) [m] at ranges [m] in directions; not finite where the range is not."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.radar + range_[..., None] * self.sight[direction])
 
     def meets(self, normal: Array, center: Array) -> Array:
         """Range [m] at which each line of sight meets an endless line or plane, (n,); infinite where it does not."""
