@@ -157,8 +157,8 @@ def _by_library(path: Path, raw: bytes) -> Spectra:
         from skrf.io.touchstone import Touchstone
     except ImportError:
         raise InputError(
-            f"{path}: is a Touchstone file of version 2 or of other parameters than S, which needs scikit-rf; "
-            "install scikit-rf"
+            f"{path}: is a Touchstone file of version 2 or of other parameters than S, which needs scikit-rf; install "
+            "with: pip install 'mirrorfold[touchstone]'"
         ) from None
     import warnings
 
