@@ -159,6 +159,17 @@ def test_straight_walls_are_no_arcs(seed: int) -> None:
     assert not find_arcs(view, echoes, np.full(len(echoes), -1))
 
 
+@pytest.mark.parametrize("degrees", [8.0, 15.0, 25.0])
+def test_two_walls_that_touch_are_no_arc(degrees: float) -> None:
+    """As a screen and a wall do in the image, one seen in a mirror before the other."""
+    corner, along = np.array([0.2, 1.3]), 0.3 * np.linspace(0.0, 1.0, 200)[:, None]
+    for side in (1.0, -1.0):
+        ways = (np.radians(side * degrees) * np.array([0.5, -0.5]) + [0.0, np.pi]) - 0.3
+        legs = [corner + along * [np.cos(way), np.sin(way)] for way in ways]
+        view, echoes = speckled(legs, empty_view(), 3)
+        assert not find_arcs(view, echoes, np.full(len(echoes), -1))
+
+
 def test_drawn_arc_passes_its_three_points() -> None:
     start, middle, end = PILLAR.at(np.array([0.0, 0.5, 1.0]) * PILLAR.length)
     points = arc_through(start, middle, end)

@@ -14,6 +14,16 @@ STRAIGHT = 1e-6
 """Bulge, as a share of the chord, up to which three points lie on a line."""
 
 
+def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """Middle (n, 2) and radius (n,) of the circles through three points each, infinite where they lie on a line."""
+    b, c = b - a, c - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        double = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
+        bb, cc = np.sum(b * b, axis=1), np.sum(c * c, axis=1)
+        middle = np.stack([c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb], axis=1) / double[:, None]
+    return a + middle, np.linalg.norm(middle, axis=1)
+
+
 def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) -> Array:
     """Points (count, 2) along the arc through three points (2,), or the two ends (2, 2) if these lie on a line."""
     b, c = middle - start, end - start

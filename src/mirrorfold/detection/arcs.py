@@ -13,10 +13,12 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from mirrorfold.common.arcs import circle_through
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side
+from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side, left_of_kink
 from mirrorfold.detection.growing import CLIP
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.lines import GAP_CELLS, LOBE
@@ -50,6 +52,11 @@ BULGE_CELLS = 0.3
 
 SIGNIFICANT = 5.0
 """Standard errors by which the curvature must differ from zero."""
+
+LEFT_OF_KINK = 0.8
+"""An arc leaves no more of the centres of power, as a sum of squares, than this share of what a straight line with one
+kink leaves: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
+1.1 for two walls of a full-wave one."""
 
 GRAZING = 0.12
 """Cosine to the line of sight, 83 degrees, from which on an arc turns away from the radar."""
@@ -88,16 +95,6 @@ def find_arcs(view: ImageView, echoes: Echoes, own: Index) -> list[ArcMirror]:
     return found
 
 
-def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
-    """Middle (n, 2) and radius (n,) of the circles through three points each, infinite where they lie on a line."""
-    b, c = b - a, c - a
-    with np.errstate(divide="ignore", invalid="ignore"):
-        double = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
-        bb, cc = np.sum(b * b, axis=1), np.sum(c * c, axis=1)
-        middle = np.stack([c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb], axis=1) / double[:, None]
-    return a + middle, np.linalg.norm(middle, axis=1)
-
-
 def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
     """The circle with the least weighted squared distances to points (n, 2), from a first one on.
 
@@ -115,6 +112,13 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
         step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
         middle, radius = middle + step[:2], radius + float(step[2])
     return middle, radius, trust
+
+
+def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
+    """Places (n, 2) along the chord of an arc and beside it, (n,) [m] each."""
+    chord = unit(arc.ends[1] - arc.ends[0])
+    offset = points - arc.ends[0]
+    return offset @ chord, offset @ np.array([-chord[1], chord[0]])
 
 
 @dataclass
@@ -308,6 +312,8 @@ class _Arcs:
                 break
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
+            return None
+        if np.sum(trust * arc.beside(points) ** 2) > LEFT_OF_KINK * left_of_kink(*_by_chord(arc, points), trust):
             return None
         _, own, across = arc.near(self.view, self.echoes)
         on_it = self.echoes.take(own & (np.abs(arc.beside(self.echoes.position)) <= across))

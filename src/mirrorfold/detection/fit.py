@@ -54,6 +54,10 @@ def blocks(along: Array, side: float, cells: float, *, fewest: int) -> Index:
     return np.unique(np.ravel_multi_index(tuple(place.T), tuple(count.astype(np.intp))), return_inverse=True)[1]
 
 
+KINKS = 13
+"""Places that are tried for a kink."""
+
+
 class Fit(NamedTuple):
     """A line or plane through points: normal and center (d,), how far [m] the points stray from it, robust, and the
     standard errors of its offset [m] and angle [degree].
@@ -95,6 +99,19 @@ def _errors(along: Array, beside: Array, trust: Array, independent: float) -> tu
     bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
     variance = bread @ pull.T @ pull @ bread * len(pull) / max(len(pull) - design.shape[1], 1)
     return float(np.sqrt(variance[0, 0])), float(np.degrees(np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])))
+
+
+def left_of_kink(along: Array, beside: Array, weight: Array) -> float:
+    """What the best line with one kink leaves of places (n,) beside a line, as a weighted sum of squares [m^2].
+
+    Two straight walls that touch are such a line. A kink nearer to an end than a fifth of the row is none.
+    """
+    root, left = np.sqrt(weight), np.inf
+    for kink in along.min() + np.linspace(0.2, 0.8, KINKS) * np.ptp(along):
+        design = np.column_stack([np.ones_like(along), along, np.maximum(along - kink, 0.0)])
+        slopes = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        left = min(left, float(np.sum(weight * (beside - design @ slopes) ** 2)))
+    return left
 
 
 def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tuple[M, float]:

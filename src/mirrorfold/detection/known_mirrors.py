@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arcs import arc_through
+from mirrorfold.common.arcs import arc_through, circle_through
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
 from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.arcs import circle_through
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.growing import evidence
 from mirrorfold.detection.image_view import ImageView
