@@ -166,6 +166,13 @@ _ALL = (
         "folded: how few will do.",
         extra="sparse",
     ),
+    Experiment(
+        "convex",
+        "A pillar as a mirror",
+        "The remark on curved walls",
+        "What a convex mirror adds to the field of view and what it costs in resolution and level; random scenes that "
+        "nothing but a pillar shows, folded about the arc that was found.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

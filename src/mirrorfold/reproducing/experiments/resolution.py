@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
-from scipy.interpolate import RectBivariateSpline
-from scipy.optimize import brentq, minimize
 
-import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
-from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.hall import (
@@ -28,10 +22,11 @@ from mirrorfold.reproducing.parts.hall import (
     hall_scene,
     unfolding,
 )
+from mirrorfold.reproducing.parts.point_image import PointImage
 from mirrorfold.reproducing.work import Work
 
-HALF, PIXELS = 3.2, 97
-"""The image around each point reaches so many predicted widths to all sides, with so many pixels."""
+HALF = 3.2
+"""The image around each point reaches so many predicted widths to all sides."""
 
 UNIFORM = 0.886
 """Width of ``sinc(x)`` where it has fallen by 3 dB, in units of x: of a band without a taper."""
@@ -118,25 +113,15 @@ def _measured(
     wavelength = 2.0 * speed_of_light / (START + STOP)
     cross, depth = wavelength * way / (sweep.sizes["tx"] * PITCH), speed_of_light / (2.0 * (STOP - START))
     reach = HALF * max(BOTH_WAYS * cross / sight[1], HANN * depth)
-    x, y = (place + np.linspace(-reach, reach, PIXELS) for place in expected)
-    image = mf.focus(sweep, x=x, y=y)
-    # The power, unlike the amplitude, is smooth where the echo fades, so that splines go through it.
-    power = RectBivariateSpline(y, x, np.abs(image.values.astype(complex)) ** 2, kx=3, ky=3)
-
-    def at(place: Array) -> float:
-        return float(power(place[1], place[0], grid=False))
-
-    scale = at(expected)
-    peak = minimize(lambda place: -at(expected + 1e-3 * place) / scale, np.zeros(2), method="Nelder-Mead",
-                    options={"xatol": 1e-4, "fatol": 1e-12})  # fmt: skip
-    top = expected + 1e-3 * peak.x
+    image = PointImage(sweep, expected, reach)
+    top = image.top
     across = np.array([sight[1], -sight[0]])
     misplaced = fold(top) - fold(expected)
     numbers = {
         "way_m": way,
         "angle_deg": float(np.degrees(np.arctan2(ghost[0], ghost[1]))),
-        "range_width_m": _width(at, top, sight),
-        "cross_width_m": _width(at, top, across),
+        "range_width_m": image.width(sight),
+        "cross_width_m": image.width(across),
         "range_predicted_m": HANN * depth,
         "cross_predicted_m": BOTH_WAYS * cross / sight[1],
         "range_formula_m": depth,
@@ -150,19 +135,8 @@ def _measured(
     places = target + np.stack(np.meshgrid(side, side), axis=-1)
     where = fold.inverse(places)
     inside = np.all(np.abs(where - expected) <= reach, axis=-1)
-    level = np.where(inside, power(where[..., 1], where[..., 0], grid=False) / at(top), 0.0)
+    level = np.where(inside, image.power(where[..., 1], where[..., 0], grid=False) / image.at(top), 0.0)
     return numbers, (1e2 * side, to_db(np.sqrt(np.maximum(level, 1e-12))))
-
-
-def _width(at: Any, top: Array, along: Array) -> float:
-    """Full width at half power through a peak, in one direction [m]."""
-    half = 0.5 * at(top)
-    along = unit(along)
-    sides = []
-    for sign in (1.0, -1.0):
-        step = next(d for d in np.arange(1e-3, 0.2, 1e-3) if at(top + sign * d * along) < half)
-        sides.append(brentq(lambda d, s=sign: at(top + s * d * along) - half, step - 1e-3, step))
-    return float(sum(sides))
 
 
 def _unit(name: str) -> str:
