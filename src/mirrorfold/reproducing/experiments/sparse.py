@@ -16,6 +16,7 @@ from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.sparse_figures import draw_example, draw_quality, draw_unexplained
 from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, Samples, random_channels
 from mirrorfold.reproducing.parts.sparse_imaging import sparse_reflectivity as solve
+from mirrorfold.reproducing.parts.sparse_pages import in_a_word, learnt
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import Radar, draw
 
@@ -90,7 +91,7 @@ def run(work: Work) -> Findings:
         figures=_figures(data, example, scenes[setting.families[-1]], setting),
         data=xr.DataTree(children={"scores": xr.DataTree(data), **_example_data(example)}),
         tables=_tables(data, setting),
-        text=_text(data, numbers, setting),
+        text=learnt(data, numbers, setting.iterations),
         assumptions=(
             "Nothing was published on few channels. The radar is one for cars, 77-81 GHz, whose sweeps are small; a "
             f"range cell is 3.75 cm. Scenes are simulated by rays, with noise {SNR_DB:g} dB below the mean power of a "
@@ -217,7 +218,7 @@ def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
 def _example_data(example: dict[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """The initial images of the example, and its points."""
     return {
-        _word(name): xr.DataTree(
+        in_a_word(name): xr.DataTree(
             one["initial"].to_dataset()[["initial"]].drop_attrs(),
             children={"objects": xr.DataTree(one["objects"].to_dataset())},
         )
@@ -230,15 +231,15 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
     numbers = {"full_f_cells": float(data["full_f_cells"].mean()), "full_f_2cm": float(data["full_f_2cm"].mean())}
     for family in data["family"].values:
         for name in ("full_f_cells", "unexplained"):
-            numbers[f"{_word(family)}_{name}"] = float(data[name].sel(family=family).mean())
+            numbers[f"{in_a_word(family)}_{name}"] = float(data[name].sel(family=family).mean())
     for kind in KINDS:
         for share in data["share"].values:
             for method in METHODS:
                 at = {"kind": kind, "share": share, "imaging": method}
-                label = f"{kind}_{100 * share:.0f}_percent_{_word(method)}_f_cells"
+                label = f"{kind}_{100 * share:.0f}_percent_{in_a_word(method)}_f_cells"
                 numbers[label] = float(data["f_cells"].sel(at).mean())
                 for family in data["family"].values:
-                    numbers[f"{_word(family)}_{label}"] = float(data["f_cells"].sel(at | {"family": family}).mean())
+                    numbers[f"{in_a_word(family)}_{label}"] = float(data["f_cells"].sel(at | {"family": family}).mean())
     numbers["pixels_not_zero"] = float(data["filled"].mean())
     numbers["cost_still_falls"] = float(data["falls"].max())
     if data["unexplained"].size > 2:
@@ -298,12 +299,8 @@ def _claims(data: xr.Dataset, numbers: dict[str, float]) -> tuple[Claim, ...]:
 
 def _of(numbers: dict[str, float], kind: str, share: float, method: str, family: str = "") -> float:
     """A mean hidden F at 1.5 cells."""
-    before = f"{_word(family)}_" if family else ""
-    return numbers[f"{before}{kind}_{100 * share:.0f}_percent_{_word(method)}_f_cells"]
-
-
-def _word(text: str) -> str:
-    return text.replace(",", "").replace(" ", "_")
+    before = f"{in_a_word(family)}_" if family else ""
+    return numbers[f"{before}{kind}_{100 * share:.0f}_percent_{in_a_word(method)}_f_cells"]
 
 
 def _figures(
@@ -360,41 +357,3 @@ def _scenes(setting: Setting) -> str:
     """How many there are."""
     count = len(setting.seeds)
     return f"{count} random scenes" if count > 1 else "one random scene"
-
-
-def _text(data: xr.Dataset, numbers: dict[str, float], setting: Setting) -> tuple[str, ...]:
-    """What can be learnt."""
-    left = [
-        f"{100 * numbers[f'{_word(family)}_unexplained']:.0f} % of the amplitude in the family {family!r}"
-        for family in setting.families
-    ]
-    paragraphs = [
-        "Sparse imaging looks for the fewest reflectivities that explain what was measured: it minimises "
-        "|y - A x|^2 / 2 + t |x|_1, with A from pixels to samples (mirrorfold.FocusOperator) and t 60 dB below the "
-        f"brightest pixel of A^H y, in {setting.iterations} iterations of FISTA (PyLops). Delay and sum is the "
-        "matched filter A^H y of the same measurement, with a Hann taper over frequency. In the second half of the "
-        f"iterations the cost still fell by {100 * numbers['cost_still_falls']:.0f} %, in the mean over a scene, "
-        "where most: glints tens of decibels above the rest are removed slowly.",
-        f"In a sparse image {100 * numbers['pixels_not_zero']:.0f} % of the pixels are not zero, in the mean. Folding "
-        "takes the noise from the median of the image, which then says nothing of it, and fits mirrors to ridges as "
-        "wide as a resolution cell, which single pixels are not. The image is therefore "
-        "restored as radio astronomers restore the components of CLEAN (Hogbom 1974): x predicts the samples of all "
-        "channels, measured ones keep their values, and the completed sweep is focused as usual. That is the model "
-        "seen with the system's own beam, plus the residual; with all channels it is delay and sum itself. What modes "
-        "leave unexplained is added by their matched filter. Besides the image folding is given the samples that were "
-        "measured, which tell what left and arrived by different ways; the image that is not restored has none.",
-        "How few channels suffice is a matter of where their side lobes lie. Any channels at random spread the side "
-        "lobes of a glint evenly over the image, which sparse imaging then removes with the glint. All frequencies of "
-        "random elements keep them at the glint's range, all elements at random frequencies in its direction, where "
-        "they are higher: a glint is tens of decibels brighter than what is hidden, and is to be removed as exactly.",
-        f"No reflectivities explain {' and '.join(left)}, noise apart. Paths that leave and arrive by different ways, "
-        "such as those between the legs of a corner, are of this kind, as no point reflector makes them; other causes "
-        "were not told apart. This part stays in the residual, with its side lobes. Whoever wants fewer elements or "
-        "modes than it allows has to model it.",
-    ]
-    if "unexplained_against_elements_correlation" in numbers:
-        paragraphs.append(
-            "Over the scenes the share that is unexplained and what sparse imaging loses with few elements have a "
-            f"correlation of {numbers['unexplained_against_elements_correlation']:.2f}."
-        )
-    return tuple(paragraphs)
