@@ -82,6 +82,8 @@ def _left_alone(tree: ast.Module) -> set[int]:
             parts = [node.annotation]
         elif isinstance(node, ast.keyword) and node.arg == "strict":
             parts = [node]
+        elif isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            parts = [node]
         elif isinstance(node, ast.JoinedStr | ast.Raise | ast.ClassDef):
             parts = [node] if not isinstance(node, ast.ClassDef) else list(node.decorator_list)
         for part in parts:

@@ -33,11 +33,11 @@ def view():
     return replace(empty_view(), wavelength=1e-3)
 
 
-def assigned(view, places, amplitude=1.0, opaque=True, marks=None):
+def assigned(view, places, amplitude=1.0, marks=None, **given):
     echoes = replace(echoes_at(view, places, amplitude), **(marks or {}))
     settings = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
     order = order_mirrors([SIDE, FAR, NEAR], view, echoes, settings)
-    return *assign_echoes(order, echoes, opaque=opaque), echoes
+    return *assign_echoes(order, echoes, **given), echoes
 
 
 def held(tree):
@@ -72,10 +72,10 @@ def test_what_is_hidden_or_faint_is_no_object(view, mark):
 def test_what_the_radars_own_view_contradicts_is_left_out_where_objects_are_opaque(view):
     """It would stand half a metre before the radar, which sees nothing there; at the edge a beam shows both."""
     edge, aside = [0.3 * 1.5 - 0.005, 1.5], [-0.9, 0.9]
-    for opaque, kept in ((True, []), (False, [edge])):
-        tree, sight, _ = assigned(view, [edge, aside], opaque=opaque)
+    for given, kept in (({}, []), ({"opaque": False}, [edge])):
+        tree, sight, _ = assigned(view, [edge, aside], **given)
         assert held(tree)[(1,)] == np.round(kept, 6).tolist()
-        assert bool(sight.open.size) == opaque
+        assert bool(sight.open.size) == (not given)
 
 
 def test_echoes_that_objects_hide_do_not_close_the_radars_view(view):

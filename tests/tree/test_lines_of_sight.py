@@ -74,6 +74,7 @@ def test_loops_and_arrays_agree_at_every_edge(view):
     crossing = np.array([[1.0, 1.0, np.inf], [2.0, np.inf, 2.0]])
     cover = Cover(np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]]), np.array([[4.0, 8.0, 0.0], [9.0, 8.0, 0.0]]))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover)
+    assert NOBODY < ROOT < 0  # no mirror has their numbers
     expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): NOBODY}
     for (range_, direction), owner in expected.items():
         one = np.array([range_]), np.array([direction])
@@ -108,8 +109,8 @@ def test_at_the_edge_of_a_mirror_the_radars_own_view_must_not_contradict(view):
 
 
 def test_what_the_radar_sees_nothing_in_is_open_up_to_three_cells_before_each_echo(view):
-    """A wall straight ahead, an echo aside at 1 m, one behind the wall, and a faint one farthest aside."""
-    aside, sine = np.array([0.5, np.sqrt(0.75)]), 0.5
+    """A wall straight ahead, an echo aside at 1.3 m, one behind the wall, and a faint one farthest aside."""
+    aside, sine = 1.3 * np.array([0.5, np.sqrt(0.75)]), 0.5
     places = [aside, 1.5 * aside, [0.0, 2.0], [0.8, 0.6]]
     echoes = echoes_at(view, places, np.array([1.0, 1.0, 1.0, 0.01]))
     reach = sight_of(view, WALL).open_ranges(echoes)
@@ -118,10 +119,10 @@ def test_what_the_radar_sees_nothing_in_is_open_up_to_three_cells_before_each_ec
     # Before the wall the nearest of its own places, a margin of three cells away, counts; so it is a little less aside.
     margin = OPEN_CELLS * float(view.cell(1.5))
     assert reach[view.column(0.0)] == pytest.approx(1.5 - margin, abs=2e-3)
-    margin = OPEN_CELLS * float(view.cell(1.0))
-    near = np.abs(view.u - sine) < 0.99 * margin
-    assert_allclose(reach[near & (view.u <= sine)], 1.0 - margin)
-    assert reach[view.column(sine - 1.05 * margin)] > 1.2
+    margin = OPEN_CELLS * float(view.cell(1.3))
+    near = np.abs(view.u - sine) < 0.99 * margin / 1.3
+    assert_allclose(reach[near & (view.u <= sine)], 1.3 - margin)
+    assert reach[view.column(sine - 1.1 * margin / 1.3)] > 1.5
 
 
 def test_many_echoes_leave_no_gap_in_what_is_known(view):

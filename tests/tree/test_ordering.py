@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from synthetic import echoes_at, empty_view, on_line
+from synthetic import U_CELL, echoes_at, empty_view, on_line
 
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
-from mirrorfold.tree.ordering import order_mirrors
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.ordering import Order, order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.0)
 
@@ -104,6 +105,17 @@ def test_echoes_of_walls_hide_nothing(view):
     assert order.sight.cover.range.size == 0
 
 
+@pytest.mark.parametrize("mark", ["visible", "strong"])
+def test_what_is_faint_or_hidden_itself_hides_nothing(view, mark):
+    echoes = replace(echoes_at(view, SCREEN), **{mark: np.zeros(len(SCREEN), dtype=bool)})
+    assert order_mirrors([NEAR], view, echoes, SETTINGS).sight.cover.range.size == 0
+
+
+def test_a_mirror_may_be_met_by_one_line_of_sight(view):
+    order, _ = ordered(view, [line([-0.001, 1.0], [0.001, 1.0])], opaque=False)
+    assert np.count_nonzero(np.isfinite(order.sight.crossing)) == 1
+
+
 def test_a_mirror_that_was_cut_off_numbers_the_others_anew(view):
     """The near mirror is hidden: the far one beside it is the first, and the only one that is left."""
     beside = line([0.8, 1.0], [1.0, 1.6])
@@ -116,11 +128,13 @@ def test_a_mirror_that_was_cut_off_numbers_the_others_anew(view):
 
 @pytest.mark.parametrize(("generations", "kept"), [(0, 0), (1, 1), (2, 2), (3, 3), (None, 3)])
 def test_mirrors_of_so_many_generations_are_kept(view, generations, kept):
-    """Three behind each other."""
-    middle = line([-0.4, 1.5], [0.4, 1.5])
-    order, _ = ordered(view, [FAR, middle, NEAR], [[0.0, 2.0]], opaque=False, generations=generations)
-    assert order.mirrors == [FAR, middle, NEAR][3 - kept :]
+    """Three behind each other, in either order."""
+    three = [FAR, line([-0.4, 1.5], [0.4, 1.5]), NEAR]
+    order, _ = ordered(view, three, [[0.0, 2.0]], opaque=False, generations=generations)
+    assert order.mirrors == three[3 - kept :]
     assert order.face[0] == (0 if kept == 3 else ROOT)
+    order, _ = ordered(view, three[::-1], [[0.0, 2.0]], opaque=False, generations=generations)
+    assert order.mirrors == three[::-1][:kept]
 
 
 def test_where_mirrors_are_given_objects_hide_only_what_is_behind_the_same_mirrors(view):
@@ -132,9 +146,16 @@ def test_where_mirrors_are_given_objects_hide_only_what_is_behind_the_same_mirro
     assert order.mirrors == [NEAR]
     for u, clear in ((0.0, True), (0.05 / np.hypot(0.05, 1.3), False), (0.15 / np.hypot(0.15, 1.3), True)):
         assert order.sight.cover.clear(later, view.column(np.array([u])), 1.0)[0] == clear
-    # Beside the mirror nothing is hidden at all.
-    order, _ = ordered(view, [NEAR], [[0.8, 0.8]], walls=np.array([False]))
-    assert order.sight.cover.clear(np.array([2.0]), view.column(np.array([np.sqrt(0.5)])), 1.0)[0]
+
+
+def test_beside_given_mirrors_nothing_is_hidden(view):
+    """Neither by what stands there nor by what covers the last lines of sight to the mirror; else all is."""
+    edge = np.flatnonzero(np.isfinite(NEAR.crossing(view)))[-1] + np.array([0, 1])
+    places = [[0.8, 0.8], 1.5 * view.sight[edge[0]]]
+    aside = np.append(edge, view.column(np.sqrt(0.5)))
+    for walls, clear in ((np.zeros(2, dtype=bool), [False, True, True]), (None, [False, False, False])):
+        order, _ = ordered(view, [NEAR], places, walls=walls)
+        assert_array_equal(order.sight.cover.clear(np.full(3, 2.0), aside, 1.0), clear)
 
 
 def test_the_threshold_follows_what_a_lossy_mirror_dims(view):
@@ -142,15 +163,16 @@ def test_the_threshold_follows_what_a_lossy_mirror_dims(view):
     angle = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])
     behind = 1.6 * np.stack([np.sin(angle), np.cos(angle)], axis=1)
     places = [[0.8, 0.8], *behind, [0.1, 1.0], [-0.6, 1.2]]
-    amplitude = np.array([1.0, 0.2, 0.2, 0.2, 0.03, 0.01, 0.05, 0.05])
+    amplitude = np.array([1.0, 0.2, 0.2, 0.2, 0.015, 0.005, 0.05, 0.05])
     order, echoes = ordered(view, [NEAR], places, amplitude, opaque=False)
+    echoes = replace(echoes, reference=2.0)
     seen = order.seen(echoes)
-    # 0.2 of the reference: a fifth of the threshold of 0.1.
-    assert_allclose(seen.limit, [0.1, *[0.02] * 5, 0.1, 0.1])
+    # 0.2 is a tenth of the reference: a tenth of the threshold of 0.1.
+    assert_allclose(seen.limit, [0.1, *[0.01] * 5, 0.1, 0.1])
     assert_array_equal(seen.strong, [True, True, True, True, True, False, False, False])
     assert seen.visible.all()
     # Of brighter ones the threshold does not follow; where none is strong there is nothing to follow.
-    for factor in (10.0, 0.4):
+    for factor in (20.0, 0.4):
         brighter = replace(echoes, amplitude=factor * amplitude, strong=factor * amplitude >= 0.1)
         assert_allclose(order.seen(brighter).limit, 0.1)
 
@@ -162,6 +184,27 @@ def test_of_each_beam_the_brightest_echo_counts_for_the_reference(view):
     amplitude = np.array([0.4, *[0.2] * 8, 0.4, 0.4])
     order, echoes = ordered(view, [NEAR], [*ahead, *beside], amplitude, opaque=False)
     assert_allclose(order.seen(echoes).limit, 0.04)
+
+
+def test_echoes_a_cell_apart_are_of_different_beams(view):
+    """Of three beams with 0.4, 0.2 and 0.2 the middle of the weights is 0.2; of two of them it would be 0.4."""
+    places = view.to_points(np.full(3, 1.5), U_CELL * np.arange(3))
+    order, echoes = ordered(view, [NEAR], places, np.array([0.4, 0.2, 0.2]), opaque=False)
+    assert_allclose(order.seen(echoes).limit, 0.02)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_beams_of_a_volume_differ_along_either_angle(axis):
+    angle = np.arange(-5.0, 6.0)
+    view = VolumeView(np.zeros((11, 11, 20), dtype=np.float32), np.linspace(0.5, 2.4, 20), angle, angle, np.ones(20),
+                      "none", 0.0, np.zeros(3), 0.05)  # fmt: skip
+    at = np.full((3, 2), 5)
+    at[:, axis] = 4, 5, 6
+    places = 1.5 * view.sight[np.ravel_multi_index(at.T, (11, 11))]
+    echoes = echoes_at(view, places, np.array([0.4, 0.2, 0.2]))
+    sight = LinesOfSight(view, np.full((1, 121), 1.0), np.array([ROOT]), Cover.nothing(121))
+    order = Order([NEAR], sight, np.full(3, ROOT))  # of a flat mirror it is asked no more than that
+    assert_allclose(order.seen(echoes).limit, 0.02)
 
 
 def test_what_objects_hide_is_no_evidence_of_how_much_a_mirror_dims(view):

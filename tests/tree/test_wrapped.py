@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -105,3 +107,43 @@ def test_waves_that_are_flat_either_way_prove_nothing():
     ratio = wrapping_ratio(sweep, view, np.array([1.1]), np.array([0.1]))
     assert 1.0 < ratio[0] < LARGEST_WRAPPING_RATIO
     assert_array_equal(wrapping_ratio(sweep, view, np.zeros(0), np.zeros(0)), [])
+
+
+def short_array(elements=41):
+    position = np.zeros((elements, 3))
+    position[:, 0] = 3.5e-3 * (np.arange(elements) - 0.5 * (elements - 1))
+    return position
+
+
+@pytest.mark.parametrize("shape", [point, face, corner])
+def test_late_echoes_are_told_from_near_ones_by_a_thinned_array(shape):
+    """A few antennas along the same length; two echoes at once, in other directions."""
+    tx = rx = short_array()
+    view = view_of(tx, rx)
+    sweep = sweep_of([shape(0.4, -0.3, tx, rx), shape(0.5 + PERIOD, 0.2, tx, rx)], tx, rx)
+    near, late = wrapping_ratio(sweep, view, np.array([0.4, 0.5]), np.array([-0.3, 0.2]))
+    assert near <= 1.0
+    assert late > 1.8
+
+
+def test_where_no_waves_arrive_in_phase_nothing_is_said():
+    """Of noise, and of an echo from elsewhere."""
+    tx = rx = short_array()
+    random = np.random.default_rng(0)
+    sweep = sweep_of([point(0.4, -0.3, tx, rx)], tx, rx)
+    noise = sweep.assign(s=(sweep["s"].dims, random.standard_normal((*sweep["s"].shape, 2)) @ [1.0, 1.0j]))
+    assert_array_equal(wrapping_ratio(noise, view_of(tx, rx), np.array([0.4, 0.8]), np.array([-0.3, 0.5])), 1.0)
+    assert_array_equal(wrapping_ratio(sweep, view_of(tx, rx), np.array([0.8]), np.array([0.5])), 1.0)
+
+
+def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
+    """Turned in the floor plan with its echoes."""
+    tx = rx = short_array()
+    sweep = sweep_of([point(0.5 + PERIOD, 0.2, tx, rx)], tx, rx)
+    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    expected = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.5]), np.array([0.2]))
+    turned = tx.copy()
+    turned[:, :2] = tx[:, :2] @ turn
+    view = replace(view_of(tx, rx), along=turn[0], broadside=turn[1])
+    moved = sweep.assign_coords({f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")})  # noqa: E501
+    np.testing.assert_allclose(wrapping_ratio(moved, view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3)

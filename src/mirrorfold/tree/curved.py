@@ -194,7 +194,7 @@ def evidence(found: Found, view: ImageView, arc: ArcMirror, known: Array) -> Evi
         if chain and isinstance(line := ways[chain][-1], ArcMirror) and np.allclose(line.middle, arc.middle)
     ]
     cells, fresh, empty = 0, 0, 0
-    tree = cKDTree(known if len(known) else np.full((1, 2), np.inf))
+    tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
     for index, way in own:
         shown = echoes.take(echoes.visible & behind(view, echoes, arc) & (through == index))
