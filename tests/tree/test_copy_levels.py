@@ -54,6 +54,14 @@ def test_three_echoes_apart_from_each_other_tell_it(apart, told):
     assert level_of(samples, [60] * 3, columns)[DELAY] == (LEVEL if told else 0.0)
 
 
+def test_of_echoes_that_touch_each_other_the_middle_one_counts():
+    """Of three groups with copies 0.3, 0.9 and 0.9 times as strong, the weakest quarter of the way is half-way."""
+    columns = [200, 201, 202, 240, 280]
+    samples = {(60, c): 1.0 for c in columns}
+    samples |= {(60 + DELAY, c): part for c, part in zip(columns, (0.1, 0.9, 0.3, 0.9, 0.9), strict=True)}
+    assert_allclose(level_of(samples, [60] * 5, columns)[DELAY], 0.6)
+
+
 def test_nearer_than_a_cell_and_a_half_it_is_the_same_echo():
     near, far = round(1.5 * SAMPLES_PER_CELL) - 1, round(1.5 * SAMPLES_PER_CELL)
     samples = {(60 + delay, c): LEVEL for c in COLUMNS[:3] for delay in (near, far)}
@@ -91,14 +99,16 @@ def test_quantiles_leave_out_what_is_not_known():
     values = np.array([[np.nan, 3.0, 1.0, 2.0], [np.nan, np.nan, 7.0, np.nan], [np.nan] * 4])
     assert_array_equal(_quantile(values, 0.5), [2.0, 7.0, np.nan])
     assert_array_equal(_quantile(values, 0.25), [1.5, 7.0, np.nan])
+    assert_array_equal(_quantile(np.array([[5.0, 4.0, 3.0, 2.0, 1.0, 0.0]]), 0.25), [1.25])
 
 
 MIRROR = LineMirror(np.array([-2.0, 1.3]), np.array([2.0, 1.3]))
 
 
-def found_in(samples, mirror=None, on_mirror=(), faint=()):
-    """Which echoes, one at each of the samples, are copies; and these by sample."""
+def found_in(samples, mirror=None, on_mirror=(), faint=(), unheard=()):
+    """Which echoes, one at each of the samples but those that are `unheard`, are copies."""
     view = view_of(samples)
+    samples = {one: value for one, value in samples.items() if one not in unheard}
     rows, columns = np.array(list(samples)).T
     echoes = echoes_at(view, view.to_points(view.range[rows], view.u[columns]), np.array(list(samples.values())))
     echoes = replace(echoes, strong=np.array([one not in faint for one in samples]))
@@ -122,6 +132,14 @@ def test_what_exceeds_a_copy_by_six_decibels_is_none():
     assert found == expected | {(60 + DELAY, COLUMNS[2] + SAMPLES_PER_CELL)}
 
 
+def test_the_edges_of_a_view_are_no_exception():
+    """Copies in the first and the last direction, and of what stands in the first sample of range."""
+    columns = [0, *COLUMNS, empty_view().u.size - 1]
+    samples = {(60, c): 1.0 for c in columns} | {(60 + DELAY, c): LEVEL for c in columns}
+    samples |= {(0, 100): 1.0, (DELAY, 100): LEVEL}
+    assert found_in(samples) == {(60 + DELAY, c) for c in columns} | {(DELAY, 100)}
+
+
 def test_what_stands_nearer_than_the_delay_is_no_copy_of_the_far_end():
     samples = {(60, c): 1.0 for c in COLUMNS} | {(60 + DELAY, c): LEVEL for c in COLUMNS}
     end = empty_view().range.size
@@ -138,7 +156,7 @@ def layered():
     view = empty_view()
     row = np.rint((view.meets(MIRROR.normal, MIRROR.center) - view.range[0]) / view.dr).astype(int)
     face = [(int(row[c]), int(c)) for c in COLUMNS]
-    shown = [(int(row[c]) + 40, int(c)) for c in range(165, 345, 10) if c not in COLUMNS]
+    shown = [(int(row[c]) + 40, int(c)) for c in range(205, 325, 10)]
     copied = {(r + DELAY, c): times * LEVEL for times, some in ((1.0, face), (2.0, shown)) for r, c in some}
     direct = {(10, c): 1.0 for c in range(100, 400, 100)}
     return dict.fromkeys([*face, *shown], 1.0) | copied | direct, set(face), set(copied)
@@ -147,10 +165,15 @@ def layered():
 def test_copies_of_what_a_mirror_shows_are_twice_as_strong_as_those_of_its_face(layered):
     samples, face, copied = layered
     assert found_in(samples, MIRROR, face) == copied
-    # More than four times as strong as the copies of the other places of its face, it is a thing.
+    # More than twice as strong as the copies of the other places of its face, it is a thing.
     (r, c) = sorted(face)[0]
     for times, expected in ((1.9, copied), (2.1, copied - {(r + DELAY, c)})):
         assert found_in(samples | {(r + DELAY, c): times * LEVEL}, MIRROR, face) == expected
+    # The same for what it shows. How weak the weakest echo is does not matter.
+    (r, c) = sorted(copied - {(r + DELAY, c) for r, c in face})[0]
+    for times, expected in ((3.8, {(r, c)}), (4.2, set())):
+        louder = samples | {(r, c): times * LEVEL}
+        assert found_in(louder, MIRROR, face, unheard=copied - {(r, c)}) == expected
 
 
 def test_what_stands_before_a_mirror_is_not_copied_in_its_wall(layered):
@@ -171,8 +194,11 @@ def test_the_tail_of_the_pulse_follows_faces_in_line_of_sight_too(layered):
 def test_the_face_of_a_mirror_begins_a_cell_and_a_half_before_its_line(layered):
     """Its echoes stand about the line."""
     samples, face, copied = layered
-    r, c = sorted(face)[0]
-    for before, is_copy in ((4, True), (6, False)):
+    view = empty_view()
+    exact = (view.meets(MIRROR.normal, MIRROR.center) - view.range[0]) / view.dr
+    r, c = min(face, key=lambda one: abs(exact[one[1]] - one[0]))
+    assert abs(exact[c] - r) < 0.3
+    for before, is_copy in ((4, True), (5, False)):
         moved = {one: value for one, value in samples.items() if one not in ((r, c), (r + DELAY, c))}
         moved |= {(r - before, c): 1.0, (r - before + DELAY, c): LEVEL}
         found = found_in(moved, MIRROR, (face - {(r, c)}) | {(r - before, c)})
@@ -181,7 +207,8 @@ def test_the_face_of_a_mirror_begins_a_cell_and_a_half_before_its_line(layered):
 
 def test_what_two_mirrors_show_is_copied_in_the_wall_of_the_first():
     """A chain of parents is followed to its end."""
-    parent = np.array([ROOT, 0, 1, ROOT, NOBODY, ROOT])
+    parent = np.array([1, 2, ROOT, ROOT, NOBODY, ROOT])
     own = np.array([0, 1, 2, 3, ROOT, NOBODY])
-    assert_array_equal(_reflected(own, parent, 0), [True, True, True, False, False, False])
-    assert_array_equal(_reflected(own, parent, 1), [False, True, True, False, False, False])
+    assert_array_equal(_reflected(own, parent, 2), [True, True, True, False, False, False])
+    assert_array_equal(_reflected(own, parent, 1), [True, True, False, False, False, False])
+    assert_array_equal(_reflected(own, np.array([ROOT, 0, 1, 2, NOBODY, ROOT]), 0), [True] * 4 + [False] * 2)
