@@ -59,12 +59,14 @@ def test_an_object_hides_three_quarters_of_a_cell_to_either_side(view):
 def test_only_objects_that_are_stronger_than_all_before_them_count(view):
     """Three along a line of sight, given in no order, and one beside them."""
     places = np.array([[0.0, 1.6], [0.0, 1.0], [0.5, 0.9], [0.0, 1.3]])
-    cover = Cover.of(echoes_at(view, places, np.array([2.0, 1.0, 3.0, 0.5])), view)
+    cover = Cover.of(echoes_at(view, places, np.array([2.0, 1.0, 0.6, 0.5])), view)
     ahead, aside = view.column(np.array([0.0, 0.5 / np.hypot(0.5, 0.9)]))
     assert_allclose(cover.range[:, ahead], [1.0 + DEPTH, 1.6 + DEPTH])
     assert_allclose(cover.level[:, ahead], [LEVEL, 2.0 * LEVEL])
     assert_allclose(cover.range[:, aside], [np.hypot(0.5, 0.9) + DEPTH, np.inf])
-    assert_allclose(cover.level[0, aside], 3.0 * LEVEL)
+    assert_allclose(cover.level[0, aside], 0.6 * LEVEL)
+    fainter = Cover.of(echoes_at(view, places, 1e-3 * np.array([2.0, 1.0, 0.6, 0.5])), view)
+    assert_allclose(fainter.level, 1e-3 * cover.level)  # in whatever unit
     assert Cover.of(echoes_at(view, np.empty((0, 2))), view).range.shape == (0, view.u.size)
 
 
