@@ -82,15 +82,17 @@ def _left_alone(tree: ast.Module) -> set[int]:
             parts += [argument.annotation for argument in node.args.args if argument.annotation]
         elif isinstance(node, ast.AnnAssign):
             parts = [node.annotation]
-        elif isinstance(node, ast.keyword) and node.arg == "strict":
-            parts = [node]
-        elif isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+        elif (isinstance(node, ast.keyword) and node.arg == "strict") or _for_types_alone(node):
             parts = [node]
         elif isinstance(node, ast.JoinedStr | ast.Raise | ast.ClassDef):
             parts = [node] if not isinstance(node, ast.ClassDef) else list(node.decorator_list)
         for part in parts:
             found |= {id(one) for one in ast.walk(part)}
     return found
+
+
+def _for_types_alone(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def _change_of(node: ast.AST) -> str | None:

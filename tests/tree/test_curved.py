@@ -105,7 +105,7 @@ SHALLOW = ArcMirror(middle=np.array([0.0, 5.3]), radius=4.0, first=1.5 * np.pi -
     ],
 )  # fmt: skip
 def test_a_flat_mirror_is_a_piece_of_an_arc_if_two_fifths_of_it_lie_on_it(view, first, last, aside, piece):
-    ends = SHALLOW.at(np.array([first, last])) + [0.0, aside]
+    ends = SHALLOW.at(np.array([first, last])) + np.array([0.0, aside])
     assert curved._along(LineMirror(*ends), SHALLOW, view) == piece
     assert not curved._along(SHALLOW, SHALLOW, view)
 

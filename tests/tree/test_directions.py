@@ -35,7 +35,8 @@ def at(sine, range_=RANGE, height=0.0):
 def sweep_of(tx, rx, *paths):
     """The sweep of echoes that leave towards one place and arrive from another one."""
     k = 2.0 * np.pi * FREQUENCY[:, None, None] / speed_of_light
-    out, back = (np.exp(-1j * k * cdist(side, places)) for side, places in zip((tx, rx), zip(*paths), strict=True))
+    leaves, arrives = np.swapaxes(paths, 0, 1)
+    out, back = (np.exp(-1j * k * cdist(side, places)) for side, places in ((tx, leaves), (rx, arrives)))
     s = out @ back.swapaxes(1, 2)
     return make_sweep(s, frequency=FREQUENCY, tx_position=tx, rx_position=rx)
 

@@ -145,5 +145,7 @@ def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
     turned = tx.copy()
     turned[:, :2] = tx[:, :2] @ turn
     view = replace(view_of(tx, rx), along=turn[0], broadside=turn[1])
-    moved = sweep.assign_coords({f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")})  # noqa: E501
+    moved = sweep.assign_coords(
+        {f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")}
+    )
     np.testing.assert_allclose(wrapping_ratio(moved, view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3)

@@ -100,10 +100,8 @@ def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
     view : ImageView
     """
     sight, echoes = found.sight, found.echoes
-    ways, lines = found.tree.ways(), {}
-    for index, chain in enumerate(sight.chain):
-        if chain and chain in ways:
-            lines[index] = ways[chain][-1]
+    ways = found.tree.ways()
+    lines = {index: ways[chain][-1] for index, chain in enumerate(sight.chain) if chain}
     own = sight.seen_through(echoes.range, echoes.direction)
     if lines:
         numbers = np.array(list(lines))
