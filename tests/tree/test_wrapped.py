@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
+from mirrorfold.focusing.coherence import OVERSAMPLING
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.tree import wrapped
 from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.wrapped import wrapping_ratio
 
@@ -21,6 +23,8 @@ ELEMENTS = 113
 BAND = np.linspace(116e9, 128e9, 97)
 PERIOD = 0.5 * speed_of_light / (BAND[1] - BAND[0])
 """The ambiguous range [m]: 1.2 m."""
+STEP = 2.0 * PERIOD / BAND.size / OVERSAMPLING
+"""From one point of a range profile to the next, along the path [m]."""
 
 
 def array(behind=0.0):
@@ -30,10 +34,11 @@ def array(behind=0.0):
     return position
 
 
-def sweep_of(paths, tx, rx):
-    """The sum of echoes whose paths (tx, rx) [m] are given."""
+def sweep_of(paths, tx, rx, noise=0.0):
+    """The sum of echoes whose paths (tx, rx) [m] are given, of amplitude one, in noise."""
     k = 2.0 * np.pi * BAND / speed_of_light
     s = sum(np.exp(-1j * k[:, None, None] * path) for path in paths)
+    s = s + noise * np.random.default_rng(0).standard_normal((*s.shape, 2)) @ [1.0, 1.0j]
     return mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
 
 
@@ -117,13 +122,43 @@ def short_array(elements=41):
 
 @pytest.mark.parametrize("shape", [point, face, corner])
 def test_late_echoes_are_told_from_near_ones_by_a_thinned_array(shape):
-    """A few antennas along the same length; two echoes at once, in other directions."""
+    """A few antennas along the same length; two echoes at once, in other directions, in noise as strong as they."""
     tx = rx = short_array()
     view = view_of(tx, rx)
-    sweep = sweep_of([shape(0.4, -0.3, tx, rx), shape(0.5 + PERIOD, 0.2, tx, rx)], tx, rx)
+    sweep = sweep_of([shape(0.4, -0.3, tx, rx), shape(0.5 + PERIOD, 0.2, tx, rx)], tx, rx, noise=0.7)
     near, late = wrapping_ratio(sweep, view, np.array([0.4, 0.5]), np.array([-0.3, 0.2]))
     assert near <= 1.0
     assert late > 1.8
+
+
+@pytest.mark.parametrize(("range_", "u"), [(0.4, -0.3), (0.9, 0.97)])
+def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spreads_to(monkeypatch, range_, u):
+    """From either end of an array an echo that is focused at the wrong distance seems to come from another side."""
+    tx, rx = short_array(), short_array(21) + [0.0, 0.02, 0.0]
+    asked = []
+
+    def coherence(windows, step, shift, shape, tx, rx, tx_of, rx_of, centre, directions, curvature, along, ahead, out):
+        asked.append((shape, 1.0 / curvature, directions, windows))
+        out[0] = 1.0
+
+    monkeypatch.setattr(wrapped, "coherence", coherence)
+    # A spike in every pair at the path of the echo, so that the window shows where it was cut out.
+    path = np.full((len(tx), len(rx)), 2.0 * range_)
+    wrapping_ratio(sweep_of([path], tx, rx), view_of(tx, rx), np.array([range_]), np.array([u]))
+    assert [shape for shape, *_ in asked] == [wrapped.POINT, wrapped.FACE, wrapped.CORNER] * 2
+    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_, range_ + PERIOD], 3))
+    wavelength = speed_of_light / BAND.mean()
+    # From the middle of both arrays, half-way between them.
+    cell, reach = 0.5 * wavelength / np.ptp(tx[:, 0]), np.hypot(np.abs(tx[:, 0]).max(), 0.01)
+    spread = reach * (1.0 / range_ - 1.0 / (range_ + PERIOD)) + cell
+    for *_, directions, window in asked:
+        expected = np.clip([u - spread, u + spread], -LARGEST_SINE, LARGEST_SINE)
+        assert_allclose(directions[[0, -1]], expected, rtol=1e-6)
+        assert 0.2 * cell < np.diff(directions).max() <= 0.5 * cell
+        # Paths are longer or shorter by the way to the farthest antenna and back, at most.
+        power = (window**2).sum(axis=(0, 2, 3))
+        assert power.size == 2 * (int(np.ceil(2.0 * reach / STEP)) + 2) + 1
+        assert np.argmax(power) == power.size // 2
 
 
 def test_where_no_waves_arrive_in_phase_nothing_is_said():
