@@ -70,13 +70,13 @@ def test_only_what_a_curved_mirror_shows_is_coarser(view):
     assert caustic.tolist() == ["", "beyond"]
 
 
-def owned(view, direct=(), behind=(), both=(), confidence=1.0, least=0.0):
+def owned(view, direct=(), behind=(), both=(), confidence=1.0, **given):
     tree = tree_of(view, direct, behind, both)
     points = fold_back(tree)
     points = replace(points, confidence=confidence * np.ones(len(points.initial)))
     sight = LinesOfSight(view, np.full((2, view.u.size), np.inf), np.array([ROOT, 0]), Cover.nothing(view.u.size),
                          chain=((0,), (0, 0)))  # fmt: skip
-    return owned_blobs(points, sight, least)
+    return owned_blobs(points, sight, **given)
 
 
 def at(view, range_, u):
@@ -112,6 +112,7 @@ def test_where_blobs_meet_the_deeper_one_counts_and_doubt_the_least(view):
     # What is doubted is nobody's, unless a point stands there that is not.
     assert owned(view, behind=place, confidence=0.4, least=0.5)[spot] == NOBODY
     assert owned(view, behind=place, confidence=0.5, least=0.5)[spot] == 0
+    assert owned(view, behind=place, confidence=0.0)[spot] == 0
     assert owned(view, direct=place, confidence=0.4, least=0.5)[spot] == NOBODY
     for beside in ("direct", "behind"):
         parts = {beside: place, "both": place}
