@@ -107,6 +107,22 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
     assert mirror_confidence(points, "7") == 1.0
 
 
+@pytest.mark.parametrize("weights", [WEIGHTS, WEIGHTS_MEASURED], ids=["image alone", "measured"])
+def test_what_speaks_for_a_point_makes_it_likelier(weights):
+    """A lone echo at the threshold is doubted, eight cells in a row at 20 dB are believed, whatever was measured."""
+    for name, (base, *slopes) in weights.items():
+        directions = np.sign(slopes)
+        assert (directions * [1, 1, -1, 1][: len(slopes)] >= 0).all()
+        share = slopes[3:]  # of the energy that came back as it went
+        weak, strong = (base + np.dot(slopes, [level, count, 0.0, came][: len(slopes)])
+                        for level, count, came in ((0.0, 0.0, LEAST_SHARE), (20.0, 3.0, 1.0)))  # fmt: skip
+        assert expit(strong) > 0.95
+        assert expit(weak) < 0.15 or name == "on mirrors"
+        assert not share or share[0] > 0.0 or name == "on mirrors"
+        # Behind a mirror that is hardly known even the best echo proves little.
+        assert name == "in line of sight" or expit(strong + MOST_ASTRAY * slopes[2]) < 0.5 * expit(strong)
+
+
 def test_what_two_mirrors_show_is_no_likelier_than_either(view):
     """Of the chains that begin with 1 only those by way of it: 10 is another mirror."""
     exact = replace(WALL, angle_error=0.0, offset_error=0.0)
