@@ -10,7 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
+from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import fold_of
 from mirrorfold.folding.confidence import (
     EXPLAINED,
     LEAST_SHARE,
@@ -159,6 +161,19 @@ def test_an_echo_is_known_to_a_part_of_its_cell_and_turned_as_it_is_folded(view)
                     float(view.cross_cell(np.array([on_it]))[0]) * (sight @ [along[1], -along[0]]))  # fmt: skip
     assert_allclose(error[3], OWN_ERROR * part / np.sqrt(2.0))
     assert_allclose(astray, 0.0, atol=1e-12)
+
+
+def test_the_cell_of_an_echo_is_mapped_as_its_surroundings_are(view):
+    """By way of a pillar it is turned and stretched: against random places in the cell, each folded by itself."""
+    pillar = ArcMirror(middle=np.array([0.0, 1.3]), radius=0.3, first=np.pi, span=np.pi, radar=np.zeros(2))
+    place = np.array([0.15, 1.8])
+    found = found_of(view, np.empty((0, 2)), [place], mirror=pillar)
+    error, _ = errors(fold_back(found.tree), found.tree, view)
+    sight = place / np.linalg.norm(place)
+    random = 0.01 * np.random.default_rng(0).standard_normal((2, 20000))  # of a cell: small, so that the map is linear
+    own = RANGE_CELL * random[0], float(view.cross_cell(place[None])[0]) * random[1]
+    places = place + own[0][:, None] * sight + own[1][:, None] * [sight[1], -sight[0]]
+    assert_allclose(error[0], OWN_ERROR * np.std(fold_of([pillar], 2)(places), axis=0) / 0.01, rtol=0.02)
 
 
 def test_a_mirror_leads_astray_by_twice_its_offset(view):
