@@ -66,6 +66,13 @@ def test_a_frame_without_mirrors_has_none(reconstruction):
     assert [pick_frame(joined, number)["mirrors"].sizes["mirror"] for number in range(3)] == [0, 2, 0]
 
 
+def test_a_recording_may_have_one_frame(reconstruction):
+    joined = join_frames([reconstruction], {})
+    assert frame_count(joined) == 1
+    assert_same(pick_frame(joined), reconstruction)
+    assert pick_frame(joined).attrs == reconstruction.attrs
+
+
 @pytest.mark.parametrize(("obj", "count"), [
     (xr.DataArray(np.zeros((3, 2)), dims=("frame", "x")), 3), (xr.DataArray(np.zeros(2), dims="x"), None),
     (xr.Dataset({"s": ("frame", np.zeros(4))}), 4), (xr.Dataset({"other": ("frame", np.zeros(4))}), None),
@@ -117,6 +124,23 @@ def test_each_frame_is_worked_on_once_with_what_stands_beside_it(reconstruction)
         each_frame(images, fails, None, None)
 
 
+def test_beyond_its_own_grid_a_frame_has_no_pixels(reconstruction):
+    """The second frame has grown by ten columns to the left and five rows."""
+    picture = reconstruction.to_dataset()["intensity"]
+    nodes = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
+    for path in ("/", "/initial"):
+        nodes[path] = nodes[path].pad(x=(10, 0), y=(0, 5), constant_values=1.0).assign_coords(
+            x=np.concatenate([picture["x"].values[0] - 0.02 * np.arange(10, 0, -1), picture["x"]]),
+            y=np.concatenate([picture["y"], picture["y"].values[-1] + 0.02 * np.arange(1, 6)]),
+        )  # fmt: skip
+    joined = join_frames([reconstruction, xr.DataTree.from_dict(nodes)], {})
+    first, second = joined["intensity"].values
+    assert np.isfinite(second).all()
+    assert_array_equal(first[:-5, 10:], picture)
+    assert np.isnan(first[-5:]).all()
+    assert np.isnan(first[:, :10]).all()
+
+
 def test_grids_are_joined_in_the_largest_of_their_steps():
     fine, coarse = 0.1 * np.arange(10), 0.5 + 0.3 * np.arange(4)
     assert_array_equal(_joined([fine, fine]), fine)
@@ -129,6 +153,7 @@ def test_grids_are_joined_in_the_largest_of_their_steps():
     assert_allclose(_joined([fine, far]), 0.1 * np.arange(25), atol=1e-12)
     assert_array_equal(_joined([fine, far])[-5:], far)
     assert_array_equal(_joined([fine, fine + 1e-9]), fine)
+    assert _joined([np.array([0.0, 0.4])]).tolist() == [0.0, 0.4]
     assert _joined([np.array([2.0])]).tolist() == [2.0]
     assert _joined([np.array([2.0]), np.array([4.0])]).tolist() == [2.0, 3.0, 4.0]
 
