@@ -134,7 +134,7 @@ def test_late_echoes_are_told_from_near_ones_by_a_thinned_array(shape):
 @pytest.mark.parametrize(("range_", "u"), [(0.4, -0.3), (0.9, 0.97)])
 def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spreads_to(monkeypatch, range_, u):
     """From either end of an array an echo that is focused at the wrong distance seems to come from another side."""
-    tx, rx = short_array(), short_array(21) + [0.0, 0.02, 0.0]
+    tx, rx = short_array(), short_array(21) + np.array([0.0, 0.02, 0.0])
     asked = []
 
     def coherence(windows, step, shift, shape, tx, rx, tx_of, rx_of, centre, directions, curvature, along, ahead, out):
