@@ -241,3 +241,6 @@ def test_the_grid_of_a_volume_lies_about_all_points():
     # Where the beam is not known, it is as wide as the steps of the scan make it.
     unknown = pictures._around(Places([[0.0, 1.0, 0.1]], [[0.2, 2.0, -0.1]]), volume_view())
     assert_allclose(np.diff(unknown[0]), PIXEL_RADII * float(volume_view().width(0.4)))
+    from_radar = replace(volume_view(), range=0.05 * np.arange(41))  # where such a beam has no width at all
+    axes = pictures._around(Places([[0.0, 0.2, 0.0]], [[0.0, 0.2, 0.0]]), from_radar)
+    assert_allclose(np.diff(axes[0]), PIXEL_RADII * float(from_radar.width(0.05)))

@@ -139,6 +139,7 @@ def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spre
 
     def coherence(windows, step, shift, shape, tx, rx, tx_of, rx_of, centre, directions, curvature, along, ahead, out):
         asked.append((shape, 1.0 / curvature, directions, windows))
+        assert shift == 1.0  # the window is read where the path of each pair ends
         out[0] = 1.0
 
     monkeypatch.setattr(wrapped, "coherence", coherence)
