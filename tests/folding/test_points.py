@@ -12,6 +12,7 @@ from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 from mirrorfold.common.geometry import reflect
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.folding.collection import _mirrors, _objects
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
@@ -63,11 +64,35 @@ def test_only_what_a_curved_mirror_shows_is_coarser(view):
     # With r1 = s = 1 m the pencil of rays is 1 + 2 r1 s / (R (r1 + s)) as wide.
     assert_allclose(fold_back(tree, view).growth, [1.0, 1.0 + 1.0 / 0.3])
     assert fold_back(tree).growth.tolist() == [1.0, 1.0]
+    # A flat mirror before it leaves the cell as it is.
+    assert_array_equal(magnified([NEAR, pillar], np.array([[0.0, 2.0]]), view)[0], [1.0 + 1.0 / 0.3])
     # Where the wavelength is not known, nor is the blur, nor what is near a caustic.
     bay = replace(pillar, middle=np.array([0.0, 0.5]), radius=0.5, first=0.0)
     growth, caustic = magnified([bay], np.array([[0.0, 1.2], [0.0, 1.9]]), view)
     assert_allclose(growth, np.abs(bay.spread(np.array([[0.0, 1.2], [0.0, 1.9]]))[0]))
     assert caustic.tolist() == ["", "beyond"]
+
+
+def test_tables_of_a_result_tell_of_curved_mirrors_where_there_are_any(view):
+    """The pillar, and a wall behind it that it shows; where the middle of each face is, and how it is curved."""
+    pillar = ArcMirror(middle=np.array([0.0, 1.3]), radius=0.3, first=np.pi, span=np.pi, radar=np.zeros(2),
+                       curvature_error=0.1)  # fmt: skip
+    for first, curved in ((pillar, True), (NEAR, False)):
+        tree = tree_of(view, [-0.5, 0.8], [0.0, 2.0], np.empty((0, 2)), mirrors=(first, FAR))
+        points = fold_back(tree, view)
+        objects, mirrors = _objects(points), _mirrors(tree, points)
+        assert ("growth" in objects) == ("caustic" in objects) == ("curvature" in mirrors) == curved
+        assert mirrors["chain"].values.tolist() == ["0", "0/0"]
+        assert mirrors["parent"].values.tolist() == [-1, 0]
+        if curved:
+            assert_allclose(objects["growth"], points.growth, rtol=1e-6)
+            assert_allclose(mirrors["curvature"], [1.0 / 0.3, 0.0])
+            assert_allclose(mirrors["curvature_error"], [0.1, 0.0])
+            middle = np.column_stack([mirrors["xm"], mirrors["ym"]])
+            assert_allclose(middle, [pillar.center, FAR.center], atol=1e-12)
+            true = np.column_stack([mirrors["folded_xm"], mirrors["folded_ym"]])
+            assert_allclose(true, [pillar.center, tree.folds()[0,](FAR.center)], atol=1e-12)
+            assert mirrors["curvature"].attrs["units"] == "1/m"
 
 
 def owned(view, direct=(), behind=(), both=(), confidence=1.0, **given):
