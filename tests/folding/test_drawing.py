@@ -74,14 +74,17 @@ def test_places_are_those_of_the_view(view):
     assert inside_ones > 20
 
 
-def random_sight(view, random):
+def random_sight(view, random, axis):
     """Two mirrors, the second seen in the first, objects that hide, ranges that are open, and owners; all random."""
     count = len(view.sight)
-    begin = np.sort(random.uniform(0.6, 2.6, (2, count)), axis=0)
-    crossing = np.where(random.random((2, count)) < 0.8, begin, np.inf)
+    # Bands of three along one axis: neighbours along the other are alike, or every place would stand at an edge.
+    bands = [1] * len(view.shape)
+    bands[axis] = view.shape[axis]
+    pick = (np.arange(view.shape[axis]) // 3 * 3).reshape(bands)
+    pick = np.broadcast_to(pick, view.shape).ravel()
+    crossing = np.where(random.random((2, count)) < 0.8, np.sort(random.uniform(0.6, 2.6, (2, count)), axis=0), np.inf)
     crossing[1] = np.where(np.isfinite(crossing[0]), crossing[1], np.inf)
-    # Neighbouring directions are alike, or every place would stand at an edge.
-    crossing = np.repeat(crossing[:, ::7], 7, axis=1)[:, :count]
+    crossing = crossing[:, pick]
     cover = Cover(np.array([np.full(count, 1.8)]), random.uniform(0.0, 3.0, (1, count)))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover, chain=((0,), (0, 0)),
                          open=random.uniform(0.0, 1.5, count))  # fmt: skip
@@ -117,11 +120,11 @@ def slow_twin(view, sight, folds, margin, blobs, points):
 
 
 @pytest.mark.nojit
-@pytest.mark.parametrize("margin", [0.0, 0.2])
+@pytest.mark.parametrize(("margin", "axis"), [(0.0, 0), (0.2, -1)])
 @VIEWS
-def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin):
+def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin, axis):
     random = np.random.default_rng(3)
-    sight, blobs = random_sight(view, random)
+    sight, blobs = random_sight(view, random, axis)
     first, second = reflection(view.dimensions, 5.0, 0.9), reflection(view.dimensions, -20.0, 1.4)
     folds = {(0,): first, (0, 0): first @ second}
     x, y, z = np.linspace(-1.0, 1.2, 17), np.linspace(-1.0, 2.2, 21), np.linspace(-0.3, 0.35, 4)
@@ -130,7 +133,7 @@ def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin):
     points = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
     expected, clear = slow_twin(view, sight, folds, margin, blobs, points.reshape(-1, view.dimensions))
     expected, clear = (part.reshape(points.shape[:-1]).T for part in (expected, clear))
-    assert np.count_nonzero(expected) > 0.15 * expected.size
+    assert np.count_nonzero(expected) > 0.1 * expected.size
     assert clear.mean() > 0.5
     assert_allclose(drawn[clear], expected[clear], rtol=1e-4)
     strongest = draw(sight, folds, margin, grid, blobs, strongest=True)

@@ -31,7 +31,7 @@ from mirrorfold.tree.curved import (
     known_places,
     without_bent,
 )
-from mirrorfold.tree.lines_of_sight import ROOT
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
@@ -100,8 +100,8 @@ SHALLOW = ArcMirror(middle=np.array([0.0, 5.3]), radius=4.0, first=1.5 * np.pi -
 @pytest.mark.parametrize(
     ("first", "last", "aside", "piece"),
     [
-        (0.0, 0.8, 0.0, True), (0.2, 0.5, 0.0, True), (0.5, 1.1, 0.0, True), (0.62, 1.22, 0.0, False),
-        (-0.3, 0.3, 0.0, True), (-0.42, 0.18, 0.0, False), (0.0, 0.8, 0.06, False), (0.0, 0.8, -0.08, False),
+        (0.0, 0.8, 0.0, True), (0.2, 0.5, 0.0, True), (0.57, 1.17, 0.0, True), (0.62, 1.22, 0.0, False),
+        (-0.37, 0.23, 0.0, True), (-0.42, 0.18, 0.0, False), (0.0, 0.8, 0.06, False), (0.0, 0.8, -0.08, False),
     ],
 )  # fmt: skip
 def test_a_flat_mirror_is_a_piece_of_an_arc_if_two_fifths_of_it_lie_on_it(view, first, last, aside, piece):
@@ -171,6 +171,15 @@ def test_mirrors_seen_by_way_of_a_curved_one_are_left_out(view):
     # A curved mirror seen in a flat one is none of these.
     before = LineMirror(np.array([-0.4, 0.8]), np.array([0.4, 0.8]))
     assert without_bent(order_mirrors([before, PILLAR], view, echoes, SETTINGS)) is None
+
+
+def test_what_curved_mirrors_show_is_no_row_of_another(view, monkeypatch):
+    """Neither behind the pillar, nor behind or on a wall that it shows; its own face is, and what lies beside it."""
+    monkeypatch.setattr(curved, "find_arcs", lambda view, echoes, own: own)
+    wall = LineMirror(np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
+    places = [[0.0, 1.6], [0.0, 2.4], [0.0, 2.0], [0.0, 1.0], [-0.7, 1.0], [0.9, 2.0]]
+    own = candidates(found_with(view, [wall, PILLAR], places), view)
+    assert own.tolist() == [NOBODY, NOBODY, NOBODY, ROOT, ROOT, ROOT]
 
 
 class Steps:
