@@ -176,6 +176,17 @@ def test_the_cell_of_an_echo_is_mapped_as_its_surroundings_are(view):
     assert_allclose(error[0], OWN_ERROR * np.std(fold_of([pillar], 2)(places), axis=0) / 0.01, rtol=0.02)
 
 
+def test_errors_are_the_same_wherever_the_radar_stands(view):
+    shift = np.array([0.3, -0.4])
+    places = np.array([[-0.5, 0.8]]), np.array([[0.1, 1.6]]), np.array([[0.0, 1.0]])
+    there = replace(WALL, start=WALL.start + shift, end=WALL.end + shift)
+    here, moved = (errors(fold_back(found.tree), found.tree, found.sight.view) for found in (
+        found_of(view, *places),
+        found_of(replace(view, radar=shift), *(place + shift for place in places), mirror=there)))  # fmt: skip
+    for one, other in zip(here, moved, strict=True):
+        assert_allclose(one, other, rtol=1e-9)
+
+
 def test_a_mirror_leads_astray_by_twice_its_offset(view):
     """In resolution cells of where the echo stood; a point on it keeps the mirror's own error."""
     wall = replace(WALL, angle_error=0.0, offset_error=0.01)

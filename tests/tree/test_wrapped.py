@@ -185,3 +185,13 @@ def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
         {f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")}
     )
     np.testing.assert_allclose(wrapping_ratio(moved, view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3)
+
+
+def test_a_window_may_reach_over_the_end_of_the_ambiguous_range():
+    """Of some pairs the echo stands at its end, of others at its beginning: in phase all the same."""
+    tx = rx = short_array()
+    sweep = sweep_of([point(0.9995 * PERIOD, 0.6, tx, rx)], tx, rx, noise=0.3)
+    path = point(0.9995 * PERIOD, 0.6, tx, rx)
+    assert path.min() < 2.0 * PERIOD < path.max()
+    ratio = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.9995 * PERIOD]), np.array([0.6]))
+    assert ratio[0] < 0.95
