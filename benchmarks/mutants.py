@@ -4,8 +4,9 @@
     python benchmarks/mutants.py src/mirrorfold/tree/copies.py --tests tests/tree/test_copies.py --sample 40 --seed 1
 
 A mutant that all tests accept has survived: either a test is missing, or the change makes no difference. Each mutant is
-a fork of one process that has imported all libraries, so that it costs no more than the tests. The kernels of a
-module run as plain Python, because compiled code that is kept on disk would be that of the original.
+a fork of one process that has imported all libraries, so that it costs no more than the tests; slow ones are left out,
+unless `--marked` says otherwise. The kernels of a module run as plain Python, because compiled code that is kept on
+disk would be that of the original.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import copy
 import importlib
 import os
 import random
+import resource
 import signal
 import sys
 import time
@@ -23,8 +25,9 @@ from collections.abc import Iterator
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
-SECONDS_A_MUTANT = 120
-"""Tests that take longer have noticed: the mutant does not end."""
+LEAST_SECONDS, TIMES_AS_LONG = 20.0, 10.0
+"""Tests that take more processor time, and so many times as much as without a change, have noticed: the mutant does
+not end."""
 
 LIBRARIES = ("hypothesis", "numba", "pytest", "scipy.ndimage", "scipy.spatial", "xarray")
 """What all forks share."""
@@ -68,7 +71,9 @@ def changes(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
 
 
 def _left_alone(tree: ast.Module) -> set[int]:
-    """Nodes that are no part of what is computed: annotations, decorators, texts."""
+    """Nodes that are no part of what is computed: annotations, decorators, texts, and what guards against our own
+    mistakes, as `strict` of a `zip` does.
+    """
     found: set[int] = set()
     for node in ast.walk(tree):
         parts: list[ast.AST] = []
@@ -77,11 +82,17 @@ def _left_alone(tree: ast.Module) -> set[int]:
             parts += [argument.annotation for argument in node.args.args if argument.annotation]
         elif isinstance(node, ast.AnnAssign):
             parts = [node.annotation]
+        elif (isinstance(node, ast.keyword) and node.arg == "strict") or _for_types_alone(node):
+            parts = [node]
         elif isinstance(node, ast.JoinedStr | ast.Raise | ast.ClassDef):
             parts = [node] if not isinstance(node, ast.ClassDef) else list(node.decorator_list)
         for part in parts:
             found |= {id(one) for one in ast.walk(part)}
     return found
+
+
+def _for_types_alone(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def _change_of(node: ast.AST) -> str | None:
@@ -126,15 +137,15 @@ def _apply(node: ast.AST) -> None:
             node.func.id = NAMES[node.func.id]
 
 
-def survives(path: Path, tree: ast.Module | None, tests: list[str]) -> bool:
-    """Whether the tests accept a mutant; of no tree, the module as it is."""
+def survives(path: Path, tree: ast.Module | None, tests: list[str], seconds: float) -> bool:
+    """Whether the tests accept a mutant within so many seconds of the processor; of no tree, the module as it is."""
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # which ends the process
-    signal.alarm(SECONDS_A_MUTANT)
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)  # which ends the process
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     usual = SourceFileLoader.get_code
 
     def get_code(self: SourceFileLoader, name: str) -> object:
@@ -153,6 +164,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("module", type=Path)
     parser.add_argument("--tests", nargs="+", required=True, help="what pytest is called with")
+    parser.add_argument("--marked", default="not slow", help="which of them, as pytest's -m")
+    parser.add_argument("--named", default="", help="which of them, as pytest's -k")
     parser.add_argument("--sample", type=int, default=0, help="so many mutants at random; by default all")
     parser.add_argument("--seed", type=int, default=0, help="of that sample")
     parser.add_argument("--lines", type=int, nargs="*", help="of these lines alone")
@@ -165,18 +178,22 @@ def main() -> int:
     for library in LIBRARIES:
         importlib.import_module(library)
     assert not any(name.startswith("mirrorfold") for name in sys.modules)
-    if not survives(path, None, options.tests):
+    tests = [*options.tests, "-m", options.marked, "-k", options.named]
+    if not survives(path, None, tests, 60.0 * options.minutes):
         print("the tests fail without any change")
         return 2
     found = [one for one in changes(ast.parse(source)) if not options.lines or one[0] in options.lines]
-    chosen = sorted(random.Random(options.seed).sample(range(len(found)), options.sample or len(found)))
+    usual = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = max(LEAST_SECONDS, TIMES_AS_LONG * (usual.ru_utime + usual.ru_stime))
+    count = min(options.sample or len(found), len(found))
+    chosen = sorted(random.Random(options.seed).sample(range(len(found)), count))
     end, tried, alive = time.monotonic() + 60.0 * options.minutes, 0, 0
     for number in chosen:
         if time.monotonic() > end:
             break
         line, what, tree = found[number]
         tried += 1
-        if survives(path, tree, options.tests):
+        if survives(path, tree, tests, seconds):
             alive += 1
             print(f"{options.module}:{line}: {what} survives", flush=True)
     print(f"{options.module}: {tried} of {len(found)} mutants tried, {alive} survived")

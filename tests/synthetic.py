@@ -10,6 +10,7 @@ from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
 from mirrorfold.detection import usual_settings
+from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.folding import FoldSettings
 from mirrorfold.reconstruction import find_tree
@@ -110,3 +111,17 @@ def build_tree(echoes, view, *, known=None, **settings):
     """Tree and lines of sight of the echoes of a view: steps 2 to 4."""
     found = find_tree(view, echoes, FoldSettings(**settings).completed(**usual_settings(view, echoes)), known=known)
     return found.tree, found.sight
+
+
+def echoes_at(view, places, amplitude=1.0, *, threshold=0.1):
+    """Echoes at places (n, d) [m], strong above the threshold; the reference is one."""
+    places = np.atleast_2d(np.asarray(places, dtype=float))
+    range_, direction, _ = view.locate(places)
+    one = np.ones(len(places))
+    return Echoes.found(places, range_, direction, amplitude * one, one, 0.0 * one, threshold, 1.0)
+
+
+def on_line(start, end, spacing=0.01):
+    """Places every so many metres from one end of a line to the other, (n, 2) [m]."""
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    return start + np.linspace(0.0, 1.0, round(np.linalg.norm(end - start) / spacing) + 1)[:, None] * (end - start)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
+from scipy.spatial.distance import cdist
 
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
@@ -34,9 +35,9 @@ def at(sine, range_=RANGE, height=0.0):
 def sweep_of(tx, rx, *paths):
     """The sweep of echoes that leave towards one place and arrive from another one."""
     k = 2.0 * np.pi * FREQUENCY[:, None, None] / speed_of_light
-    s = 0.0
-    for leaves, arrives in paths:
-        s = s + np.exp(-1j * k * (np.linalg.norm(tx - leaves, axis=1)[:, None] + np.linalg.norm(rx - arrives, axis=1)))
+    leaves, arrives = np.swapaxes(paths, 0, 1)
+    out, back = (np.exp(-1j * k * cdist(side, places)) for side, places in ((tx, leaves), (rx, arrives)))
+    s = out @ back.swapaxes(1, 2)
     return make_sweep(s, frequency=FREQUENCY, tx_position=tx, rx_position=rx)
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
+from mirrorfold.focusing.coherence import OVERSAMPLING
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.tree import wrapped
 from mirrorfold.tree.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.wrapped import wrapping_ratio
 
@@ -19,6 +23,8 @@ ELEMENTS = 113
 BAND = np.linspace(116e9, 128e9, 97)
 PERIOD = 0.5 * speed_of_light / (BAND[1] - BAND[0])
 """The ambiguous range [m]: 1.2 m."""
+STEP = 2.0 * PERIOD / BAND.size / OVERSAMPLING
+"""From one point of a range profile to the next, along the path [m]."""
 
 
 def array(behind=0.0):
@@ -28,10 +34,11 @@ def array(behind=0.0):
     return position
 
 
-def sweep_of(paths, tx, rx):
-    """The sum of echoes whose paths (tx, rx) [m] are given."""
+def sweep_of(paths, tx, rx, noise=0.0):
+    """The sum of echoes whose paths (tx, rx) [m] are given, of amplitude one, in noise."""
     k = 2.0 * np.pi * BAND / speed_of_light
     s = sum(np.exp(-1j * k[:, None, None] * path) for path in paths)
+    s = s + noise * np.random.default_rng(0).standard_normal((*s.shape, 2)) @ [1.0, 1.0j]
     return mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
 
 
@@ -105,3 +112,86 @@ def test_waves_that_are_flat_either_way_prove_nothing():
     ratio = wrapping_ratio(sweep, view, np.array([1.1]), np.array([0.1]))
     assert 1.0 < ratio[0] < LARGEST_WRAPPING_RATIO
     assert_array_equal(wrapping_ratio(sweep, view, np.zeros(0), np.zeros(0)), [])
+
+
+def short_array(elements=41):
+    position = np.zeros((elements, 3))
+    position[:, 0] = 3.5e-3 * (np.arange(elements) - 0.5 * (elements - 1))
+    return position
+
+
+@pytest.mark.parametrize("shape", [point, face, corner])
+def test_late_echoes_are_told_from_near_ones_by_a_thinned_array(shape):
+    """A few antennas along the same length; two echoes at once, in other directions, in noise as strong as they."""
+    tx = rx = short_array()
+    view = view_of(tx, rx)
+    sweep = sweep_of([shape(0.4, -0.3, tx, rx), shape(0.5 + PERIOD, 0.2, tx, rx)], tx, rx, noise=0.7)
+    near, late = wrapping_ratio(sweep, view, np.array([0.4, 0.5]), np.array([-0.3, 0.2]))
+    assert near <= 1.0
+    assert late > 1.8
+
+
+@pytest.mark.parametrize(("range_", "u"), [(0.4, -0.3), (0.9, 0.97)])
+def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spreads_to(monkeypatch, range_, u):
+    """From either end of an array an echo that is focused at the wrong distance seems to come from another side."""
+    tx, rx = short_array(), short_array(21) + np.array([0.0, 0.02, 0.0])
+    asked = []
+
+    def coherence(windows, step, shift, shape, tx, rx, tx_of, rx_of, centre, directions, curvature, along, ahead, out):
+        asked.append((shape, 1.0 / curvature, directions, windows))
+        assert shift == 1.0  # the window is read where the path of each pair ends
+        out[0] = 1.0
+
+    monkeypatch.setattr(wrapped, "coherence", coherence)
+    # A spike in every pair at the path of the echo, so that the window shows where it was cut out.
+    path = np.full((len(tx), len(rx)), 2.0 * range_)
+    wrapping_ratio(sweep_of([path], tx, rx), view_of(tx, rx), np.array([range_]), np.array([u]))
+    assert [shape for shape, *_ in asked] == [wrapped.POINT, wrapped.FACE, wrapped.CORNER] * 2
+    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_, range_ + PERIOD], 3))
+    wavelength = speed_of_light / BAND.mean()
+    # From the middle of both arrays, half-way between them.
+    cell, reach = 0.5 * wavelength / np.ptp(tx[:, 0]), np.hypot(np.abs(tx[:, 0]).max(), 0.01)
+    spread = reach * (1.0 / range_ - 1.0 / (range_ + PERIOD)) + cell
+    for *_, directions, window in asked:
+        expected = np.clip([u - spread, u + spread], -LARGEST_SINE, LARGEST_SINE)
+        assert_allclose(directions[[0, -1]], expected, rtol=1e-6)
+        assert 0.2 * cell < np.diff(directions).max() <= 0.5 * cell
+        # Paths are longer or shorter by the way to the farthest antenna and back, at most.
+        power = (window**2).sum(axis=(0, 2, 3))
+        assert power.size == 2 * (int(np.ceil(2.0 * reach / STEP)) + 2) + 1
+        assert np.argmax(power) == power.size // 2
+
+
+def test_where_no_waves_arrive_in_phase_nothing_is_said():
+    """Of noise, and of an echo from elsewhere."""
+    tx = rx = short_array()
+    random = np.random.default_rng(0)
+    sweep = sweep_of([point(0.4, -0.3, tx, rx)], tx, rx)
+    noise = sweep.assign(s=(sweep["s"].dims, random.standard_normal((*sweep["s"].shape, 2)) @ [1.0, 1.0j]))
+    assert_array_equal(wrapping_ratio(noise, view_of(tx, rx), np.array([0.4, 0.8]), np.array([-0.3, 0.5])), 1.0)
+    assert_array_equal(wrapping_ratio(sweep, view_of(tx, rx), np.array([0.8]), np.array([0.5])), 1.0)
+
+
+def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
+    """Turned in the floor plan with its echoes."""
+    tx = rx = short_array()
+    sweep = sweep_of([point(0.5 + PERIOD, 0.2, tx, rx)], tx, rx)
+    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    expected = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.5]), np.array([0.2]))
+    turned = tx.copy()
+    turned[:, :2] = tx[:, :2] @ turn
+    view = replace(view_of(tx, rx), along=turn[0], broadside=turn[1])
+    moved = sweep.assign_coords(
+        {f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")}
+    )
+    np.testing.assert_allclose(wrapping_ratio(moved, view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3)
+
+
+def test_a_window_may_reach_over_the_end_of_the_ambiguous_range():
+    """Of some pairs the echo stands at its end, of others at its beginning: in phase all the same."""
+    tx = rx = short_array()
+    sweep = sweep_of([point(0.9995 * PERIOD, 0.6, tx, rx)], tx, rx, noise=0.3)
+    path = point(0.9995 * PERIOD, 0.6, tx, rx)
+    assert path.min() < 2.0 * PERIOD < path.max()
+    ratio = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.9995 * PERIOD]), np.array([0.6]))
+    assert ratio[0] < 0.95

@@ -104,7 +104,7 @@ def _objects(points: Points) -> xr.Dataset:
         "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
         "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
     }
-    if any(name != "" for name in points.caustic) or (points.growth != 1.0).any():
+    if (points.growth != 1.0).any():
         data |= {
             "growth": (
                 "point",

@@ -74,7 +74,8 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     for group, dimension in TABLES:
         table = obj.children[group].to_dataset(inherit=False)
         chosen = np.flatnonzero(table["frame"].values == frame)
-        nodes[f"/{group}"] = _moved(table.isel({dimension: chosen}).drop_vars("frame"), -chosen.min(initial=0))
+        first = int(chosen[0]) if chosen.size else 0
+        nodes[f"/{group}"] = _moved(table.isel({dimension: chosen}).drop_vars("frame"), -first)
     return xr.DataTree.from_dict(nodes)
 
 

@@ -109,7 +109,7 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
 
     def seen_by(chain: Chain) -> Array:
-        return points.initial[(points.bounces == len(chain)) & (points.chain == chain_name(chain))]
+        return points.initial[points.chain == chain_name(chain)]
 
     # Where blobs meet, that of a point counts, and of two points the deeper one.
     shown = {NOBODY: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}

@@ -48,7 +48,8 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     row = np.clip(np.rint((echoes.range - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
     own = np.where(order.face == ROOT, sight.seen_through(echoes.range, echoes.direction), order.face)
     parent = np.append(sight.parent, [NOBODY, ROOT])
-    sets = [((own == ROOT) | (parent[order.face] == ROOT), np.zeros(len(view.sight)))]
+    direct = np.where(order.face >= 0, parent[order.face], own) == ROOT
+    sets = [(direct, np.zeros(len(view.sight)))]
     # How often what is seen by way of each mirror has met it, and what its own face shows.
     sets += [(_reflected(own, parent, mirror), sight.crossing[mirror]) for mirror in range(len(order.mirrors))]
     for reflected, begin in sets:

@@ -100,10 +100,8 @@ def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
     view : ImageView
     """
     sight, echoes = found.sight, found.echoes
-    ways, lines = found.tree.ways(), {}
-    for index, chain in enumerate(sight.chain):
-        if chain and chain in ways:
-            lines[index] = ways[chain][-1]
+    ways = found.tree.ways()
+    lines = {index: ways[chain][-1] for index, chain in enumerate(sight.chain) if chain}
     own = sight.seen_through(echoes.range, echoes.direction)
     if lines:
         numbers = np.array(list(lines))
@@ -111,7 +109,7 @@ def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
         on_it = face >= 0
         own = own.copy()
         own[on_it] = sight.parent[numbers[face[on_it]]]
-    curved = [index for index, line in lines.items() if line.curved or any(m.curved for m in ways[sight.chain[index]])]
+    curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in ways[chain])]
     own[np.isin(own, curved)] = NOBODY
     return find_arcs(view, echoes, own)
 

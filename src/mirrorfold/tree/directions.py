@@ -122,7 +122,7 @@ def grating_lobe(sweep: xr.Dataset) -> float:
     aperture = _apertures(sweep)[1]
     k = float(wavenumber(sweep).mean())
     length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
-    if aperture.places < 2 or length < 1.0:
+    if length < 1.0:
         return 0.0
     level = aperture.beam(k, np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length))
     lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]

@@ -1,0 +1,212 @@
+"""What speaks for and against points, on a few of them; and what is said of echoes that come from elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.special import expit
+from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
+
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import fold_of
+from mirrorfold.folding.confidence import (
+    EXPLAINED,
+    LEAST_SHARE,
+    MOST_ASTRAY,
+    MOST_EXCESS_DB,
+    NEIGHBOUR_CELLS,
+    OWN_ERROR,
+    WEIGHTS,
+    WEIGHTS_MEASURED,
+    errors,
+    evidence,
+    judged,
+    measured,
+    mirror_confidence,
+)
+from mirrorfold.folding.points import fold_back
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.mirror_tree import MirrorTree
+
+WALL = LineMirror(np.array([-0.3, 1.0]), np.array([0.3, 1.0]), angle_error=0.5, offset_error=2e-3)
+
+LONE = 10.0
+"""So many cells from each other, echoes are no neighbours."""
+
+
+@pytest.fixture(scope="module")
+def view():
+    return empty_view()
+
+
+def cells(view, *places):
+    """Places by range and u in resolution cells."""
+    range_, u = np.reshape(places, (-1, 2)).T
+    return view.to_points(RANGE_CELL * range_, U_CELL * u)
+
+
+def found_of(view, direct, behind=(), face=(), elsewhere=(), amplitude=1.0, mirror=WALL):
+    parts = [echoes_at(view, np.reshape(part, (-1, 2)), amplitude) for part in (direct, behind, face, elsewhere)]
+    node = MirrorTree(mirror, parts[2], parts[1], (), (0,))
+    tree = MirrorTree(None, parts[0].take([]), parts[0], (node,) if mirror is not None else (), ())
+    return Found(parts[0], tree, LinesOfSight.unfolded(view), parts[3], np.full(len(parts[3]), "comes from afar"))
+
+
+def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
+    """Three cells in a row, one of them twice; a lone one; and one of another kind in their midst."""
+    row = cells(view, (40, 0), (42, 0), (44, 0), (44.1, 0))
+    points = fold_back(found_of(view, [*row, *cells(view, (60, LONE))], cells(view, (42, 1))).tree)
+    points = replace(points, amplitude=np.array([1.0, 10.0, 0.05, 1.0, 100.0, 1.0]))
+    given = evidence(points, view, np.array([0.0, 1.0, 2.0, 3.0, 4.0, 9.0]))
+    assert_array_equal(given[:, 0], 1.0)
+    assert_allclose(given[:, 1], [20.0, MOST_EXCESS_DB, 0.0, 20.0, MOST_EXCESS_DB, 20.0])
+    # From end to end are four cells: those see two, the middle one all three.
+    assert NEIGHBOUR_CELLS == 2.5
+    assert_allclose(2.0 ** given[:, 2], [2, 3, 2, 2, 1, 1])
+    assert_allclose(given[:, 3], [0.0, 1.0, 2.0, 3.0, MOST_ASTRAY, MOST_ASTRAY])
+    assert np.isnan(given[:, 4]).all()
+
+
+def test_shares_are_averaged_over_cells_in_which_they_are_known(view):
+    """The mean of each cell first, so that a cell with many echoes counts no more than others."""
+    points = fold_back(found_of(view, cells(view, (40, 0), (40.1, 0), (42, 0), (44, 0), (70, 0)), mirror=None).tree)
+    points = replace(points, confocal=np.array([0.9, 0.7, 1.0, np.nan, 0.1]))
+    given = evidence(points, view, np.zeros(5))
+    assert_allclose(given[:, 4], [0.9, 0.9, 0.9, 1.0, LEAST_SHARE])
+    alone = replace(points, confocal=np.array([np.nan, np.nan, np.nan, np.nan, 0.8]))
+    assert_array_equal(np.isnan(evidence(alone, view, np.zeros(5))[:, 4]), [True] * 4 + [False])
+
+
+def test_shares_are_measured_of_objects_alone(view):
+    points = fold_back(found_of(view, cells(view, (40, 0)), cells(view, (50, 0)), cells(view, (33, 0))).tree)
+    asked = []
+    shares = lambda place, amplitude: asked.append((place, amplitude)) or np.array([0.5, 0.6])  # noqa: E731
+    assert_array_equal(measured(points, shares).confocal, [0.5, 0.6, np.nan])
+    assert_array_equal(asked[0][0], points.initial[:2])
+    assert asked[0][1].shape == (2,)
+
+
+def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
+    """Lone points 20 dB over their threshold, of a mirror without errors: in line of sight, behind it, and on it."""
+    exact = replace(WALL, angle_error=0.0, offset_error=0.0)
+    places = cells(view, (40, 2 * LONE)), cells(view, (50, 0)), cells(view, (33, 0))
+    found = found_of(view, *places, mirror=exact)
+    points = judged(fold_back(found.tree), found)
+    direct, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())
+    # What is seen in a mirror is no likelier than the mirror.
+    assert_allclose(points.confidence, [direct, behind * on_it, on_it])
+    points = judged(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, 0.0]))
+    seen, hidden, _ = WEIGHTS_MEASURED.values()
+    direct = expit(seen[0] + 20.0 * seen[1] + seen[4])
+    behind = expit(hidden[0] + 20.0 * hidden[1] + LEAST_SHARE * hidden[4])
+    assert_allclose(points.confidence, [direct, behind * on_it, on_it])
+    assert mirror_confidence(points, "0") == pytest.approx(on_it)
+    assert mirror_confidence(points, "7") == 1.0
+
+
+@pytest.mark.parametrize("weights", [WEIGHTS, WEIGHTS_MEASURED], ids=["image alone", "measured"])
+def test_what_speaks_for_a_point_makes_it_likelier(weights):
+    """A lone echo at the threshold is doubted, eight cells in a row at 20 dB are believed, whatever was measured."""
+    for name, (base, *slopes) in weights.items():
+        directions = np.sign(slopes)
+        assert (directions * [1, 1, -1, 1][: len(slopes)] >= 0).all()
+        share = slopes[3:]  # of the energy that came back as it went
+        weak, strong = (base + np.dot(slopes, [level, count, 0.0, came][: len(slopes)])
+                        for level, count, came in ((0.0, 0.0, LEAST_SHARE), (20.0, 3.0, 1.0)))  # fmt: skip
+        assert expit(strong) > 0.95
+        assert expit(weak) < 0.15 or name == "on mirrors"
+        assert not share or share[0] > 0.0 or name == "on mirrors"
+        # Behind a mirror that is hardly known even the best echo proves little.
+        assert name == "in line of sight" or expit(strong + MOST_ASTRAY * slopes[2]) < 0.5 * expit(strong)
+
+
+def test_what_two_mirrors_show_is_no_likelier_than_either(view):
+    """Of the chains that begin with 1 only those by way of it: 10 is another mirror."""
+    exact = replace(WALL, angle_error=0.0, offset_error=0.0)
+    none, one = echoes_at(view, np.empty((0, 2))), echoes_at(view, cells(view, (50, 0)))
+    face = echoes_at(view, cells(view, (33, 0)))
+    deeper = MirrorTree(exact, none, one, (), (1, 0))
+    nodes = [MirrorTree(exact, face if index == 1 else none, one, (deeper,) if index == 1 else (), (index,))
+             for index in range(11)]  # fmt: skip
+    found = found_of(view, np.empty((0, 2)))._replace(tree=MirrorTree(None, none, none, tuple(nodes), ()))
+    points = judged(fold_back(found.tree), found)
+    sure = dict(zip(zip(points.chain, points.mirror, strict=True), points.confidence, strict=True))
+    _, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())
+    assert sure["", "1"] == pytest.approx(on_it)
+    assert sure["1", ""] == sure["1/0", ""] == pytest.approx(behind * on_it)
+    assert sure["10", ""] == sure["0", ""] == pytest.approx(behind)
+
+
+def test_an_echo_is_known_to_a_part_of_its_cell_and_turned_as_it_is_folded(view):
+    """Along the line of sight and across it; what lies on a mirror, across that as well as the mirror."""
+    slanted = LineMirror(np.array([-0.5, 0.7]), np.array([0.3, 1.5]), angle_error=0.0, offset_error=0.0)
+    ahead, mirrored, on_it = [0.0, 1.5], [0.0, 2.0], [-0.2, 1.0]
+    found = found_of(view, [ahead, [1.2, 0.0]], [mirrored], [on_it], mirror=slanted)
+    points = fold_back(found.tree)
+    error, astray = errors(points, found.tree, view)
+    own = OWN_ERROR * np.array([U_CELL * 1.5, RANGE_CELL])
+    assert_allclose(error[0], own)
+    assert error[1, 0] == pytest.approx(OWN_ERROR * RANGE_CELL)
+    # A mirror at 45 degrees swaps the two axes.
+    assert_allclose(error[2], OWN_ERROR * np.array([RANGE_CELL, U_CELL * 2.0]))
+    # On the mirror what is left of both lies along it: the same in x and y.
+    sight = np.array(on_it) / np.linalg.norm(on_it)
+    along = np.array([1.0, 1.0]) / np.sqrt(2.0)
+    part = np.hypot(RANGE_CELL * (sight @ along),
+                    float(view.cross_cell(np.array([on_it]))[0]) * (sight @ [along[1], -along[0]]))  # fmt: skip
+    assert_allclose(error[3], OWN_ERROR * part / np.sqrt(2.0))
+    assert_allclose(astray, 0.0, atol=1e-12)
+
+
+def test_the_cell_of_an_echo_is_mapped_as_its_surroundings_are(view):
+    """By way of a pillar it is turned and stretched: against random places in the cell, each folded by itself."""
+    pillar = ArcMirror(middle=np.array([0.0, 1.3]), radius=0.3, first=np.pi, span=np.pi, radar=np.zeros(2))
+    place = np.array([0.15, 1.8])
+    found = found_of(view, np.empty((0, 2)), [place], mirror=pillar)
+    error, _ = errors(fold_back(found.tree), found.tree, view)
+    sight = place / np.linalg.norm(place)
+    random = 0.01 * np.random.default_rng(0).standard_normal((2, 20000))  # of a cell: small, so that the map is linear
+    own = RANGE_CELL * random[0], float(view.cross_cell(place[None])[0]) * random[1]
+    places = place + own[0][:, None] * sight + own[1][:, None] * [sight[1], -sight[0]]
+    assert_allclose(error[0], OWN_ERROR * np.std(fold_of([pillar], 2)(places), axis=0) / 0.01, rtol=0.02)
+
+
+def test_errors_are_the_same_wherever_the_radar_stands(view):
+    shift = np.array([0.3, -0.4])
+    places = np.array([[-0.5, 0.8]]), np.array([[0.1, 1.6]]), np.array([[0.0, 1.0]])
+    there = replace(WALL, start=WALL.start + shift, end=WALL.end + shift)
+    here, moved = (errors(fold_back(found.tree), found.tree, found.sight.view) for found in (
+        found_of(view, *places),
+        found_of(replace(view, radar=shift), *(place + shift for place in places), mirror=there)))  # fmt: skip
+    for one, other in zip(here, moved, strict=True):
+        assert_allclose(one, other, rtol=1e-9)
+
+
+def test_a_mirror_leads_astray_by_twice_its_offset(view):
+    """In resolution cells of where the echo stood; a point on it keeps the mirror's own error."""
+    wall = replace(WALL, angle_error=0.0, offset_error=0.01)
+    found = found_of(view, [0.8, 0.8], [0.0, 1.6], [0.0, 1.0], mirror=wall)
+    error, astray = errors(fold_back(found.tree), found.tree, view)
+    assert_allclose(astray, [0.0, 0.02 / float(view.cell(1.6)), 0.0])
+    assert error[1, 1] == pytest.approx(np.hypot(0.02, OWN_ERROR * RANGE_CELL))
+    assert error[2, 1] == pytest.approx(0.01)
+
+
+def test_echoes_from_elsewhere_stand_where_they_are_seen_with_the_reason(view):
+    found = found_of(view, cells(view, (40, 0)), elsewhere=cells(view, (70, 0), (72, 0)), mirror=None)
+    points = judged(fold_back(found.tree), found)
+    assert len(points.position) == 3
+    assert_allclose(points.position[1:], found.elsewhere.position)
+    assert_allclose(points.initial[1:], found.elsewhere.position)
+    assert points.explanation.tolist() == ["", *["comes from afar"] * 2]
+    assert_allclose(points.confidence[1:], EXPLAINED)
+    assert_array_equal(points.bounces, 0)
+    assert np.isnan(points.error[1:]).all()
+    assert np.isfinite(points.error[0]).all()
+    assert_array_equal(points.growth, 1.0)
+    assert_allclose(points.exceeded[1:], 0.1)

@@ -1,0 +1,144 @@
+"""Lines of sight on a few echoes and one or two mirrors: what is hidden, seen through which mirror, and known empty."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view, on_line
+
+from mirrorfold.detection.image_view import OPAQUE_CELLS
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.tree.lines_of_sight import (
+    CLEAR_DB,
+    ITSELF_CELLS,
+    NOBODY,
+    OPEN_CELLS,
+    ROOT,
+    Cover,
+    LinesOfSight,
+    hidden_at,
+    itself,
+    through_at,
+)
+
+DEPTH = OPAQUE_CELLS * RANGE_CELL
+LEVEL = 10.0 ** (CLEAR_DB / 20.0)
+
+WALL = LineMirror(np.array([-0.3, 1.5]), np.array([0.3, 1.5]))
+
+
+@pytest.fixture(scope="module")
+def view():
+    return empty_view()
+
+
+def sight_of(view, *mirrors, parent=(ROOT,), **known):
+    crossing = np.array([mirror.crossing(view) for mirror in mirrors])
+    return LinesOfSight(view, crossing, np.array(parent), Cover.nothing(view.u.size), **known)
+
+
+def test_an_object_hides_what_is_behind_it_unless_that_is_much_stronger(view):
+    cover = Cover.of(echoes_at(view, [0.0, 1.0], 2.0), view)
+    ahead = np.array([view.column(0.0)])
+    for range_, amplitude, clear in (
+        (0.5, 0.1, True), (1.0 + 0.99 * DEPTH, 0.1, True), (1.0 + 1.01 * DEPTH, 0.99 * 2.0 * LEVEL, False),
+        (2.9, 1.01 * 2.0 * LEVEL, True), (2.9, 2.0 * LEVEL, False),
+    ):  # fmt: skip
+        assert cover.clear(np.array([range_]), ahead, amplitude)[0] == clear
+
+
+def test_an_object_hides_three_quarters_of_a_cell_to_either_side(view):
+    cover = Cover.of(echoes_at(view, [0.0, 1.0]), view)
+    hidden = ~cover.clear(np.full(view.u.size, 2.0), np.arange(view.u.size), 1.0)
+    assert_array_equal(hidden, np.abs(view.u) < 0.75 * U_CELL)
+
+
+def test_only_objects_that_are_stronger_than_all_before_them_count(view):
+    """Three along a line of sight, given in no order, and one beside them."""
+    places = np.array([[0.0, 1.6], [0.0, 1.0], [0.5, 0.9], [0.0, 1.3]])
+    cover = Cover.of(echoes_at(view, places, np.array([2.0, 1.0, 0.6, 0.5])), view)
+    ahead, aside = view.column(np.array([0.0, 0.5 / np.hypot(0.5, 0.9)]))
+    assert_allclose(cover.range[:, ahead], [1.0 + DEPTH, 1.6 + DEPTH])
+    assert_allclose(cover.level[:, ahead], [LEVEL, 2.0 * LEVEL])
+    assert_allclose(cover.range[:, aside], [np.hypot(0.5, 0.9) + DEPTH, np.inf])
+    assert_allclose(cover.level[0, aside], 0.6 * LEVEL)
+    fainter = Cover.of(echoes_at(view, places, 1e-3 * np.array([2.0, 1.0, 0.6, 0.5])), view)
+    assert_allclose(fainter.level, 1e-3 * cover.level)  # in whatever unit
+    assert Cover.of(echoes_at(view, np.empty((0, 2))), view).range.shape == (0, view.u.size)
+
+
+@pytest.mark.nojit
+def test_loops_and_arrays_agree_at_every_edge(view):
+    """A point right on a mirror is seen before it; one right where an object ends is hidden, as is one no stronger."""
+    crossing = np.array([[1.0, 1.0, np.inf], [2.0, np.inf, 2.0]])
+    cover = Cover(np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]]), np.array([[4.0, 8.0, 0.0], [9.0, 8.0, 0.0]]))
+    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover)
+    assert NOBODY < ROOT < 0  # no mirror has their numbers
+    expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): NOBODY}
+    for (range_, direction), owner in expected.items():
+        one = np.array([range_]), np.array([direction])
+        assert sight.seen_through(*one)[0] == through_at(*sight.passages, range_, direction) == owner
+    for range_, direction, hidden in (
+        (0.9, 0, 0.0), (1.0, 0, 4.0), (1.9, 0, 4.0), (2.0, 0, 9.0), (1.5, 1, 8.0), (1.4, 1, 0.0), (9.0, 2, 0.0),
+    ):  # fmt: skip
+        assert hidden_at(*cover, range_, direction) == hidden
+        one = np.array([range_]), np.array([direction])
+        assert [bool(cover.clear(*one, amplitude)[0]) for amplitude in (hidden, hidden + 0.1)] == [False, True]
+
+
+def test_without_mirrors_all_is_seen_directly_and_nothing_hidden(view):
+    sight = LinesOfSight.unfolded(view)
+    echoes = echoes_at(view, [[0.0, 1.0], [0.0, 2.0]])
+    assert_array_equal(sight.seen_through(echoes.range, echoes.direction), ROOT)
+    assert sight.clear(echoes).all()
+    assert not sight.contradicted(echoes, WALL.reflection).any()  # what is not known contradicts nothing
+
+
+def test_at_the_edge_of_a_mirror_the_radars_own_view_must_not_contradict(view):
+    """Both echoes fold to 0.8 m before the radar; the second is nearer to the edge than its beam is wide."""
+    edge = 0.3 * 2.2 / 1.5 - 0.01
+    echoes = echoes_at(view, [[0.1, 2.2], [edge, 2.2], [-edge, 2.2]])
+    for reach, expected in ((0.7, [False] * 3), (2.0, [False, True, True])):
+        sight = sight_of(view, WALL, open=np.full(view.u.size, reach))
+        assert_array_equal(sight.contradicted(echoes, WALL.reflection), expected)
+    # The radar does not look behind itself, nor nearer than its view begins.
+    sight = sight_of(view, WALL, open=np.full(view.u.size, 2.0))
+    assert not sight.contradicted(echoes_at(view, [[edge, 2.2]]), lambda places: places * [1.0, -1.0]).any()
+    assert not sight.contradicted(echoes_at(view, [[edge, 2.2]]), lambda places: 0.1 * places).any()
+
+
+def test_what_the_radar_sees_nothing_in_is_open_up_to_three_cells_before_each_echo(view):
+    """A wall straight ahead, an echo aside at 1.3 m, one behind the wall, and a faint one farthest aside."""
+    aside, sine = 1.3 * np.array([0.5, np.sqrt(0.75)]), 0.5
+    places = [aside, 1.5 * aside, [0.0, 2.0], [0.8, 0.6]]
+    echoes = echoes_at(view, places, np.array([1.0, 1.0, 1.0, 0.01]))
+    reach = sight_of(view, WALL).open_ranges(echoes)
+    assert_array_equal(reach[np.abs(view.u) > sine + 0.01], 0.0)
+    assert reach[view.column(-0.4)] == view.range[-1]
+    # Before the wall the nearest of its own places, a margin of three cells away, counts; so it is a little less aside.
+    margin = OPEN_CELLS * float(view.cell(1.5))
+    assert reach[view.column(0.0)] == pytest.approx(1.5 - margin, abs=2e-3)
+    margin = OPEN_CELLS * float(view.cell(1.3))
+    near = np.abs(view.u - sine) < 0.99 * margin / 1.3
+    assert_allclose(reach[near & (view.u <= sine)], 1.3 - margin)
+    assert reach[view.column(sine - 1.1 * margin / 1.3)] > 1.5
+
+
+def test_many_echoes_leave_no_gap_in_what_is_known(view):
+    """More than are treated at once: the last ones count as the first do."""
+    places = on_line([-0.8, 1.0], [0.8, 1.0], spacing=0.001)
+    reach = sight_of(view, WALL).open_ranges(echoes_at(view, places))
+    assert (reach[np.abs(view.u) < 0.6] < 1.17).all()
+    assert reach[view.column(0.0)] < 1.0
+
+
+def test_what_folds_to_the_antennas_is_the_radar_itself(view):
+    known = replace(view, wavelength=1e-3)
+    reach = ITSELF_CELLS * float(known.cell(3.0))
+    places = np.array([[0.0, 3.0], [0.0, 3.0 - 0.95 * reach], [0.0, 3.0 - 1.05 * reach], [0.5, 3.0]])
+    echoes = replace(echoes_at(known, places), range=np.full(4, 3.0))
+    assert_array_equal(itself(known, echoes, WALL.reflection), [True, True, False, False])
+    assert not itself(view, echoes, WALL.reflection).any()  # of an image of unknown origin
