@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.horns import point_sources
@@ -95,7 +97,8 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``.
+        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``; of a scene with both
+        polarizations ``s(polarization, frequency, tx, rx)``.
 
     Raises
     ------
@@ -153,11 +156,23 @@ def simulate(
 
     stated = scene
     scene, gather = point_sources(scene)
+    waves: tuple[Polarization, ...] = POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
     settings: dict[str, Any]
     if solver == "rays":
         from mirrorfold.simulation.rays.sweep import scattered_field
 
-        s = scattered_field(scene, bounces=int(bounces), seed=int(seed), memory_limit=memory_limit, progress=progress)
+        fields = []
+        for number, one in enumerate(waves):
+            scattered = scattered_field(
+                replace(scene, polarization=one),
+                bounces=int(bounces),
+                seed=int(seed),
+                memory_limit=memory_limit,
+                progress=_part(progress, number, len(waves)),
+            )
+            fields.append(scattered)
+        s = fields[0] if len(fields) == 1 else np.stack(fields)
+        del fields, scattered
         settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
     else:
         from mirrorfold.simulation.fullwave.sweep import fullwave_field
@@ -166,6 +181,11 @@ def simulate(
             raise InputError(f"workers is {workers!r}, expected a whole number of at least 1")
         if resume and checkpoint is None:
             raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
+        if waves != ("TE",):
+            raise InputError(
+                f"scene {scene.name!r}: polarization is {scene.polarization!r}, and the full-wave solver takes TE "
+                "alone; use solver 'rays'"
+            )
         s, facts = fullwave_field(
             scene,
             tolerance=tolerance,
@@ -202,6 +222,7 @@ def simulate(
         frequency=scene.band.frequency,
         tx_position=scene.array.tx_position,
         rx_position=scene.array.rx_position,
+        polarization=None if waves == ("TE",) else waves if len(waves) > 1 else waves[0],
         title=scene.name,
         processing=[f"simulated by {solver}, {chosen}"],
         solver=solver,
@@ -213,6 +234,13 @@ def simulate(
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+
+
+def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """What counts one of several equal parts of the work."""
+    if progress is None or parts == 1:
+        return progress
+    return lambda done, total: progress(number * total + done, parts * total)
 
 
 def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:
