@@ -181,23 +181,25 @@ def simulate(
             raise InputError(f"workers is {workers!r}, expected a whole number of at least 1")
         if resume and checkpoint is None:
             raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
-        if waves != ("TE",):
-            raise InputError(
-                f"scene {scene.name!r}: polarization is {scene.polarization!r}, and the full-wave solver takes TE "
-                "alone; use solver 'rays'"
+        fields = []
+        facts: dict[str, float] = {}
+        for number, one in enumerate(waves):
+            field, found = fullwave_field(
+                replace(scene, polarization=one),
+                tolerance=tolerance,
+                seed=int(seed),
+                direct=direct,
+                check_residual=check_residual,
+                workers=int(workers),
+                scheduler=scheduler,
+                checkpoint=_folder(checkpoint, one, waves),
+                resume=resume,
+                progress=_part(progress, number, len(waves)),
             )
-        s, facts = fullwave_field(
-            scene,
-            tolerance=tolerance,
-            seed=int(seed),
-            direct=direct,
-            check_residual=check_residual,
-            workers=int(workers),
-            scheduler=scheduler,
-            checkpoint=None if checkpoint is None else Path(checkpoint),
-            resume=resume,
-            progress=progress,
-        )
+            fields.append(field)
+            facts = {name: max(value, facts.get(name, value)) for name, value in found.items()}
+        s = fields[0] if len(fields) == 1 else np.stack(fields)
+        del fields, field
         settings = {
             "tolerance": float(tolerance),
             "seed": int(seed),
@@ -241,6 +243,13 @@ def _part(progress: Progress | None, number: int, parts: int) -> Progress | None
     if progress is None or parts == 1:
         return progress
     return lambda done, total: progress(number * total + done, parts * total)
+
+
+def _folder(checkpoint: str | Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
+    """Where the results of one polarization are kept: in a folder of its own where there are two."""
+    if checkpoint is None:
+        return None
+    return Path(checkpoint) if len(of) == 1 else Path(checkpoint) / one
 
 
 def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:

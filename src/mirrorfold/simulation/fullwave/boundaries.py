@@ -28,13 +28,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.kernels import njit
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array
 from mirrorfold.scenes.materials import Dielectric
 from mirrorfold.simulation.fullwave.discretisation import ZETA, Nodes
@@ -42,8 +42,9 @@ from mirrorfold.simulation.fullwave.media import Medium, _add, _bessel, medium
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
-Polarization = Literal["TE", "TM"]
 Strengths = NDArray[np.complex128]
+Sources = tuple[NDArray, ...]
+"""Coordinates x and y [m], moments of monopoles and of dipoles along x and y: arguments of `media._add`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +86,18 @@ class Boundaries:
         return np.where(self._is_body[self.node], second, self.polarization == "TM")
 
     @cached_property
-    def _sources(self) -> tuple[Array, ...]:
-        """Coordinates, monopole and dipole moments of the unknowns: arguments of `media._add`."""
+    def _sources(self) -> Sources:
+        """All unknowns as sources."""
         x, y = self.nodes.coordinates
         normal = np.where(self.dipole[:, None], self.nodes.normal[self.node], 0.0).astype(np.float32)
         moments = (~self.dipole).astype(np.float32)
-        return x[self.node], y[self.node], moments, np.ascontiguousarray(normal[:, 0]), np.ascontiguousarray(normal[:, 1])
+        return (
+            x[self.node],
+            y[self.node],
+            moments,
+            np.ascontiguousarray(normal[:, 0]),
+            np.ascontiguousarray(normal[:, 1]),
+        )
 
     @property
     def size(self) -> int:
@@ -111,8 +118,7 @@ class Boundaries:
 
     def refraction(self, surface: int, k: float) -> float:
         """How many times shorter waves are inside a surface, at most, than outside."""
-        permittivity = self._permittivity(surface, k)
-        return 1.0 if permittivity is None else max(1.0, abs(np.sqrt(permittivity)))
+        return max(1.0, abs(np.sqrt(self._permittivity(surface, k))))
 
     def order(self, surface: int) -> Indices:
         """The nodes of a surface in the order in which it is cut into groups.
@@ -136,7 +142,7 @@ class Boundaries:
         for body in np.unique(of_columns):
             some_rows, some_columns = np.flatnonzero(of_rows == body), np.flatnonzero(of_columns == body)
             if self.inside[body] is not None and len(some_rows):
-                within = medium(k, complex(self._permittivity(body, k)))
+                within = medium(k, self._permittivity(body, k))
                 b = complex(strength[body])
                 part = self._block(self._sources, rows[some_rows], columns[some_columns], within, b, -1.0)
                 out[np.ix_(some_rows, some_columns)] += part
@@ -149,47 +155,73 @@ class Boundaries:
         return out
 
     def at_points(self, points: Array, unknowns: Indices, k: float, *, body: int | None = None) -> Complex:
-        """Waves of unknowns at points outside all bodies, or inside one, (unknowns, points)."""
+        """Waves of unknowns at points, (unknowns, points): of all outside, or of a body's own unknowns inside it."""
         here = np.asarray(points, dtype=float)
         x, y = np.ascontiguousarray(here[:, 0]), np.ascontiguousarray(here[:, 1])
         none, one = np.zeros(len(here), np.float32), np.ones(len(here), np.float32)
         within, strength, sign = medium(k), 1.0 + 0.0j, 1.0
         if body is not None:
-            within, strength, sign = medium(k, complex(self._permittivity(body, k))), complex(self._inside(k)[0][body]), -1.0
-            unknowns = np.where(self.nodes.surface[self.node[unknowns]] == body, unknowns, -1)
+            within, strength, sign = medium(k, self._permittivity(body, k)), complex(self._inside(k)[0][body]), -1.0
         tests = (x, y, one, none, none)
         sources = tuple(part[unknowns] for part in self._sources)
         return np.ascontiguousarray(_waves(tests, sources, within, strength, sign).T)
 
-    def _block(self, parts: tuple[Array, ...], rows: Indices, columns: Indices, within: Medium, b: complex, sign: float) -> Complex:
+    def encloses(self, surface: int, points: Array) -> NDArray[np.bool_]:
+        """Whether a body encloses points, by the angle under which they see its contour; not right on the contour."""
+        own = self.nodes.surface == surface
+        x, y = (np.ascontiguousarray(part[own]) for part in self.nodes.coordinates)
+        return _seen_angle(points, x, y, self.nodes.normal[own], self.nodes.weight[own]) > math.pi
+
+    def _block(
+        self, parts: Sources, rows: Indices, columns: Indices, within: Medium, b: complex, sign: float
+    ) -> Complex:
         """Waves of the unknowns of columns at those of rows, in one medium."""
         return _waves(tuple(p[rows] for p in parts), tuple(p[columns] for p in parts), within, b, sign)
 
-    def _permittivity(self, surface: int, k: float) -> complex | None:
-        """Relative permittivity of what a surface encloses, at a wavenumber of free space [rad/m]."""
+    def _permittivity(self, surface: int, k: float) -> complex:
+        """Relative permittivity of what a surface encloses, at a wavenumber of free space [rad/m]; 1 for conductors."""
         material = self.inside[surface]
-        return None if material is None else complex(material.permittivity(k * speed_of_light / (2.0 * np.pi)))
+        return 1.0 + 0.0j if material is None else complex(material.permittivity(k * speed_of_light / (2.0 * np.pi)))
 
     def _inside(self, k: float) -> tuple[Strengths, Strengths]:
         """The b of each surface and its inner wavenumber, zero for conductors."""
         permittivity = [self._permittivity(surface, k) for surface in range(len(self.inside))]
-        strength = [1.0 if eps is None or self.polarization == "TE" else eps for eps in permittivity]
-        inner = [0.0 if eps is None else medium(k, eps).k for eps in permittivity]
+        strength = [1.0 if self.polarization == "TE" else eps for eps in permittivity]
+        body = [material is not None for material in self.inside]
+        inner = [medium(k, eps).k if filled else 0.0 for eps, filled in zip(permittivity, body, strict=True)]
         return np.array(strength, dtype=complex), np.array(inner, dtype=complex)
 
 
-def _waves(tests: tuple[Array, ...], sources: tuple[Array, ...], within: Medium, strength: complex, sign: float) -> Complex:
+Equation = Nodes | Boundaries
+"""What the solver needs: unknowns at nodes, the matrix between them, and their waves at antennas."""
+
+
+def _waves(tests: Sources, sources: Sources, within: Medium, strength: complex, sign: float) -> Complex:
     """The block of `media` between tests and sources."""
     out = np.zeros((len(tests[0]), len(sources[0])), dtype=np.complex64)
     _add(np.arange(len(out)), *tests, *sources, within.k, within.ratio, strength, within.coefficients, sign, out)
     return out
 
 
-FIRST_SLOPE, SECOND_SLOPE = 2.0 / 3.0, -1.0 / 12.0
-"""Weights of the neighbours in a first difference of fourth order."""
+@njit(error_model="numpy", nogil=True)
+def _seen_angle(points: Array, x: Array, y: Array, normal: Array, weight: Array) -> Array:
+    """Angle [rad] under which points see a contour: 2 pi inside, nothing outside."""
+    out = np.zeros(len(points))
+    for i in range(len(points)):
+        for j in range(x.size):
+            dx, dy = x[j] - points[i, 0], y[j] - points[i, 1]
+            out[i] += weight[j] * (dx * normal[j, 0] + dy * normal[j, 1]) / max(dx * dx + dy * dy, weight[j] ** 2)
+    return out
 
-OWN_BEND, FIRST_BEND, SECOND_BEND = -2.5, 4.0 / 3.0, -1.0 / 12.0
-"""Weights of the node and its neighbours in a second difference of fourth order."""
+
+SLOPE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+"""Weights of the neighbours, nearest first, in a first difference of eighth order; on the other side negative. At an
+open end, where the weights of the nodes go to zero, lower orders are felt."""
+
+OWN_BEND, BEND = -205 / 72, (8 / 5, -1 / 5, 8 / 315, -1 / 560)
+"""Weights of the node and of its neighbours on either side in a second difference of that order."""
+
+REACH = len(SLOPE)
 
 
 @njit(error_model="numpy", nogil=True)
@@ -299,43 +331,36 @@ def _finite_part(
 ) -> None:
     """The ``1 / r^2`` of the dipoles of a conductor at and beside the node itself.
 
-    With the arc length s(t) and the density q, ``q / r^2 = (q + q' t + q'' t^2 / 2) (1 + c1 t + c2 t^2) / (s' t)^2``,
-    of which the sum over the other nodes leaves out ``(q'' / 2 + c1 q' + c2 q) / s'^2``.
+    With the arc length s(t) and the jump f of the field, ``f s' / r^2 = g(t) / t^2`` with t from the node on, of which
+    the sum over the other nodes leaves out ``g''(0) / 2 = (f'' / 2 + f (s''' / (6 s') - (s'' / s')^2 / 4 + (c s')^2 /
+    12)) / s'`` at the curvature c. Differences are taken of f, not of f s': towards an open end f is odd in t and the
+    latter even, which would let in ``f = 1 / sqrt(s)``, a solution without sources.
     """
     w = weight[node]
-    nodes = np.empty(4, dtype=np.int64)
-    weights = np.empty(4)
-    for side, forward in enumerate((False, True)):
-        here, direction, sign = node, forward, 1.0
-        for distance in range(2):
-            there, turned = (-1, direction) if here < 0 else _step(here, direction, before, after)
-            if turned != direction:  # the arc length is even about an open end, its derivative odd
-                sign, direction = -sign, turned
-            nodes[2 * side + distance] = there
-            weights[2 * side + distance] = sign * weight[there] if there >= 0 else 0.0
-            here = there
-    # A vertex has no neighbour: the weight is taken to go on as it comes.
+    nodes = np.empty((2, REACH), dtype=np.int64)
+    weights, signs = np.empty((2, REACH)), np.empty((2, REACH))
     for side in range(2):
-        if nodes[2 * side] < 0:
-            weights[2 * side], weights[2 * side + 1] = 2.0 * w - weights[2 - 2 * side], 0.0
-        if nodes[2 * side + 1] < 0:
-            weights[2 * side + 1] = 2.0 * weights[2 * side] - w
-    near, far = weights[2] - weights[0], weights[3] - weights[1]
-    slope = (FIRST_SLOPE * near + SECOND_SLOPE * far) / w
-    near, far = weights[2] + weights[0], weights[3] + weights[1]
-    bend = (OWN_BEND * w + FIRST_BEND * near + SECOND_BEND * far) / w
-    c1, c2 = -slope, 0.75 * slope**2 - bend / 3.0 + (curvature * w) ** 2 / 12.0
+        here, forward, sign, parity = node, side == 1, 1.0, 1.0
+        for step in range(REACH):
+            there, turned = _step(here, forward, before, after)
+            if there < 0:  # towards a vertex the field is even, about an open end odd; the arc length vice versa
+                there, turned, parity = here, not forward, -parity
+            if turned != forward:
+                sign, forward = -sign, turned
+            here = there
+            nodes[side, step], weights[side, step], signs[side, step] = here, sign * weight[here], sign * parity
+    slope, bend = 0.0, OWN_BEND * w
+    for step in range(REACH):
+        slope += SLOPE[step] * (weights[1, step] - weights[0, step])
+        bend += BEND[step] * (weights[1, step] + weights[0, step])
+    left_out = bend / (6.0 * w) - 0.25 * (slope / w) ** 2 + (curvature * w) ** 2 / 12.0
     scale = 2j / math.pi / (k0 * w) ** 2
-    own = first[node]
-    if place[own] >= 0:
-        out[row, place[own]] += scale * (-math.pi**2 / 3.0 + 0.5 * OWN_BEND + c2)
-    for side, sign in enumerate((-1.0, 1.0)):
-        for distance in range(2):
-            there = nodes[2 * side + distance]
-            if there < 0 or place[first[there]] < 0:
-                continue
-            if distance == 0:
-                value = 0.5 * FIRST_BEND + sign * c1 * FIRST_SLOPE
-            else:
-                value = 0.5 * SECOND_BEND + sign * c1 * SECOND_SLOPE
-            out[row, place[first[there]]] += scale * value
+    own = place[first[node]]
+    if own >= 0:
+        out[row, own] += scale * (-(math.pi**2) / 3.0 + 0.5 * OWN_BEND + left_out)
+    for side in range(2):
+        for step in range(REACH):
+            there = nodes[side, step]
+            if place[first[there]] >= 0:
+                value = 0.5 * BEND[step] * signs[side, step] * w / weight[there]
+                out[row, place[first[there]]] += scale * value

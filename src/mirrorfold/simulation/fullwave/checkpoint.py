@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mirrorfold import __version__
 from mirrorfold.common.parts import Parts
 from mirrorfold.errors import InputError
+from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.solver import System
 
 MARK = "sweep.sha256"
@@ -70,6 +71,8 @@ def fingerprint(system: System, frequency: NDArray[np.float64], *, direct: bool)
     digest = hashlib.sha256(f"{__version__} {'direct' if direct else 'scattered'}".encode())
     groups = [group for root in system.roots for group in root.walk()]
     arrays: list[NDArray] = [system.nodes.position, system.nodes.weight, system.tx, system.rx, frequency]
+    if isinstance(system.equation, Boundaries):
+        arrays += system.equation.digest
     arrays += [part for group in groups for part in (group.members, group.skeleton, group.rows, group.antennas)]
     for array in arrays:
         digest.update(f"{array.dtype} {array.shape}".encode())

@@ -25,7 +25,7 @@ from scipy.special import zeta
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.contours import Arm, End
-from mirrorfold.simulation.fullwave.kernel import _fill
+from mirrorfold.simulation.fullwave.kernel import _fill, hankel
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
@@ -88,6 +88,38 @@ class Nodes:
     def size(self) -> int:
         """Number of nodes."""
         return len(self.weight)
+
+    # What follows makes nodes an equation of their own, with one unknown each; see `boundaries` for others.
+
+    @property
+    def nodes(self) -> Nodes:
+        """These nodes."""
+        return self
+
+    @cached_property
+    def node(self) -> Indices:
+        """The node of each unknown."""
+        return np.arange(self.size)
+
+    def unknowns_at(self, nodes: Indices) -> Indices:
+        """The unknowns of nodes: their currents."""
+        return nodes
+
+    def refraction(self, surface: int, k: float) -> float:
+        """How many times shorter waves are inside a surface than outside: there is no inside."""
+        return 1.0
+
+    def order(self, surface: int) -> Indices:
+        """The nodes of a surface in the order in which it is cut into groups: along the contour."""
+        return np.flatnonzero(self.surface == surface)
+
+    def matrix(self, rows: Indices, columns: Indices, k: float) -> Complex:
+        """Part of the matrix of the integral equation; see the function `matrix`."""
+        return matrix(self, rows, columns, k)
+
+    def at_points(self, points: Array, unknowns: Indices, k: float) -> Complex:
+        """Waves of unit currents at points outside, (unknowns, points)."""
+        return hankel(self.position[unknowns], points, k)
 
 
 def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequence[float]) -> Nodes:
