@@ -60,8 +60,8 @@ def simulate(
     scene : Scene, Scene3D, path or dict
         A scene, the path of a scene file, or the content of one; see `parse_scene`.
     solver : {"rays", "fullwave"}, default "rays"
-        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equation of perfect conductors,
-        E along the axis, with all multiple scattering, diffraction and shadowing.
+        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equations of perfect conductors
+        and dielectric walls, with all multiple scattering, diffraction and shadowing.
     bounces : int, default 3
         Rays alone. Largest number of mirrors between an antenna and what scatters, on each way. Purely specular
         returns, which go there and come back, are followed over twice as many.
@@ -156,7 +156,7 @@ def simulate(
 
     stated = scene
     scene, gather = point_sources(scene)
-    waves: tuple[Polarization, ...] = POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
+    waves = _polarizations(scene)
     settings: dict[str, Any]
     if solver == "rays":
         from mirrorfold.simulation.rays.sweep import scattered_field
@@ -212,9 +212,9 @@ def simulate(
     returns_something = bool(s.any())
     if not returns_something:
         if snr_db is None:
-            found = "no surface in it returns anything to the array" if scene.surface else "it has no surfaces"
+            lacking = "no surface in it returns anything to the array" if scene.surface else "it has no surfaces"
             raise InputError(
-                f"scene {scene.name!r}: there is nothing to simulate, {found}; "
+                f"scene {scene.name!r}: there is nothing to simulate, {lacking}; "
                 "add a surface that the array sees, or give snr_db for a sweep of noise alone"
             )
         s = _unit_noise(s.shape, int(seed))
@@ -236,6 +236,11 @@ def simulate(
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+
+
+def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
+    """The polarizations that a scene is seen in, one after the other."""
+    return POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
 
 
 def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
@@ -298,18 +303,22 @@ def estimate(
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 
-    cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
+    costs = [
+        estimate_sweep(replace(scene, polarization=one), tolerance=tolerance, seed=seed)
+        for one in _polarizations(scene)
+    ]
+    seconds, memory = sum(cost.seconds_per_frequency for cost in costs), max(cost.memory for cost in costs)
     return FullWaveEstimate(
         kind="estimate",
-        unknowns=cost.unknowns,
-        skeletons=cost.skeletons,
+        unknowns=max(cost.unknowns for cost in costs),
+        skeletons=max(cost.skeletons for cost in costs),
         frequencies=scene.band.points,
         workers=workers,
-        cpu_seconds_per_frequency=cost.seconds_per_frequency,
-        minutes=cost.seconds_per_frequency * scene.band.points / workers / 60.0,
-        memory_per_worker_gb=cost.memory / 1e9,
-        memory_gb=workers * cost.memory / 1e9,
-        disk_gb=cost.disk / 1e9,
+        cpu_seconds_per_frequency=seconds,
+        minutes=seconds * scene.band.points / workers / 60.0,
+        memory_per_worker_gb=memory / 1e9,
+        memory_gb=workers * memory / 1e9,
+        disk_gb=sum(cost.disk for cost in costs) / 1e9,
         remarks=[],
     )
 

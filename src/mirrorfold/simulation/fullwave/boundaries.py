@@ -120,6 +120,10 @@ class Boundaries:
         """How many times shorter waves are inside a surface, at most, than outside."""
         return max(1.0, abs(np.sqrt(self._permittivity(surface, k))))
 
+    def strength(self, surface: int, k: float) -> float:
+        """How many times stronger monopoles are inside a surface, to each other, than outside."""
+        return max(1.0, abs(self._inside(k)[0][surface]) ** 2)
+
     def order(self, surface: int) -> Indices:
         """The nodes of a surface in the order in which it is cut into groups.
 
@@ -164,7 +168,8 @@ class Boundaries:
             within, strength, sign = medium(k, self._permittivity(body, k)), complex(self._inside(k)[0][body]), -1.0
         tests = (x, y, one, none, none)
         sources = tuple(part[unknowns] for part in self._sources)
-        return np.ascontiguousarray(_waves(tests, sources, within, strength, sign).T)
+        # The block has the strength inside for both sides, but it is the sources' alone.
+        return np.ascontiguousarray(_waves(tests, sources, within, strength, sign).T / np.complex64(strength))
 
     def encloses(self, surface: int, points: Array) -> NDArray[np.bool_]:
         """Whether a body encloses points, by the angle under which they see its contour; not right on the contour."""

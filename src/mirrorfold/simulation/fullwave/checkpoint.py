@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mirrorfold import __version__
 from mirrorfold.common.parts import Parts
+from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.solver import System
@@ -62,8 +63,9 @@ class Checkpoint:
 
 
 def remove_results(folder: Path) -> None:
-    """Remove the results in a folder, once the sweep is written."""
-    Parts(folder, "", MARK, SUFFIX).remove()
+    """Remove the results in a folder, once the sweep is written; those of two polarizations lie in folders of it."""
+    for place in (*(folder / polarization for polarization in POLARIZATIONS), folder):
+        Parts(place, "", MARK, SUFFIX).remove()
 
 
 def fingerprint(system: System, frequency: NDArray[np.float64], *, direct: bool) -> str:

@@ -109,22 +109,20 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
     for surface in np.unique(nodes.surface):
         wavelength = 2.0 * np.pi / k / equation.refraction(surface, k)
         members = equation.order(surface)
+        # Relative to the strongest, which are inside: what leaves a body is weaker, and must be right as well.
+        finest = tolerance / equation.strength(surface, k)
         length = nodes.weight[members].sum()
         leaves = max(1, round(length / (LEAF * wavelength)))
         bounds = np.searchsorted(np.cumsum(nodes.weight[members]), np.linspace(0.0, length, leaves + 1)[1:-1])
         parts = [np.sort(part) for part in np.split(members, bounds)]
-        groups = [
-            _skeletonise(equation, part, equation.unknowns_at(part), (), antennas, k, tolerance) for part in parts
-        ]
+        groups = [_skeletonise(equation, part, equation.unknowns_at(part), (), antennas, k, finest) for part in parts]
         span = length / leaves
         while len(groups) > 1 and span * FAN_OUT <= LONGEST * wavelength * 1.5:
             joined = np.array_split(np.arange(len(groups)), -(-len(groups) // FAN_OUT))
             families = [tuple(groups[i] for i in family) for family in joined]
             parts = [_between(members, [c.skeletons for c in family], equation) for family in families]
             groups = [
-                _skeletonise(
-                    equation, part, np.concatenate([c.skeletons for c in family]), family, antennas, k, tolerance
-                )
+                _skeletonise(equation, part, np.concatenate([c.skeletons for c in family]), family, antennas, k, finest)
                 for part, family in zip(parts, families, strict=True)
             ]
             span *= FAN_OUT

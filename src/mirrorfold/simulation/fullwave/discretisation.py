@@ -109,6 +109,10 @@ class Nodes:
         """How many times shorter waves are inside a surface than outside: there is no inside."""
         return 1.0
 
+    def strength(self, surface: int, k: float) -> float:
+        """How many times stronger sources are inside a surface than outside, likewise."""
+        return 1.0
+
     def order(self, surface: int) -> Indices:
         """The nodes of a surface in the order in which it is cut into groups: along the contour."""
         return np.flatnonzero(self.surface == surface)

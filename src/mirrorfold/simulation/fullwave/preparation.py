@@ -127,9 +127,10 @@ def _equation(scene: Scene, nodes: Nodes, arms: list[Arm]) -> Equation:
     if scene.polarization == "TM":
         for arm in arms:
             if "vertex" in arm.ends:
+                name = scene.surface[arm.surface].name
                 raise InputError(
-                    f"surface[{arm.surface}] {scene.surface[arm.surface].name!r} has sharp vertices, which the "
-                    "full-wave solver takes in polarization 'TE' alone; round them, with kind = \"curve\", or use 'rays'"
+                    f"surface[{arm.surface}] {name!r} has sharp vertices, which the full-wave "
+                    "solver takes in polarization 'TE' alone; round them, with kind = \"curve\", or take 'rays'"
                 )
     return Boundaries(nodes, inside, scene.polarization)
 
