@@ -153,6 +153,26 @@ def growth_rows(table: Table) -> None:
     table.add_row("growth of the time with the size", f"power {exponent:.1f}, {last:.1f} at the end", "printed")
 
 
+def slab_rows(table: Table, scale: float) -> None:
+    """Dielectric walls against the scene of conductors with as many unknowns."""
+    conductors = small_two_walls(scale, elements=161)
+    walls = small_two_walls(0.32 * scale, elements=161)
+    made = {"material": "plasterboard", "thickness": 4e-3, "roughness": None}
+    walls = replace(walls, surface=tuple(replace(wall, **made) for wall in walls.surface[:2]))
+    k, per_unknown = wavenumber(FREQUENCIES[1]), []
+    for name, scene in (
+        ("conductors", conductors),
+        ("slabs of 4 mm, TE", walls),
+        ("slabs of 4 mm, TM", replace(walls, polarization="TM")),
+    ):
+        system = prepare(scene, tolerance=TOLERANCE)
+        seconds, _ = cpu_seconds(partial(scattered, system, k))
+        per_unknown.append(seconds / system.equation.size)
+        label = f"{name}: {system.equation.size} unknowns, {skeletons(system)} skeletons"
+        ratio = f", {per_unknown[-1] / per_unknown[0]:.2f} times conductors'" if len(per_unknown) > 1 else ""
+        table.add_row(label, f"{1e6 * per_unknown[-1]:.0f} us per unknown{ratio}", "<= 2.5 times" if ratio else "")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--long", action="store_true", help="the full scene too, some minutes")
@@ -168,6 +188,7 @@ def main() -> None:
             seconds = full_scene_rows(table)
             dense_row(table, seconds)
             growth_rows(table)
+            slab_rows(table, 1.0)
     Console(width=130).print(table)
 
 

@@ -39,6 +39,7 @@ ORDER = (
     "focusing",
     "folding",
     "curved",
+    "transparent",
     "aluminium",
     "benchmarks",
     "raster",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.constants import speed_of_light
-from scipy.special import hankel2, j0, jv, y0
+from scipy.special import h2vp, hankel2, j0, jv, jvp, y0
 
 from mirrorfold.scenes.floor_plan import Scene, parse_scene
 from mirrorfold.simulation.fullwave.contours import contours
@@ -101,12 +101,32 @@ def distance(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
 
 
-def cylinder(radius: float, center: np.ndarray, sources: np.ndarray, receivers: np.ndarray) -> np.ndarray:
-    """Field scattered by a conducting cylinder: Harrington, Time-Harmonic Electromagnetic Fields, section 5-9."""
+def cylinder(
+    radius: float,
+    center: np.ndarray,
+    sources: np.ndarray,
+    receivers: np.ndarray,
+    *,
+    permittivity: complex | None = None,
+    polarization: str = "TE",
+) -> np.ndarray:
+    """Field scattered by a cylinder, of a conductor by default: Harrington, Time-Harmonic Electromagnetic Fields, 5-9.
+
+    E along the axis in TE, H in TM.
+    """
     order = np.arange(-60, 61)
     (rs, s), (rr, r) = (
         (np.linalg.norm(p - center, axis=1), np.arctan2(*(p - center).T[::-1])) for p in (sources, receivers)
     )
-    factor = -jv(order, K * radius) / hankel2(order, K * radius)
+    x = K * radius
+    j, h = jv(order, x), hankel2(order, x)
+    dj, dh = jvp(order, x), h2vp(order, x)
+    if permittivity is None:
+        factor = -j / h if polarization == "TE" else -dj / dh
+    else:
+        index = np.sqrt(complex(permittivity))
+        inner, slope = jv(order, index * x), jvp(order, index * x)
+        slope = slope * (index if polarization == "TE" else 1 / index)
+        factor = -(dj * inner - j * slope) / (dh * inner - h * slope)
     from_sources = hankel2(order, K * rs[:, None]) * np.exp(-1j * order * s[:, None])
     return (hankel2(order, K * rr[:, None]) * np.exp(1j * order * r[:, None]) * factor) @ from_sources.T

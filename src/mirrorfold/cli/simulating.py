@@ -121,8 +121,8 @@ def simulate(
     output
         Sweep to write (netCDF); needed but for a dry run.
     solver
-        How the waves are followed: by rays, or by the integral equation of perfect conductors. What follows snr-db, up
-        to resume, is for full waves alone.
+        How the waves are followed: by rays, or by integral equations of conductors and dielectric walls. What follows
+        snr-db, up to resume, is for full waves alone.
     bounces
         Largest number of mirrors on each way, for rays alone.
     seed

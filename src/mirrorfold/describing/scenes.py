@@ -60,7 +60,7 @@ def describe_scene(scene: Scene) -> SceneFacts:
     if not scene.surface:
         remarks.append("The scene has no surfaces.")
     surfaces = [
-        SurfaceFacts(name=surface.name, kind=surface.kind, material=surface.material) for surface in scene.surface
+        SurfaceFacts(name=surface.name, kind=surface.kind, material=str(surface.material)) for surface in scene.surface
     ]
     remarks += _slips(scene)
     return SceneFacts(
@@ -79,9 +79,7 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
         SurfaceFacts(
             name=surface.name,
             kind=surface.kind,
-            material=surface.material
-            if isinstance(surface.material, str)
-            else f"permittivity {surface.material.permittivity:g}, {surface.material.conductivity:g} S/m",
+            material=str(surface.material),
         )
         for surface in scene.surface
     ]

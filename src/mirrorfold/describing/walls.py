@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import Number, Record
-from mirrorfold.scenes.materials import Dielectric, coherent_factor, material
+from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.scenes.materials import coherent_factor, material
 
 Array = NDArray[np.float64]
 
@@ -55,14 +56,8 @@ def wall(name: str, frequency: float, roughness: tuple[float, float | None], ang
 def shares(name: str, frequency: Array, angle: Array, roughness: tuple[float, float | None]) -> tuple[Array, Array]:
     """Mirrored and scattered shares of the power, (2, ...) each for TE and TM; frequency [Hz], angle [rad]."""
     kind = material(name)
-    perpendicular = np.abs(kind.reflection(frequency, angle)) ** 2
-    parallel = np.ones_like(perpendicular)
-    if isinstance(kind, Dielectric):
-        # E in the plane of incidence: (e cos t - sqrt(e - sin^2 t)) / (e cos t + sqrt(e - sin^2 t)).
-        permittivity = kind.permittivity(frequency)
-        inside = np.sqrt(permittivity - np.sin(angle) ** 2)
-        outside = permittivity * np.cos(angle)
-        parallel = np.abs((outside - inside) / (outside + inside)) ** 2
+    reflected = np.stack(
+        [np.abs(kind.reflection(frequency, angle, polarization)) ** 2 for polarization in POLARIZATIONS]
+    )
     left = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
-    reflected = np.stack([perpendicular, parallel])
     return reflected * left, reflected * (1.0 - left)

@@ -15,9 +15,11 @@ from pydantic.dataclasses import dataclass
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.reading import check_file, named_by, parsed, read_text
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
+from mirrorfold.scenes.materials import Substance, permittivity
 from mirrorfold.scenes.messages import plain, say_plainly
 from mirrorfold.scenes.surfaces import (
     Arc,
@@ -46,6 +48,8 @@ class Scene:
     band : Band
     surface : tuple of Segment, Polyline, Arc, Circle or Curve
         In the order of the file; may be empty.
+    polarization : {"TE", "TM", "both"}, default "TE"
+        What the radar sends and hears: E along the vertical axis, or in the floor plan, or one after the other.
     """
 
     name: str
@@ -53,8 +57,12 @@ class Scene:
     array: LinearArray
     band: Band
     surface: tuple[Annotated[Surface, Field(discriminator="kind")], ...] = ()
+    polarization: Polarization | Literal["both"] = "TE"
 
     def __post_init__(self) -> None:
+        for surface in self.surface:
+            if getattr(surface, "thickness", None) is not None:
+                permittivity(surface.material, [self.band.start, self.band.stop])
         names = [surface.name for surface in self.surface]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -202,7 +210,7 @@ _KINDS = ("segment", "polyline", "arc", "circle", "curve")
 _FIELDS = sorted(
     {
         name
-        for cls in (Scene, Band, LinearArray, Roughness, Segment, Polyline, Arc, Circle, Curve)
+        for cls in (Scene, Band, LinearArray, Roughness, Substance, Segment, Polyline, Arc, Circle, Curve)
         for name in cls.__dataclass_fields__
     }
 )

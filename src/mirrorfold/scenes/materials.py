@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+from pydantic.dataclasses import dataclass as checked
 from scipy.constants import epsilon_0, speed_of_light
 
+from mirrorfold.common.slabs import Polarization, fresnel
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.scenes.arrays import STRICT, NonNegative
 
 
 class Material(Protocol):
     """Anything with a reflection coefficient. A new material is a new class with this one method."""
 
-    def reflection(self, frequency: ArrayLike, incidence_angle: ArrayLike) -> NDArray[np.complex128]:
-        """Amplitude reflection coefficient of the smooth half-space, E parallel to the surface (TE).
+    def reflection(
+        self, frequency: ArrayLike, incidence_angle: ArrayLike, polarization: Polarization = "TE"
+    ) -> NDArray[np.complex128]:
+        """Amplitude reflection coefficient of the smooth half-space.
 
         Parameters
         ----------
         frequency : (...) array [Hz]
         incidence_angle : (...) array [rad]
             From the normal.
+        polarization : {"TE", "TM"}
+            Of E, parallel to the surface, or of H, see `mirrorfold.common.slabs`.
 
         Returns
         -------
@@ -34,11 +42,14 @@ class Material(Protocol):
 
 @dataclass(frozen=True)
 class PerfectConductor:
-    """A metal without losses: the tangential electric field vanishes on it, so it reflects with -1."""
+    """A metal without losses: the tangential electric field vanishes on it, so it reflects E with -1, H with +1."""
 
-    def reflection(self, frequency: ArrayLike, incidence_angle: ArrayLike) -> NDArray[np.complex128]:
-        """-1 at every frequency and angle."""
-        return np.full(np.broadcast_shapes(np.shape(frequency), np.shape(incidence_angle)), -1.0 + 0.0j)
+    def reflection(
+        self, frequency: ArrayLike, incidence_angle: ArrayLike, polarization: Polarization = "TE"
+    ) -> NDArray[np.complex128]:
+        """The same at every frequency and angle."""
+        value = 1.0 + 0.0j if polarization == "TM" else -1.0 + 0.0j
+        return np.full(np.broadcast_shapes(np.shape(frequency), np.shape(incidence_angle)), value)
 
 
 @dataclass(frozen=True)
@@ -65,11 +76,11 @@ class Dielectric:
         permittivity = self.a * (frequency / 1e9) ** self.b
         return np.asarray(permittivity - 1j * conductivity / (2.0 * np.pi * frequency * epsilon_0))
 
-    def reflection(self, frequency: ArrayLike, incidence_angle: ArrayLike) -> NDArray[np.complex128]:
-        """Fresnel coefficient ``(cos t - sqrt(eps - sin^2 t)) / (cos t + sqrt(eps - sin^2 t))``."""
-        angle = np.asarray(incidence_angle, dtype=float)
-        inside = np.sqrt(self.permittivity(frequency) - np.sin(angle) ** 2)
-        return np.asarray((np.cos(angle) - inside) / (np.cos(angle) + inside))
+    def reflection(
+        self, frequency: ArrayLike, incidence_angle: ArrayLike, polarization: Polarization = "TE"
+    ) -> NDArray[np.complex128]:
+        """Fresnel's coefficient, see `mirrorfold.common.slabs.fresnel`."""
+        return fresnel(self.permittivity(frequency), np.asarray(incidence_angle, dtype=float), polarization)
 
 
 _BY_NAME: dict[str, Material] = {
@@ -88,14 +99,58 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(_BY_NAME))
 
 
-def material(name: str) -> Material:
-    """The material of that name.
+@checked(frozen=True, config=STRICT, kw_only=True)
+class Substance:
+    """A dielectric without a name.
+
+    Attributes
+    ----------
+    permittivity : float
+        Relative.
+    conductivity : float [S/m]
+    """
+
+    permittivity: Annotated[float, Field(ge=1, allow_inf_nan=False)]
+    conductivity: NonNegative = 0.0
+
+    def __str__(self) -> str:
+        return f"permittivity {self.permittivity:g}, {self.conductivity:g} S/m"
+
+
+FITTED = 1e9, 450e9
+"""Frequencies [Hz] between which the recommendation's fits are stated, of one material or another."""
+
+
+def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.complex128]:
+    """Complex relative permittivity of a material at frequencies [Hz].
+
+    Raises
+    ------
+    InputError
+        If it has none: a conductor, or a named material far from the frequencies that it was measured at.
+    """
+    made_of = material(name)
+    if not isinstance(made_of, Dielectric):
+        raise InputError(f"material {name!r} has no permittivity, as no wave enters it; choose a dielectric")
+    outside = np.max(frequency) > FITTED[1] or np.min(frequency) < FITTED[0]
+    if isinstance(name, str) and outside:
+        raise InputError(
+            f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, its fit holds from "
+            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}"
+        )
+    return made_of.permittivity(frequency)
+
+
+def material(name: str | Substance) -> Material:
+    """The material of that name, or of that permittivity.
 
     Raises
     ------
     InputError
         If there is none.
     """
+    if isinstance(name, Substance):
+        return Dielectric(name.permittivity, 0.0, name.conductivity, 0.0)
     try:
         return _BY_NAME[name]
     except KeyError:

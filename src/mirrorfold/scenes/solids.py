@@ -44,21 +44,6 @@ TALLEST_BODY = 2.5
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class Substance:
-    """A dielectric without a name.
-
-    Attributes
-    ----------
-    permittivity : float
-        Relative.
-    conductivity : float [S/m]
-    """
-
-    permittivity: Annotated[float, Field(ge=1, allow_inf_nan=False)]
-    conductivity: NonNegative = 0.0
-
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
 class Finish:
     """What surfaces of all shapes share: what they are made of and how they scatter.
 
@@ -78,7 +63,7 @@ class Finish:
         Taken from everything that is reflected, on top of the material's own loss.
     """
 
-    material: str | Substance = "pec"
+    material: str | materials.Substance = "pec"
     roughness: Roughness | None = None
     diffuse_fraction: Share = 0.0
     volume_depth: NonNegativeLength = 0.0
@@ -87,17 +72,14 @@ class Finish:
 
     @field_validator("material")
     @classmethod
-    def _known(cls, value: str | Substance) -> str | Substance:
-        if isinstance(value, str):
-            materials.material(value)
+    def _known(cls, value: str | materials.Substance) -> str | materials.Substance:
+        materials.material(value)
         return value
 
     @property
     def substance(self) -> materials.Material:
         """The material itself."""
-        if isinstance(self.material, str):
-            return materials.material(self.material)
-        return materials.Dielectric(self.material.permittivity, 0.0, self.material.conductivity, 0.0)
+        return materials.material(self.material)
 
 
 def turned(heading: float, position: Point3) -> Isometry:
@@ -358,7 +340,7 @@ KINDS = ("panel", "box", "sphere", "cylinder", "mesh", "mannequin", "patch")
 FIELDS = sorted(
     {
         name
-        for cls in (Scene3D, Band, Scanner, Steps, Leakage, Roughness, Substance, *get_args(Surface3D))
+        for cls in (Scene3D, Band, Scanner, Steps, Leakage, Roughness, materials.Substance, *get_args(Surface3D))
         for name in cls.__dataclass_fields__
     }
 )

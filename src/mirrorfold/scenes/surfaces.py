@@ -40,8 +40,8 @@ class _Surface:
     Attributes
     ----------
     name : str
-    material : str
-        A name that `mirrorfold.scenes.materials` knows.
+    material : str or Substance
+        A name that `mirrorfold.scenes.materials` knows, or permittivity and conductivity.
     roughness : Roughness, optional
         Smooth where it is not given: such a surface is a mirror and nothing else.
     volume_depth : float [m], default 0
@@ -51,14 +51,14 @@ class _Surface:
     """
 
     name: str
-    material: str = "pec"
+    material: str | materials.Substance = "pec"
     roughness: Roughness | None = None
     volume_depth: NonNegativeLength = 0.0
     volume_profile: materials.VolumeProfile = "exponential"
 
     @field_validator("material")
     @classmethod
-    def _known(cls, value: str) -> str:
+    def _known(cls, value: str | materials.Substance) -> str | materials.Substance:
         materials.material(value)
         return value
 
@@ -124,7 +124,31 @@ def _arc_points(center: Point2, radius: float, start: float, stop: float, spacin
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class Segment(_Surface):
+class _Wall(_Surface):
+    """What straight surfaces share.
+
+    Attributes
+    ----------
+    thickness : float [m], optional
+        Of a wall that waves pass through, half of it on either side of the outline; opaque where it is not given.
+    """
+
+    thickness: PositiveLength | None = None
+
+    def __post_init__(self) -> None:
+        if self.thickness is None:
+            return
+        if not isinstance(materials.material(self.material), materials.Dielectric):
+            raise ValueError(
+                f"thickness is given, but material {self.material!r} has no permittivity and lets nothing through; "
+                "choose a dielectric such as 'glass', or leave out the thickness"
+            )
+        if self.volume_depth:
+            raise ValueError("thickness and volume_depth are both given; a wall that waves pass through is homogeneous")
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Segment(_Wall):
     """A straight wall from `start` to `end` [m]."""
 
     kind: Literal["segment"] = "segment"
@@ -132,6 +156,7 @@ class Segment(_Surface):
     end: Point2
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.start == self.end:
             raise ValueError("start and end are the same point; a segment needs a length")
 
@@ -141,13 +166,14 @@ class Segment(_Surface):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class Polyline(_Surface):
+class Polyline(_Wall):
     """Straight pieces through `points` [m], at least two."""
 
     kind: Literal["polyline"] = "polyline"
     points: Annotated[tuple[Point2, ...], Field(min_length=2)]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if any(a == b for a, b in pairwise(self.points)):
             raise ValueError("two consecutive points are the same; each piece needs a length")
 

@@ -52,7 +52,7 @@ def visible_truth(
     circle alone. No further than the ambiguous range.
     """
     pieces = [facets(surface, CHORD) for surface in scene.surface]
-    blockers = np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
+    blockers = _blockers(scene)
     straight = [f for surface, f in zip(scene.surface, pieces, strict=True) if surface.kind in STRAIGHT]
     mirrors = np.concatenate(straight) if straight else np.empty((0, 2, 2))
     mirrors = mirrors[np.linalg.norm(mirrors[:, 1] - mirrors[:, 0], axis=1) >= SHORTEST_MIRROR]
@@ -138,10 +138,15 @@ def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array
     images = [_middle_of_array(scene)]
     for start, end in way:
         images.append(reflect(images[-1], start, segment_normal(start, end)))
-    pieces = [facets(surface, CHORD) for surface in scene.surface]
-    blockers = np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
+    blockers = _blockers(scene)
     path = list(zip(images, way, strict=False))
     return _seen(images[-1], path, truth, normals, blockers, farthest_range(scene.band), grazing)
+
+
+def _blockers(scene: Scene) -> Array:
+    """Straight pieces of all that is opaque, (n, 2, 2) [m]."""
+    opaque = [facets(some, CHORD) for some in scene.surface if getattr(some, "thickness", None) is None]
+    return np.concatenate(opaque) if opaque else np.empty((0, 2, 2))
 
 
 def _middle_of_array(scene: Scene) -> Array:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.horns import point_sources
@@ -58,8 +60,8 @@ def simulate(
     scene : Scene, Scene3D, path or dict
         A scene, the path of a scene file, or the content of one; see `parse_scene`.
     solver : {"rays", "fullwave"}, default "rays"
-        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equation of perfect conductors,
-        E along the axis, with all multiple scattering, diffraction and shadowing.
+        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equations of perfect conductors
+        and dielectric walls, with all multiple scattering, diffraction and shadowing.
     bounces : int, default 3
         Rays alone. Largest number of mirrors between an antenna and what scatters, on each way. Purely specular
         returns, which go there and come back, are followed over twice as many.
@@ -95,7 +97,8 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``.
+        The sweep, variable ``s(frequency, tx, rx)`` or ``s(frequency, azimuth, elevation)``; of a scene with both
+        polarizations ``s(polarization, frequency, tx, rx)``.
 
     Raises
     ------
@@ -153,11 +156,23 @@ def simulate(
 
     stated = scene
     scene, gather = point_sources(scene)
+    waves = _polarizations(scene)
     settings: dict[str, Any]
     if solver == "rays":
         from mirrorfold.simulation.rays.sweep import scattered_field
 
-        s = scattered_field(scene, bounces=int(bounces), seed=int(seed), memory_limit=memory_limit, progress=progress)
+        fields = []
+        for number, one in enumerate(waves):
+            scattered = scattered_field(
+                replace(scene, polarization=one),
+                bounces=int(bounces),
+                seed=int(seed),
+                memory_limit=memory_limit,
+                progress=_part(progress, number, len(waves)),
+            )
+            fields.append(scattered)
+        s = fields[0] if len(fields) == 1 else np.stack(fields)
+        del fields, scattered
         settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
     else:
         from mirrorfold.simulation.fullwave.sweep import fullwave_field
@@ -166,18 +181,25 @@ def simulate(
             raise InputError(f"workers is {workers!r}, expected a whole number of at least 1")
         if resume and checkpoint is None:
             raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
-        s, facts = fullwave_field(
-            scene,
-            tolerance=tolerance,
-            seed=int(seed),
-            direct=direct,
-            check_residual=check_residual,
-            workers=int(workers),
-            scheduler=scheduler,
-            checkpoint=None if checkpoint is None else Path(checkpoint),
-            resume=resume,
-            progress=progress,
-        )
+        fields = []
+        facts: dict[str, float] = {}
+        for number, one in enumerate(waves):
+            field, found = fullwave_field(
+                replace(scene, polarization=one),
+                tolerance=tolerance,
+                seed=int(seed),
+                direct=direct,
+                check_residual=check_residual,
+                workers=int(workers),
+                scheduler=scheduler,
+                checkpoint=_folder(checkpoint, one, waves),
+                resume=resume,
+                progress=_part(progress, number, len(waves)),
+            )
+            fields.append(field)
+            facts = {name: max(value, facts.get(name, value)) for name, value in found.items()}
+        s = fields[0] if len(fields) == 1 else np.stack(fields)
+        del fields, field
         settings = {
             "tolerance": float(tolerance),
             "seed": int(seed),
@@ -190,9 +212,9 @@ def simulate(
     returns_something = bool(s.any())
     if not returns_something:
         if snr_db is None:
-            found = "no surface in it returns anything to the array" if scene.surface else "it has no surfaces"
+            lacking = "no surface in it returns anything to the array" if scene.surface else "it has no surfaces"
             raise InputError(
-                f"scene {scene.name!r}: there is nothing to simulate, {found}; "
+                f"scene {scene.name!r}: there is nothing to simulate, {lacking}; "
                 "add a surface that the array sees, or give snr_db for a sweep of noise alone"
             )
         s = _unit_noise(s.shape, int(seed))
@@ -202,6 +224,7 @@ def simulate(
         frequency=scene.band.frequency,
         tx_position=scene.array.tx_position,
         rx_position=scene.array.rx_position,
+        polarization=None if waves == ("TE",) else waves if len(waves) > 1 else waves[0],
         title=scene.name,
         processing=[f"simulated by {solver}, {chosen}"],
         solver=solver,
@@ -213,6 +236,25 @@ def simulate(
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+
+
+def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
+    """The polarizations that a scene is seen in, one after the other."""
+    return POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
+
+
+def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """What counts one of several equal parts of the work."""
+    if progress is None or parts == 1:
+        return progress
+    return lambda done, total: progress(number * total + done, parts * total)
+
+
+def _folder(checkpoint: str | Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
+    """Where the results of one polarization are kept: in a folder of its own where there are two."""
+    if checkpoint is None:
+        return None
+    return Path(checkpoint) if len(of) == 1 else Path(checkpoint) / one
 
 
 def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:
@@ -261,18 +303,22 @@ def estimate(
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 
-    cost = estimate_sweep(scene, tolerance=tolerance, seed=seed)
+    costs = [
+        estimate_sweep(replace(scene, polarization=one), tolerance=tolerance, seed=seed)
+        for one in _polarizations(scene)
+    ]
+    seconds, memory = sum(cost.seconds_per_frequency for cost in costs), max(cost.memory for cost in costs)
     return FullWaveEstimate(
         kind="estimate",
-        unknowns=cost.unknowns,
-        skeletons=cost.skeletons,
+        unknowns=max(cost.unknowns for cost in costs),
+        skeletons=max(cost.skeletons for cost in costs),
         frequencies=scene.band.points,
         workers=workers,
-        cpu_seconds_per_frequency=cost.seconds_per_frequency,
-        minutes=cost.seconds_per_frequency * scene.band.points / workers / 60.0,
-        memory_per_worker_gb=cost.memory / 1e9,
-        memory_gb=workers * cost.memory / 1e9,
-        disk_gb=cost.disk / 1e9,
+        cpu_seconds_per_frequency=seconds,
+        minutes=seconds * scene.band.points / workers / 60.0,
+        memory_per_worker_gb=memory / 1e9,
+        memory_gb=workers * memory / 1e9,
+        disk_gb=sum(cost.disk for cost in costs) / 1e9,
         remarks=[],
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,19 +27,23 @@ def make_sweep(
     tx_position: ArrayLike,
     rx_position: ArrayLike,
     time: ArrayLike | None = None,
+    polarization: str | Sequence[str] | None = None,
     **attrs: Any,
 ) -> xr.Dataset:
     """A MIMO or synthetic-aperture Sweep.
 
     Parameters
     ----------
-    s : (frequencies, tx, rx) or (frames, frequencies, tx, rx) complex array
-        Scattering parameter of every pair, time convention ``exp(+jwt)``; of a recording for every frame.
+    s : (frequencies, tx, rx), (frames, ...) or (polarizations, ...) complex array
+        Scattering parameter of every pair, time convention ``exp(+jwt)``; of a recording for every frame, of a radar
+        with two polarizations for each.
     frequency : (frequencies,) array [Hz]
         In uniform steps.
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
     time : (frames,) array [s], optional
         When each frame was measured.
+    polarization : str or sequence of str, optional
+        "TE", E along the vertical axis, or "TM", E in the floor plan; of several the names, in the order of `s`.
     **attrs
         What else is known: `title`, `instrument`, `processing`, `wave_speed` [m/s] ...
 
@@ -56,17 +61,15 @@ def make_sweep(
     UserWarning
         If positions seem to be in another unit than metres.
     """
-    return _made(
-        PAIR_DIMENSIONS,
-        s,
-        {
-            "frequency": (("frequency",), frequency, "Hz"),
-            "tx_position": (("tx", "axis"), tx_position, "m"),
-            "rx_position": (("rx", "axis"), rx_position, "m"),
-        },
-        time,
-        attrs,
-    )
+    coords: Coordinates = {
+        "frequency": (("frequency",), frequency, "Hz"),
+        "tx_position": (("tx", "axis"), tx_position, "m"),
+        "rx_position": (("rx", "axis"), rx_position, "m"),
+    }
+    names = None if polarization is None or isinstance(polarization, str) else [str(name) for name in polarization]
+    if isinstance(polarization, str):
+        attrs = {**attrs, "polarization": polarization}
+    return _made(PAIR_DIMENSIONS, s, coords, time, attrs, names)
 
 
 def make_monostatic_sweep(
@@ -157,8 +160,11 @@ def _made(
     coords: Coordinates,
     time: ArrayLike | None,
     attrs: dict[str, Any],
+    polarization: Sequence[str] | None = None,
 ) -> xr.Dataset:
-    """A checked sweep of samples, of which a dimension before `dims` is named `frame`, and coordinates with units."""
+    """A checked sweep of samples and coordinates with units; a dimension before `dims` holds the polarizations where
+    these are named, and else is `frame`.
+    """
     if time is not None:
         coords["time"] = (("frame",), time, "s")
     values = _array("s", s)
@@ -177,8 +183,11 @@ def _made(
     if values.ndim - len(dims) not in ((0, 1) if time is None else (1,)):
         raise refusal
     try:
+        leading = "frame" if polarization is None else "polarization"
+        if polarization is not None:
+            variables["polarization"] = (("polarization",), np.array(list(polarization)), {})
         sweep = xr.Dataset(
-            {"s": (("frame", *dims)[-values.ndim :], values.astype(np.complex64))},
+            {"s": ((leading, *dims)[-values.ndim :], values.astype(np.complex64))},
             coords=variables | ({} if dims == RASTER_DIMENSIONS else {"axis": list(AXES)}),
             attrs={"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION, **attrs},
         )

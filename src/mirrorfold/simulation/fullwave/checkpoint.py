@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from mirrorfold import __version__
 from mirrorfold.common.parts import Parts
+from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
+from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.solver import System
 
 MARK = "sweep.sha256"
@@ -61,8 +63,9 @@ class Checkpoint:
 
 
 def remove_results(folder: Path) -> None:
-    """Remove the results in a folder, once the sweep is written."""
-    Parts(folder, "", MARK, SUFFIX).remove()
+    """Remove the results in a folder, once the sweep is written; those of two polarizations lie in folders of it."""
+    for place in (*(folder / polarization for polarization in POLARIZATIONS), folder):
+        Parts(place, "", MARK, SUFFIX).remove()
 
 
 def fingerprint(system: System, frequency: NDArray[np.float64], *, direct: bool) -> str:
@@ -70,6 +73,8 @@ def fingerprint(system: System, frequency: NDArray[np.float64], *, direct: bool)
     digest = hashlib.sha256(f"{__version__} {'direct' if direct else 'scattered'}".encode())
     groups = [group for root in system.roots for group in root.walk()]
     arrays: list[NDArray] = [system.nodes.position, system.nodes.weight, system.tx, system.rx, frequency]
+    if isinstance(system.equation, Boundaries):
+        arrays += system.equation.digest
     arrays += [part for group in groups for part in (group.members, group.skeleton, group.rows, group.antennas)]
     for array in arrays:
         digest.update(f"{array.dtype} {array.shape}".encode())

@@ -20,8 +20,7 @@ from scipy.linalg import lapack, qr
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
-from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
-from mirrorfold.simulation.fullwave.kernel import hankel
+from mirrorfold.simulation.fullwave.boundaries import Equation
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
@@ -57,11 +56,12 @@ class Group:
     Attributes
     ----------
     members : (n,) array of int
-        All nodes of a leaf; else the skeletons of the children, child after child.
+        All unknowns of a leaf; else the skeletons of the children, child after child. A conductor has one unknown at
+        each node.
     skeleton, rest : (s,) and (n - s,) arrays of int
         Places in `members` of the skeletons and of the others.
     rows : (r,) array of int
-        Nodes outside the group at which the skeletons must reproduce its field.
+        Unknowns outside the group at which the skeletons must reproduce its field.
     antennas : (a,) array of int
         Antennas at which they must do so too.
     scale : (r + a,) float32 array
@@ -83,7 +83,7 @@ class Group:
 
     @property
     def skeletons(self) -> Indices:
-        """The numbers of the nodes that are skeletons."""
+        """The numbers of the unknowns that are skeletons."""
         return self.members[self.skeleton]
 
     def walk(self) -> list[Group]:
@@ -91,12 +91,12 @@ class Group:
         return [group for child in self.children for group in child.walk()] + [self]
 
 
-def compress(nodes: Nodes, antennas: Array, *, k: float, tolerance: float) -> tuple[Group, ...]:
+def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float) -> tuple[Group, ...]:
     """The largest groups of a scene, with all below them.
 
     Parameters
     ----------
-    nodes : Nodes
+    equation : Nodes or Boundaries
     antennas : (a, 2) array [m]
         Transmitters and receivers.
     k : float [rad/m]
@@ -104,38 +104,60 @@ def compress(nodes: Nodes, antennas: Array, *, k: float, tolerance: float) -> tu
     tolerance : float
         Of the interpolation.
     """
-    wavelength = 2.0 * np.pi / k
+    nodes = equation.nodes
     roots: list[Group] = []
     for surface in np.unique(nodes.surface):
-        members = np.flatnonzero(nodes.surface == surface)
+        wavelength = 2.0 * np.pi / k / equation.refraction(surface, k)
+        members = equation.order(surface)
+        # Relative to the strongest, which are inside: what leaves a body is weaker, and must be right as well.
+        finest = tolerance / equation.strength(surface, k)
         length = nodes.weight[members].sum()
         leaves = max(1, round(length / (LEAF * wavelength)))
         bounds = np.searchsorted(np.cumsum(nodes.weight[members]), np.linspace(0.0, length, leaves + 1)[1:-1])
-        groups = [_skeletonise(nodes, part, (), antennas, k, tolerance) for part in np.split(members, bounds)]
+        parts = [np.sort(part) for part in np.split(members, bounds)]
+        groups = [_skeletonise(equation, part, equation.unknowns_at(part), (), antennas, k, finest) for part in parts]
         span = length / leaves
         while len(groups) > 1 and span * FAN_OUT <= LONGEST * wavelength * 1.5:
             joined = np.array_split(np.arange(len(groups)), -(-len(groups) // FAN_OUT))
             families = [tuple(groups[i] for i in family) for family in joined]
+            parts = [_between(members, [c.skeletons for c in family], equation) for family in families]
             groups = [
-                _skeletonise(nodes, np.concatenate([c.skeletons for c in family]), family, antennas, k, tolerance)
-                for family in families
+                _skeletonise(equation, part, np.concatenate([c.skeletons for c in family]), family, antennas, k, finest)
+                for part, family in zip(parts, families, strict=True)
             ]
             span *= FAN_OUT
         roots += groups
     return tuple(roots)
 
 
+def _between(order: Indices, skeletons: list[Indices], equation: Equation) -> Indices:
+    """The nodes of a surface from the first to the last one with a skeleton, in the order in which it is cut."""
+    found = np.flatnonzero(np.isin(order, equation.node[np.concatenate(skeletons)]))
+    return np.sort(order[found[0] : found[-1] + 1])
+
+
 def _skeletonise(
-    nodes: Nodes, members: Indices, children: tuple[Group, ...], antennas: Array, k: float, tolerance: float
+    equation: Equation,
+    part: Indices,
+    members: Indices,
+    children: tuple[Group, ...],
+    antennas: Array,
+    k: float,
+    tolerance: float,
 ) -> Group:
-    """Choose the skeleton of a group, and the samples from which the rest is interpolated."""
-    first, last = members.min(), members.max()
-    rows, distance = _samples(nodes, first, last, members, 2.0 * np.pi / k)
-    probes = nodes.position[members[:: max(1, len(members) // PROBES)]]
+    """Choose the skeleton of a group, and the samples from which the rest is interpolated.
+
+    `part` are the nodes of the group, `members` the unknowns that are left of it.
+    """
+    places = equation.node[members]
+    sampled, apart = _samples(equation, part, places, k)
+    rows = equation.unknowns_at(sampled)
+    distance = apart if len(rows) == len(apart) else apart[np.searchsorted(sampled, equation.node[rows])]
+    probes = equation.nodes.position[places[:: max(1, len(members) // PROBES)]]
     to_antennas = np.min(np.linalg.norm(antennas[:, None] - probes, axis=2), axis=1)
     # The modulus of the Hankel function to a few per cent.
     scale = np.sqrt(0.5 * np.pi * k * np.concatenate([distance, to_antennas])).astype(np.float32)
-    field = sampled_field(nodes, rows, antennas, members, k) * scale[:, None]
+    field = sampled_field(equation, rows, antennas, members, k) * scale[:, None]
     triangle = qr(field, mode="r", check_finite=False)[0][: len(members)]
     triangle, order = qr(triangle, mode="r", pivoting=True, check_finite=False)
     size = np.abs(np.diag(triangle))
@@ -156,15 +178,15 @@ def _skeletonise(
     )
 
 
-def sampled_field(nodes: Nodes, rows: Indices, antennas: Array, members: Indices, k: float) -> Complex:
-    """What unit currents in the members do to nodes outside the group and at antennas, (rows + antennas, members)."""
-    at_antennas = hankel(antennas, nodes.position[members], k)
-    return np.concatenate([matrix(nodes, rows, members, k), at_antennas])
+def sampled_field(equation: Equation, rows: Indices, antennas: Array, members: Indices, k: float) -> Complex:
+    """What unit unknowns of the members do to others outside the group and at antennas, (rows + antennas, members)."""
+    at_antennas = equation.at_points(antennas, members, k).T
+    return np.concatenate([equation.matrix(rows, members, k), at_antennas])
 
 
-def interpolation(group: Group, nodes: Nodes, antennas: Array, k: float) -> Complex:
-    """Skeleton currents that stand for the currents of the members, (skeletons, members) matrix."""
-    field = sampled_field(nodes, group.rows, antennas[group.antennas], group.members, k) * group.scale[:, None]
+def interpolation(group: Group, equation: Equation, antennas: Array, k: float) -> Complex:
+    """Skeletons that stand for the members, (skeletons, members) matrix."""
+    field = sampled_field(equation, group.rows, antennas[group.antennas], group.members, k) * group.scale[:, None]
     kept = len(group.skeleton)
     result = np.zeros((kept, len(group.members)), dtype=np.complex64)
     result[np.arange(kept), group.skeleton] = 1.0
@@ -195,14 +217,23 @@ def _independent_rows(field: Complex) -> Indices:
     return np.sort(np.concatenate(chosen))
 
 
-def _samples(nodes: Nodes, first: int, last: int, members: Indices, wavelength: float) -> tuple[Indices, Array]:
-    """Nodes outside first..last at which a group's field is sampled, and their distances from the group [m]."""
+def _samples(equation: Equation, part: Indices, places: Indices, k: float) -> tuple[Indices, Array]:
+    """Nodes outside a group at which its field is sampled, and their distances from the group [m].
+
+    Within a body waves are shorter, and samples denser by as much.
+    """
+    nodes = equation.nodes
     x, y = nodes.coordinates
-    probes = members[:: max(1, len(members) // PROBES)]
-    length = nodes.weight[first : last + 1].sum()
+    probes = places[:: max(1, len(places) // PROBES)]
+    length = nodes.weight[part].sum()
+    surface = int(nodes.surface[part[0]])
+    refraction = equation.refraction(surface, k)
+    passing = nodes.weight if refraction == 1.0 else np.where(nodes.surface == surface, refraction, 1.0) * nodes.weight
+    own = np.zeros(nodes.size, dtype=np.bool_)
+    own[part] = True
     distance = np.empty(nodes.size)
     taken = np.empty(nodes.size, dtype=np.bool_)
-    _sample(x, y, nodes.weight, first, last, probes, SAMPLING * wavelength / length, distance, taken)
+    _sample(x, y, passing, own, probes, SAMPLING * 2.0 * np.pi / k / length, distance, taken)
     rows = np.flatnonzero(taken)
     return rows, distance[rows]
 
@@ -212,18 +243,17 @@ def _sample(
     x: Array,
     y: Array,
     weight: Array,
-    first: int,
-    last: int,
+    own: NDArray[np.bool_],
     probes: Indices,
     spread: float,
     distance: Array,
     taken: NDArray[np.bool_],
 ) -> None:
-    """Take nodes at intervals of `spread` times their distance from the probes, outside first..last."""
+    """Take nodes at intervals of `spread` times their distance from the probes, but for the group's own."""
     passed = 1.0
     for i in range(x.size):
         taken[i] = False
-        if first <= i <= last:
+        if own[i]:
             passed = 1.0
             continue
         nearest = np.inf

@@ -16,12 +16,12 @@ from scipy.interpolate import CubicSpline
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Arc, Circle, Curve, Polyline, Roughness, Surface
+from mirrorfold.scenes.surfaces import Arc, Circle, Curve, Polyline, Roughness, Segment, Surface
 from mirrorfold.simulation.fullwave.roughness import CELLS, rough_heights
+from mirrorfold.simulation.fullwave.slabs import SmoothShape, slab_outline
 
 End = Literal["open", "vertex", "closed"]
 Shape = Callable[[Array], tuple[Array, Array]]
-SmoothShape = Callable[[Array], tuple[Array, Array, Array]]
 
 VERTEX_DEGREES = 1.0
 """Straight pieces that meet at a smaller angle than this count as one."""
@@ -64,21 +64,28 @@ def outline_length(surface: Surface) -> float:
     return sum(length for _, length, _, _ in _outline(surface))
 
 
+def is_slab(surface: Surface) -> bool:
+    """Whether a surface is a dielectric body: a straight wall with a thickness."""
+    return isinstance(surface, Segment) and surface.thickness is not None
+
+
 def contours(scene: Scene, *, seed: int) -> list[Arm]:
     """The arms of all surfaces of a scene, rough ones with the profile that `seed` draws.
 
     Raises
     ------
     InputError
-        If a surface is not perfectly conducting, or too rough for its length or its curvature.
+        If a surface is neither a perfect conductor nor a dielectric wall with a thickness, or too rough for its length
+        or its curvature.
     """
     arms: list[Arm] = []
     for index, surface in enumerate(scene.surface):
-        if surface.material != "pec" or surface.volume_depth:
-            found = f"material {surface.material!r}" if surface.material != "pec" else "a volume_depth"
+        if not is_slab(surface) and (surface.material != "pec" or surface.volume_depth):
+            found = f"material {str(surface.material)!r}" if surface.material != "pec" else "a volume_depth"
             raise InputError(
                 f"surface[{index}] {surface.name!r} has {found}, but the full-wave solver takes perfect conductors "
-                "alone; set material = \"pec\" without volume_depth, or use solver 'rays', which handles both"
+                'alone, and of dielectrics segments with a thickness; set material = "pec" without volume_depth, '
+                "give a thickness, or use solver 'rays'"
             )
         # One generator for each surface: another surface's roughness leaves this one's profile alone.
         generator = np.random.default_rng([seed, index])
@@ -100,6 +107,8 @@ def _position_and_derivative(outline: SmoothShape) -> Shape:
 
 def _outline(surface: Surface) -> list[tuple[SmoothShape, float, float, tuple[End, End]]]:
     """Shape, length, cell and ends of the smooth arms of one surface."""
+    if isinstance(surface, Segment) and is_slab(surface):
+        return [(*slab_outline(surface, f"surface {surface.name!r}"), ("closed", "closed"))]
     if isinstance(surface, Arc | Circle):
         return [_circular(surface)]
     if isinstance(surface, Curve):

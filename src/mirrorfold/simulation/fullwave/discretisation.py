@@ -25,7 +25,7 @@ from scipy.special import zeta
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.fullwave.contours import Arm, End
-from mirrorfold.simulation.fullwave.kernel import _fill
+from mirrorfold.simulation.fullwave.kernel import _fill, hankel
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
@@ -45,6 +45,9 @@ FINEST = 5.0
 SHORTEST_ARM = 14.0
 """Length of an arm over that scale, at least: the gradings of both ends then do not feel each other."""
 
+DIFFERENCE = 1e-3
+"""Step of the difference that gives the curvature, over that which resolves the shape."""
+
 GAUSS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -61,6 +64,10 @@ class Nodes:
         Neighbours along the contour: -1 where there is none, the node itself at an open end.
     arm : (n,) array of int
     surface : (n,) array of int
+    normal : (n, 2) array
+        Unit normals, to the right of the direction of travel: outward where the contour is counter-clockwise.
+    curvature : (n,) array [1/m]
+        Positive where the contour bends away from the normal, as a circle does.
     """
 
     position: Array
@@ -69,6 +76,8 @@ class Nodes:
     after: Indices
     arm: Indices
     surface: Indices
+    normal: Array
+    curvature: Array
 
     @cached_property
     def coordinates(self) -> tuple[Array, Array]:
@@ -79,6 +88,42 @@ class Nodes:
     def size(self) -> int:
         """Number of nodes."""
         return len(self.weight)
+
+    # What follows makes nodes an equation of their own, with one unknown each; see `boundaries` for others.
+
+    @property
+    def nodes(self) -> Nodes:
+        """These nodes."""
+        return self
+
+    @cached_property
+    def node(self) -> Indices:
+        """The node of each unknown."""
+        return np.arange(self.size)
+
+    def unknowns_at(self, nodes: Indices) -> Indices:
+        """The unknowns of nodes: their currents."""
+        return nodes
+
+    def refraction(self, surface: int, k: float) -> float:
+        """How many times shorter waves are inside a surface than outside: there is no inside."""
+        return 1.0
+
+    def strength(self, surface: int, k: float) -> float:
+        """How many times stronger sources are inside a surface than outside, likewise."""
+        return 1.0
+
+    def order(self, surface: int) -> Indices:
+        """The nodes of a surface in the order in which it is cut into groups: along the contour."""
+        return np.flatnonzero(self.surface == surface)
+
+    def matrix(self, rows: Indices, columns: Indices, k: float) -> Complex:
+        """Part of the matrix of the integral equation; see the function `matrix`."""
+        return matrix(self, rows, columns, k)
+
+    def at_points(self, points: Array, unknowns: Indices, k: float) -> Complex:
+        """Waves of unit currents at points outside, (unknowns, points)."""
+        return hankel(self.position[unknowns], points, k)
 
 
 def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequence[float]) -> Nodes:
@@ -92,10 +137,13 @@ def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequen
     per_wavelength : sequence of float
         Nodes per wavelength of arc length, of each arm.
     """
-    positions, weights, before, after, owner = [], [], [], [], []
+    positions, weights, before, after, owner, normals, curvatures = [], [], [], [], [], [], []
     count = 0
     for index, (arm, density) in enumerate(zip(arms, per_wavelength, strict=True)):
-        position, weight = _nodes_of(arm, wavelength, density)
+        place, position, weight = _nodes_of(arm, wavelength, density)
+        normal, curvature = _bending(arm, place)
+        normals.append(normal)
+        curvatures.append(curvature)
         number = count + np.arange(len(weight))
         outer = {"open": (number[0], number[-1]), "closed": (number[-1], number[0]), "vertex": (-1, -1)}
         positions.append(position)
@@ -112,11 +160,24 @@ def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequen
         after=np.concatenate(after),
         arm=arm_of_node,
         surface=np.array([arm.surface for arm in arms])[arm_of_node],
+        normal=np.concatenate(normals),
+        curvature=np.concatenate(curvatures),
     )
 
 
-def _nodes_of(arm: Arm, wavelength: float, per_wavelength: float) -> tuple[Array, Array]:
-    """Positions (n, 2) [m] and weights (n,) [m] of the nodes of one arm."""
+def _bending(arm: Arm, place: Array) -> tuple[Array, Array]:
+    """Unit normals (n, 2), to the right, and curvature (n,) [1/m] of an arm at parameters."""
+    step = DIFFERENCE * arm.cell
+    tangents = [arm.shape(np.clip(place + shift, 0.0, arm.length))[1] for shift in (-step, 0.0, step)]
+    speed = np.linalg.norm(tangents[1], axis=1)
+    directions = [tangent / np.linalg.norm(tangent, axis=1)[:, None] for tangent in tangents]
+    normal = np.stack([directions[1][:, 1], -directions[1][:, 0]], axis=1)
+    run = np.clip(place + step, 0.0, arm.length) - np.clip(place - step, 0.0, arm.length)
+    return normal, -np.sum((directions[2] - directions[0]) * normal, axis=1) / (run * speed)
+
+
+def _nodes_of(arm: Arm, wavelength: float, per_wavelength: float) -> tuple[Array, Array, Array]:
+    """Parameters (n,), positions (n, 2) [m] and weights (n,) [m] of the nodes of one arm."""
     cells = max(32, math.ceil(arm.length / arm.cell))
     u = np.linspace(0.0, arm.length, cells + 1)
     inner = (u[:-1, None] + 0.5 * (GAUSS + 1.0) * (u[1] - u[0])).ravel()
@@ -135,7 +196,7 @@ def _nodes_of(arm: Arm, wavelength: float, per_wavelength: float) -> tuple[Array
         along, slope, step = _graded(float(s[-1]), arm.ends, wavelength, wavelength / per_wavelength)
         place, stretch = inverse(along), inverse(along, 1) * slope * step
     position, derivative = arm.shape(place)
-    return position, np.linalg.norm(derivative, axis=1) * stretch
+    return place, position, np.linalg.norm(derivative, axis=1) * stretch
 
 
 def _graded(length: float, ends: tuple[End, End], wavelength: float, spacing: float) -> tuple[Array, Array, float]:

@@ -28,7 +28,8 @@ class Estimate:
     Attributes
     ----------
     unknowns, skeletons : int
-        Number of nodes, and size of the one dense system that they are reduced to.
+        Number of unknowns, one at every node of a conductor and two of a dielectric body, and size of the one dense
+        system that they are reduced to.
     seconds_per_frequency : float [s]
         On one core.
     memory : float [bytes]
@@ -68,13 +69,13 @@ def estimate(system: System, frequencies: int) -> Estimate:
         values += n * (n + rows)
         kept += n * (n if group.children else 0) + 2 * n * s
         operations += SMALL_BLOCKS * (8 / 3 * n**3 + 8 * n * n * s + 8 * (rows + s) * s * n)
-    top = sum(len(root.skeleton) for root in system.roots) or system.nodes.size
+    top = sum(len(root.skeleton) for root in system.roots) or system.equation.size
     blocks = sum(len(root.skeleton) ** 2 for root in system.roots)
     values += top * (top + len(system.antennas))
     operations += 8 / 3 * top**3 + 8 * top * top * len(system.tx) + 8 * top * blocks
     rate, flops = _speed()
     return Estimate(
-        unknowns=system.nodes.size,
+        unknowns=system.equation.size,
         skeletons=top,
         seconds_per_frequency=values / rate + operations / flops,
         memory=PROCESS_BYTES + 8.0 * (1.1 * top * top + 2 * blocks + kept + 4 * top * len(system.antennas)),

@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.threads import one_thread
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene, as_scene
+from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
-from mirrorfold.simulation.fullwave.solver import currents
+from mirrorfold.simulation.fullwave.solver import Complex, System, currents
 from mirrorfold.simulation.fullwave.tasks import source_strength
 
 BLOCK_VALUES = 2_000_000
@@ -40,7 +42,7 @@ def near_field(
     Parameters
     ----------
     scene : Scene or path
-        Of perfect conductors; its band does not matter here.
+        Of perfect conductors and dielectric walls; its band does not matter here.
     frequency : float [Hz]
     grid : pair of (n,) and (m,) arrays [m]
         Coordinates x and y of the pixels.
@@ -94,15 +96,13 @@ def near_field(
         system = prepare(replace(truth, band=band), tolerance=tolerance, seed=seed)
         excitation = np.zeros((count, 1), dtype=np.complex64)
         excitation[source] = 1.0
-        sources = np.concatenate([system.nodes.position, system.tx[source : source + 1]])
-        strengths = np.append(currents(system, excitation, k)[:, 0], np.complex64(1.0))
-        rows = max(1, BLOCK_VALUES // (x.size * len(sources)))
+        strengths = currents(system, excitation, k)[:, 0]
+        unknowns = len(strengths)
+        rows = max(1, BLOCK_VALUES // (x.size * unknowns))
         for first in range(0, y.size, rows):
             pixels = np.stack(np.meshgrid(x, y[first : first + rows]), axis=-1).reshape(-1, 2)
-            for some in np.array_split(np.arange(len(pixels)), max(1, len(pixels) * len(sources) // BLOCK_VALUES)):
-                waves = hankel(pixels[some], sources, k)
-                # A pixel on a node or on the source would be infinite.
-                field[first : first + rows].reshape(-1)[some] = np.where(np.isfinite(waves), waves, 0.0) @ strengths
+            for some in np.array_split(np.arange(len(pixels)), max(1, len(pixels) * unknowns // BLOCK_VALUES)):
+                field[first : first + rows].reshape(-1)[some] = _total(system, pixels[some], source, strengths, k)
             if progress is not None:
                 progress(min(first + rows, y.size), y.size)
     return xr.DataArray(
@@ -112,6 +112,24 @@ def near_field(
         name="field",
         attrs={"frequency": float(frequency), "source": int(source), "title": truth.name},
     )
+
+
+def _total(system: System, pixels: Array, source: int, strengths: Complex, k: float) -> Complex:
+    """The field of the currents and of the source outside, and of the currents alone inside bodies."""
+    equation = system.equation
+    everything = np.arange(equation.size)
+    waves = equation.at_points(pixels, everything, k)
+    # A pixel on a node or on the source would be infinite.
+    total = np.where(np.isfinite(waves), waves, 0.0).T @ strengths
+    straight = hankel(pixels, system.tx[source : source + 1], k)[:, 0]
+    total += np.where(np.isfinite(straight), straight, 0.0)
+    if isinstance(equation, Boundaries):
+        for body, filling in enumerate(equation.inside):
+            within = np.flatnonzero(equation.encloses(body, pixels)) if filling is not None else np.empty(0, int)
+            if len(within):
+                own = np.flatnonzero(equation.nodes.surface[equation.node] == body)
+                total[within] = equation.at_points(pixels[within], own, k, body=body).T @ strengths[own]
+    return total
 
 
 def _coordinates(axis: ArrayLike, name: str) -> np.ndarray:

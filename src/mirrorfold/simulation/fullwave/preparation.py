@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,11 @@ from mirrorfold.common.memory import available_memory
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Surface
+from mirrorfold.scenes.materials import Dielectric, Substance, material, permittivity
+from mirrorfold.scenes.surfaces import Segment, Surface
+from mirrorfold.simulation.fullwave.boundaries import Boundaries, Equation
 from mirrorfold.simulation.fullwave.compression import compress
-from mirrorfold.simulation.fullwave.contours import contours, outline_length
+from mirrorfold.simulation.fullwave.contours import Arm, contours, is_slab, outline_length
 from mirrorfold.simulation.fullwave.discretisation import Nodes, discretise
 from mirrorfold.simulation.fullwave.solver import System
 from mirrorfold.simulation.plane import in_plane
@@ -47,6 +50,9 @@ DENSE_BELOW = 1000
 
 CLEARANCE = 2.0
 """Least distance of antennas from surfaces, in spacings of the nodes."""
+
+NODES_PER_THICKNESS = 8.0
+"""Least nodes on as much of a slab's contour as it is thick: its rounded ends are then smooth, and its faces apart."""
 
 TOUCH = 0.75
 """Surfaces that come closer than this many spacings cross or touch."""
@@ -97,25 +103,60 @@ def prepare(
     _check_size(scene, densities, wavelength)
     arms = contours(scene, seed=seed)
     nodes = discretise(arms, wavelength=wavelength, per_wavelength=[densities[arm.surface] for arm in arms])
+    equation = _equation(scene, nodes, arms)
     label: Callable[[int], str] = lambda index: f"surface[{index}] {scene.surface[index].name!r}"  # noqa: E731
     _check_antennas(nodes, np.concatenate([tx, rx]), label)
     _check_apart(nodes, label)
-    system = System(nodes, tx, rx, ())
-    if nodes.size <= DENSE_BELOW:
+    if isinstance(equation, Boundaries):
+        _check_insides(equation, np.concatenate([tx, rx]), label)
+    system = System(equation, tx, rx, ())
+    if equation.size <= DENSE_BELOW:
         return system
     k = 2.0 * math.pi / wavelength
-    roots = compress(nodes, system.antennas, k=k, tolerance=INTERPOLATION_SHARE * tolerance)
-    return System(nodes, tx, rx, roots)
+    roots = compress(equation, system.antennas, k=k, tolerance=INTERPOLATION_SHARE * tolerance)
+    return System(equation, tx, rx, roots)
+
+
+def _equation(scene: Scene, nodes: Nodes, arms: list[Arm]) -> Equation:
+    """The equation of a scene: conductors in TE have one of their own."""
+    inside = tuple(made_of(surface.material) if is_slab(surface) else None for surface in scene.surface)
+    if scene.polarization == "TE" and not any(inside):
+        return nodes
+    if scene.polarization == "both":
+        raise InputError(f"scene {scene.name!r}: polarization is 'both'; choose 'TE' or 'TM' here")
+    if scene.polarization == "TM":
+        for arm in arms:
+            if "vertex" in arm.ends:
+                name = scene.surface[arm.surface].name
+                raise InputError(
+                    f"surface[{arm.surface}] {name!r} has sharp vertices, which the full-wave "
+                    "solver takes in polarization 'TE' alone; round them, with kind = \"curve\", or take 'rays'"
+                )
+    return Boundaries(nodes, inside, scene.polarization)
+
+
+def made_of(name: str | Substance) -> Dielectric | None:
+    """The dielectric of that name, None for conductors."""
+    found = material(name)
+    return found if isinstance(found, Dielectric) else None
 
 
 def density(surface: Surface, wavelength: float, tolerance: float, chosen: float | None, label: str) -> float:
     """Nodes per wavelength on a surface; `chosen` by the user, or what its roughness and the tolerance ask for.
+
+    On a slab the wavelength is that inside; the result is in wavelengths outside all the same.
 
     Raises
     ------
     InputError
         If the chosen number is too small for the equation or the roughness.
     """
+    if isinstance(surface, Segment) and surface.thickness is not None:
+        frequency = speed_of_light / wavelength
+        refraction = max(1.0, abs(np.sqrt(complex(permittivity(surface.material, frequency)))))
+        opaque = replace(surface, material="pec", thickness=None)
+        inner = density(opaque, wavelength / refraction, tolerance, chosen, label)
+        return max(refraction * inner, NODES_PER_THICKNESS * wavelength / surface.thickness)
     least, reason = FEWEST_NODES, "to integrate the kernel"
     roughness = surface.roughness
     steepness = 0.0
@@ -167,6 +208,27 @@ def _check_antennas(nodes: Nodes, antennas: Array, label: Callable[[int], str]) 
             f"array: the antenna at ({x:.6g}, {y:.6g}) m stands on {label(nodes.surface[node])}, "
             f"{distance[worst]:.2g} m from it; expected at least {least:.2g} m, move one of the two"
         )
+
+
+def _check_insides(equation: Boundaries, antennas: Array, label: Callable[[int], str]) -> None:
+    """Refuse antennas and other surfaces inside a dielectric body."""
+    nodes = equation.nodes
+    for body, filling in enumerate(equation.inside):
+        if filling is None:
+            continue
+        within = equation.encloses(body, antennas)
+        if within.any():
+            x, y = antennas[np.flatnonzero(within)[0]]
+            raise InputError(
+                f"array: the antenna at ({x:.6g}, {y:.6g}) m stands inside {label(body)}; move one of the two"
+            )
+        others = np.flatnonzero(nodes.surface != body)
+        within = equation.encloses(body, nodes.position[others])
+        if within.any():
+            other = nodes.surface[others[np.flatnonzero(within)[0]]]
+            raise InputError(
+                f"{label(other)} lies inside {label(body)}; expected air around every surface, move one of the two"
+            )
 
 
 def _check_apart(nodes: Nodes, label: Callable[[int], str]) -> None:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from mirrorfold.common.types import Array
+from mirrorfold.simulation.fullwave.boundaries import Equation
 from mirrorfold.simulation.fullwave.compression import Group, interpolation
-from mirrorfold.simulation.fullwave.discretisation import Nodes, matrix
-from mirrorfold.simulation.fullwave.kernel import hankel
+from mirrorfold.simulation.fullwave.discretisation import Nodes
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
@@ -32,16 +32,21 @@ class System:
 
     Attributes
     ----------
-    nodes : Nodes
+    equation : Nodes or Boundaries
     tx, rx : (n, 2) and (m, 2) arrays [m]
     roots : tuple of Group
         The largest groups; none to solve the whole dense system instead.
     """
 
-    nodes: Nodes
+    equation: Equation
     tx: Array
     rx: Array
     roots: tuple[Group, ...]
+
+    @property
+    def nodes(self) -> Nodes:
+        """The nodes on all contours."""
+        return self.equation.nodes
 
     @property
     def antennas(self) -> Array:
@@ -86,11 +91,11 @@ def scattered(system: System, k: float) -> Complex:
     (tx, rx) complex64 array
     """
     members, charges, _ = _solved(system, np.eye(len(system.tx), dtype=np.complex64), k)
-    return charges.T @ hankel(system.nodes.position[members], system.rx, k)
+    return charges.T @ system.equation.at_points(system.rx, members, k)
 
 
 def currents(system: System, excitation: Complex, k: float) -> Complex:
-    """Currents of all nodes.
+    """Currents of all nodes, and of dielectric bodies all monopoles and dipoles.
 
     Parameters
     ----------
@@ -101,15 +106,15 @@ def currents(system: System, excitation: Complex, k: float) -> Complex:
 
     Returns
     -------
-    (nodes, n) complex64 array
-        The scattered field is their sum with ``H0^(2)(k r)``.
+    (unknowns, n) complex64 array
+        The scattered field is the sum of their waves, of currents ``H0^(2)(k r)``.
     """
     members, charges, eliminated = _solved(system, excitation, k)
     if not system.roots:
         return charges
     blocks = [group.response for group in eliminated]
-    exciting = _incident(system, members, excitation, k) + _coupling(system.nodes, members, blocks, k) @ charges
-    result = np.zeros((system.nodes.size, excitation.shape[1]), dtype=np.complex64)
+    exciting = _incident(system, members, excitation, k) + _coupling(system.equation, members, blocks, k) @ charges
+    result = np.zeros((system.equation.size, excitation.shape[1]), dtype=np.complex64)
     for root, group, part in zip(system.roots, eliminated, _split(exciting, blocks), strict=True):
         _descend(root, group, -part, result)
     return result
@@ -135,11 +140,11 @@ def residual(system: System, k: float, *, seed: int, cases: int = 4) -> float:
     shape = (len(system.tx), cases)
     excitation = (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)).astype(np.complex64)
     solution = currents(system, excitation, k)
-    incident = hankel(system.nodes.position, system.tx, k) @ excitation
-    everything = np.arange(system.nodes.size)
+    everything = np.arange(system.equation.size)
+    incident = _incident(system, everything, excitation, k)
     left = np.empty_like(incident)
-    for rows in np.array_split(everything, max(1, system.nodes.size // BLOCK_ROWS)):
-        left[rows] = matrix(system.nodes, rows, everything, k) @ solution + incident[rows]
+    for rows in np.array_split(everything, max(1, len(everything) // BLOCK_ROWS)):
+        left[rows] = system.equation.matrix(rows, everything, k) @ solution + incident[rows]
     return float(np.linalg.norm(left) / np.linalg.norm(incident))
 
 
@@ -150,39 +155,39 @@ BLOCK_ROWS = 256
 def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
     """The nodes that are left, their currents ``-(I + M S)^-1 M b``, and the largest groups."""
     if not system.roots:
-        members = np.arange(system.nodes.size)
-        whole = matrix(system.nodes, members, members, k)
+        members = np.arange(system.equation.size)
+        whole = system.equation.matrix(members, members, k)
         return members, -_solve(whole, _incident(system, members, excitation, k)), []
     eliminated = [_eliminate(root, system, k) for root in system.roots]
     blocks = [group.response for group in eliminated]
     members = np.concatenate([root.skeletons for root in system.roots])
     right = _times(blocks, _incident(system, members, excitation, k))
-    joined = _coupling(system.nodes, members, blocks, k)
+    joined = _coupling(system.equation, members, blocks, k)
     _identity_plus(blocks, joined, out=joined)
     return members, -_solve(joined, right), eliminated
 
 
 def _incident(system: System, members: Indices, excitation: Complex, k: float) -> Complex:
-    """Field of the transmitters at nodes, (members, cases)."""
-    return hankel(system.nodes.position[members], system.tx, k) @ excitation
+    """Field of the transmitters as the unknowns feel it, (members, cases)."""
+    return system.equation.at_points(system.tx, members, k) @ excitation
 
 
 def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
     """Eliminate a group and all below it."""
     children = tuple(_eliminate(child, system, k) for child in group.children)
-    to_skeleton = interpolation(group, system.nodes, system.antennas, k)
+    to_skeleton = interpolation(group, system.equation, system.antennas, k)
     if not children:
-        inward = _solve(matrix(system.nodes, group.members, group.members, k), to_skeleton.T)
+        inward = _solve(system.equation.matrix(group.members, group.members, k), to_skeleton.T)
         return _Eliminated(to_skeleton @ inward, inward, to_skeleton, np.empty((0, 0), np.complex64), ())
     blocks = [child.response for child in children]
-    coupling = _coupling(system.nodes, group.members, blocks, k)
+    coupling = _coupling(system.equation, group.members, blocks, k)
     inward = _solve(_identity_plus(blocks, coupling, out=np.empty_like(coupling)), _times(blocks, to_skeleton.T))
     return _Eliminated(to_skeleton @ inward, inward, to_skeleton, coupling, children)
 
 
-def _coupling(nodes: Nodes, members: Indices, blocks: Sequence[Complex], k: float) -> Complex:
+def _coupling(equation: Equation, members: Indices, blocks: Sequence[Complex], k: float) -> Complex:
     """The matrix between groups; what they do to themselves, in blocks on the diagonal, is in their response."""
-    result = matrix(nodes, members, members, k)
+    result = equation.matrix(members, members, k)
     first = 0
     for block in blocks:
         last = first + len(block)

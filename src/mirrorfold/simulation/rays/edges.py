@@ -38,6 +38,8 @@ class EdgeWaves:
         Of the transmitters' side.
     facet : int
         The mirror that ends.
+    edge : (2,) array [m]
+        Its end.
     tx, rx : (waves,) int arrays
     length : (waves,) array [m]
         Of the path over the end.
@@ -53,6 +55,7 @@ class EdgeWaves:
 
     chain: Chain
     facet: int
+    edge: Array
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
     length: Array
@@ -107,6 +110,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
     return EdgeWaves(
         chain=tx_chain,
         facet=facet,
+        edge=edge,
         tx=there.antenna[tx],
         rx=back.antenna[rx],
         length=np.linalg.norm(source - edge, axis=-1) + np.linalg.norm(target - edge, axis=-1),

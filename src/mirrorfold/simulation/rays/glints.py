@@ -50,6 +50,8 @@ class Glints:
         Of the angle of incidence on the arc.
     tx_cosine, rx_cosine : (bounces, glints) arrays
         Of the angles of incidence on the mirrors of the chains.
+    place : (glints, 2) array [m]
+        The specular point.
     """
 
     tx: NDArray[np.intp]
@@ -61,6 +63,7 @@ class Glints:
     end_cosine: Array
     tx_cosine: Array
     rx_cosine: Array
+    place: Array
 
 
 def sees_arc(chain: Chain, arc: Array, world: Outline) -> bool:
@@ -86,6 +89,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     cosine, convex = np.empty(shape), np.empty(shape)
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
     rx_cosine = np.empty((*shape, len(rx_chain.facets)))
+    place = np.empty((*shape, 2))
     in_shares(
         _glints,
         shape[0],
@@ -96,7 +100,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         rx_chain.images,
         rx_chain.window,
         rx_chain.mirrors,
-        world.facets,
+        world.shades,
         world.arcs,
         share,
         distance,
@@ -104,6 +108,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         convex,
         tx_cosine,
         rx_cosine,
+        place,
     )
     found = np.nonzero(share)
     to_tx, to_rx = distance[found].T
@@ -118,6 +123,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         end_cosine=cosine[found],
         tx_cosine=tx_cosine[found].T,
         rx_cosine=rx_cosine[found].T,
+        place=place[found],
     )
 
 
@@ -147,6 +153,7 @@ def _glints(
     convex: Array,
     tx_cosine: Array,
     rx_cosine: Array,
+    place: Array,
     first: int,
     last: int,
 ) -> None:
@@ -196,5 +203,6 @@ def _glints(
                 share[n, m, count] = share_a * share_b
                 distance[n, m, count, 0], distance[n, m, count, 1] = to_a, to_b
                 cosine[n, m, count] = abs(above_a) / to_a
+                place[n, m, count, 0], place[n, m, count, 1] = x, y
                 convex[n, m, count] = 1.0 if above_a > 0.0 else -1.0
                 count += 1

@@ -1,4 +1,4 @@
-"""The outlines of a scene as rays meet them: straight facets and circular arcs, all of them opaque.
+"""The outlines of a scene as rays meet them: straight facets and circular arcs, opaque but for walls with a thickness.
 
 Arcs stay exact. As chords they would cost a test each, and a convex surface would shadow itself at every joint.
 """
@@ -6,6 +6,7 @@ Arcs stay exact. As chords they would cost a test each, and a convex surface wou
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +34,23 @@ class Outline:
         Center x, y [m], radius [m], first angle [rad] and angular span [rad], counter-clockwise.
     surface : (f + a,) array of int
         Which surface of the scene each obstacle belongs to.
+    slabs : tuple of int
+        Facets of half-transparent walls: mirrors that shadow nothing.
     """
 
     facets: Array
     arcs: Array
     surface: NDArray[np.int64]
+    slabs: tuple[int, ...] = ()
+
+    @cached_property
+    def shades(self) -> Array:
+        """The facets as they shadow what is behind them, (f, 2, 2) [m]; NaN where they do not."""
+        if not self.slabs:
+            return self.facets
+        shades = self.facets.copy()
+        shades[list(self.slabs)] = np.nan
+        return shades
 
 
 def outline(scene: Scene) -> Outline:
@@ -66,10 +79,12 @@ def outline(scene: Scene) -> Outline:
                 f"surface[{index}] {surface.name!r} is a {surface.kind}, which rays cannot follow; "
                 "expected a segment, polyline, arc or circle"
             )
+    thick = [getattr(scene.surface[index], "thickness", None) is not None for index, _ in facets]
     return Outline(
         facets=np.array([facet for _, facet in facets]).reshape(-1, 2, 2),
         arcs=np.array([arc for _, arc in arcs]).reshape(-1, 5),
         surface=np.array([index for index, _ in [*facets, *arcs]], dtype=np.int64),
+        slabs=tuple(np.flatnonzero(thick).tolist()),
     )
 
 

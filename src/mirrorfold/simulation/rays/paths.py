@@ -128,7 +128,7 @@ def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
     first, last = np.where(lit, first, 0.0), np.where(lit, last, 0.0)
     ends = start + np.stack([first, last], axis=1)[..., None] * (end - start)
     window = np.where(lit[:, None, None], ends, np.nan)
-    if not _any_seen(window, chain.images, chain.window, chain.mirrors, world.facets, world.arcs):
+    if not _any_seen(window, chain.images, chain.window, chain.mirrors, world.shades, world.arcs):
         return None
     return Chain(
         facets=(*chain.facets, facet),
@@ -296,7 +296,7 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
         chain.images,
         chain.window,
         chain.mirrors,
-        world.facets,
+        world.shades,
         world.arcs,
         share,
         length,

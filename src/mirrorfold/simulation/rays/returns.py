@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.types import Array, Complex
@@ -17,7 +18,8 @@ from mirrorfold.simulation.rays.glints import Glints, glints, sees_arc
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, ChainPaths, Points, trace
 from mirrorfold.simulation.rays.phasors import Paths
-from mirrorfold.simulation.rays.scatterers import Scatterers, specular_coefficient
+from mirrorfold.simulation.rays.scatterers import Scatterers, named
+from mirrorfold.simulation.rays.slabs import Series, all_of, mirrored, passages, reflected, thickness_of, transmitted
 
 
 def _knots(band: Band) -> Array:
@@ -30,12 +32,22 @@ def _traced(chain: Chain | CurvedChain, points: Points, world: Outline) -> Chain
     return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, world)
 
 
-def _reflections(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Complex:
-    """Product of the specular coefficients along a chain at the knots of the band, shape (3, paths)."""
-    coefficient = np.ones((3, cosine.shape[1]), dtype=complex)
-    for facet, at_mirror in zip(chain.facets, cosine, strict=True):
-        coefficient *= specular_coefficient(scene.surface[world.surface[facet]], _knots(scene.band), at_mirror)
-    return coefficient
+def _mirrors(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Series:
+    """What the mirrors of a chain reflect at the knots of the band."""
+    surfaces = [scene.surface[world.surface[facet]] for facet in chain.facets]
+    return mirrored(surfaces, _knots(scene.band), cosine, named(scene.polarization))
+
+
+def _walls(
+    scene: Scene, world: Outline, chain: Chain | CurvedChain, antenna: NDArray[np.intp], end: Array
+) -> list[Series]:
+    """What passes through half-transparent walls on the way over a chain to places (paths, 2) [m]."""
+    if isinstance(chain, CurvedChain) or not world.slabs:
+        return []
+    return [
+        transmitted(scene.surface[world.surface[facet]], _knots(scene.band), cosine, named(scene.polarization))
+        for facet, cosine in passages(chain, antenna, end, world)
+    ]
 
 
 def diffuse_paths(
@@ -45,15 +57,20 @@ def diffuse_paths(
     found = []
     for chain in seen_over:
         paths = _traced(chain, rough.points, world)
-        amplitude = _reflections(scene, world, chain, paths.cosine)
-        amplitude *= rough.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
+        walls = _walls(scene, world, chain, paths.antenna, rough.points.position[paths.point])
         law_of_path = rough.law[paths.point]
-        for index in np.unique(law_of_path):
-            mine = law_of_path == index
-            amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
-        found.append(
-            Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
-        )
+        # A half-transparent wall scatters at its face, half its thickness before the outline.
+        before = np.array([0.5 * (thickness_of(law.surface) or 0.0) for law in rough.laws])
+        ahead = before[law_of_path] * paths.end_cosine if before.any() else 0.0
+        for amplitude, extra in all_of(_mirrors(scene, world, chain, paths.cosine), *walls):
+            amplitude *= rough.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
+            for index in np.unique(law_of_path):
+                mine = law_of_path == index
+                amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
+            length = paths.length + extra - ahead
+            found.append(
+                Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, length, amplitude)
+            )
     return found
 
 
@@ -64,28 +81,36 @@ def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | Cur
     for chain in seen_over:
         paths = _traced(chain, receivers, world)
         if paths.length.size:
-            amplitude = _reflections(scene, world, chain, paths.cosine)
-            amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))
-            found.append(
-                Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, paths.length, amplitude)
-            )
+            walls = _walls(scene, world, chain, paths.antenna, rx[paths.point])
+            for amplitude, extra in all_of(_mirrors(scene, world, chain, paths.cosine), *walls):
+                amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))
+                length = paths.length + extra
+                found.append(
+                    Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, length, amplitude)
+                )
     return found
 
 
 def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
     """The waves from the ends of all mirrors, there and back over the same chain."""
     found = []
+    back = {chain.facets: chain for chain in to_rx}
     for waves in edge_waves(to_tx, to_rx, world):
         surface = scene.surface[world.surface[waves.facet]]
-        amplitude = (
-            _reflections(scene, world, waves.chain, waves.tx_cosine)
-            * _reflections(scene, world, waves.chain, waves.rx_cosine)
-            * specular_coefficient(surface, _knots(scene.band), waves.end_cosine)
-            * edge_factor(waves, speed_of_light / _knots(scene.band))
-            / np.sqrt(waves.specular)
+        end = np.broadcast_to(waves.edge, (waves.tx.size, 2))
+        met = all_of(
+            _mirrors(scene, world, waves.chain, waves.tx_cosine),
+            _mirrors(scene, world, waves.chain, waves.rx_cosine),
+            reflected(surface, _knots(scene.band), waves.end_cosine, named(scene.polarization)),
+            *_walls(scene, world, waves.chain, waves.tx, end),
+            *_walls(scene, world, back[waves.chain.facets], waves.rx, end),
         )
-        antennas = waves.chain.images.shape[1]
-        found.append(Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, waves.length, amplitude))
+        for coefficient, extra in met:
+            spreading = edge_factor(waves, speed_of_light / _knots(scene.band))
+            amplitude = coefficient * spreading / np.sqrt(waves.specular)
+            antennas = waves.chain.images.shape[1]
+            length = waves.length + extra
+            found.append(Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, length, amplitude))
     return found
 
 
@@ -98,17 +123,22 @@ def glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: S
         rx_chains = tx_chains if to_rx is to_tx else [chain for chain in to_rx if sees_arc(chain, arc, world)]
         for tx_chain, rx_chain in product(tx_chains, rx_chains):
             glint = glints(arc, tx_chain, rx_chain, world)
-            if glint.length.size:
-                amplitude = (
-                    _reflections(scene, world, tx_chain, glint.tx_cosine)
-                    * _reflections(scene, world, rx_chain, glint.rx_cosine)
-                    * specular_coefficient(surface, _knots(scene.band), glint.end_cosine)
-                    * _glint_spreading(glint, arc_length=arc[2] * arc[4], frequency=_knots(scene.band))
+            if not glint.length.size:
+                continue
+            met = all_of(
+                _mirrors(scene, world, tx_chain, glint.tx_cosine),
+                _mirrors(scene, world, rx_chain, glint.rx_cosine),
+                reflected(surface, _knots(scene.band), glint.end_cosine, named(scene.polarization)),
+                *_walls(scene, world, tx_chain, glint.tx, glint.place),
+                *_walls(scene, world, rx_chain, glint.rx, glint.place),
+            )
+            for coefficient, extra in met:
+                amplitude = coefficient * _glint_spreading(
+                    glint, arc_length=arc[2] * arc[4], frequency=_knots(scene.band)
                 )
                 antennas = tx_chain.images.shape[1]
-                found.append(
-                    Paths.at_first_frequency(scene.band, antennas, glint.tx, glint.rx, glint.length, amplitude)
-                )
+                length = glint.length + extra
+                found.append(Paths.at_first_frequency(scene.band, antennas, glint.tx, glint.rx, length, amplitude))
     return found
 
 

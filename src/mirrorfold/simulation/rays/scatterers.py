@@ -25,6 +25,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
@@ -41,7 +42,9 @@ ANGLES, ANGLE_WEIGHTS = np.polynomial.legendre.leggauss(64)
 """Quadrature over the angle of incidence, on [-1, 1]; the integrands are smooth."""
 
 
-def specular_coefficient(surface: Surface, frequency: ArrayLike, cosine: ArrayLike) -> NDArray[np.complex128]:
+def specular_coefficient(
+    surface: Surface, frequency: ArrayLike, cosine: ArrayLike, polarization: Polarization = "TE"
+) -> NDArray[np.complex128]:
     """Fresnel's coefficient times what roughness leaves of it.
 
     Parameters
@@ -50,14 +53,20 @@ def specular_coefficient(surface: Surface, frequency: ArrayLike, cosine: ArrayLi
     frequency : (...) array [Hz]
     cosine : (...) array
         Of the angle of incidence.
+    polarization : {"TE", "TM"}
 
     Returns
     -------
     (...) complex array, broadcast from both.
     """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-    coefficient = material(surface.material).reflection(frequency, angle)
+    coefficient = material(surface.material).reflection(frequency, angle, polarization)
     return np.asarray(coefficient * _coherent(surface, frequency, angle))
+
+
+def named(polarization: str) -> Polarization:
+    """That of one simulation; of a scene with both, each is simulated by itself."""
+    return "TM" if polarization == "TM" else "TE"
 
 
 def _coherent(surface: Surface, frequency: ArrayLike, angle: ArrayLike) -> Array:
@@ -81,14 +90,17 @@ class DiffuseLaw:
     surface : Surface
     inside : bool
         Of the wall instead of on its face.
+    polarization : {"TE", "TM"}
     """
 
     surface: Surface
     inside: bool
+    polarization: Polarization = "TE"
 
     def share(self, frequency: ArrayLike, angle: ArrayLike) -> Array:
         """Q, the share of the power arriving at `angle` [rad] that is scattered, (...) array."""
-        reflected = np.abs(material(self.surface.material).reflection(frequency, angle)) ** 2
+        made_of = material(self.surface.material)
+        reflected = np.abs(made_of.reflection(frequency, angle, self.polarization)) ** 2
         if self.inside:
             return np.asarray(VOLUME_SHARE * (1.0 - reflected))
         return np.asarray(reflected * (1.0 - _coherent(self.surface, frequency, angle) ** 2))
@@ -168,7 +180,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
         surface = scene.surface[index]
         # One generator for each obstacle: what another surface is made of leaves the speckle of this one alone.
         generator = np.random.default_rng([seed, obstacle])
-        for law in _laws(surface, scene.band.start):
+        for law in _laws(surface, scene):
             laws.append(law)
             for side in (1.0, -1.0):
                 foot, normal, length = _along(world, obstacle, side, spacing, generator)
@@ -195,14 +207,14 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
     return Scatterers(Points(position, normals, through), weight, which, tuple(laws))
 
 
-def _laws(surface: Surface, frequency: float) -> list[DiffuseLaw]:
+def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
     """The ways in which a surface scatters: on its face, inside, both or not at all."""
-    laws = []
+    laws, polarization = [], named(scene.polarization)
     if surface.roughness is not None and surface.roughness.rms_height > 0.0:
-        laws.append(DiffuseLaw(surface, inside=False))
+        laws.append(DiffuseLaw(surface, False, polarization))
     if surface.volume_depth > 0.0:
-        law = DiffuseLaw(surface, inside=True)
-        if not law.share(frequency, 0.0) > 0.0:
+        law = DiffuseLaw(surface, True, polarization)
+        if not law.share(scene.band.start, 0.0) > 0.0:
             raise InputError(
                 f"surface {surface.name!r}: volume_depth is {surface.volume_depth:g} m, but no wave enters the "
                 f"material {surface.material!r}; choose another one such as 'plasterboard', or remove volume_depth"

@@ -7,10 +7,12 @@ the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per fre
 images, arcs and circles by their glints, and the waves from the ends of mirrors, with which a return fades instead of
 stopping at once.
 
+Walls with a thickness reflect and let through (`slabs`); everything else is opaque.
+
 Arcs are mirrors, too: on each way there may be two mirrors with an arc among them, and any number of flat ones.
 
 What is left out: edge waves of arcs, of shadows, and of a mirror after another has reflected the wave; light that
-scatters diffusely twice; longer chains with arcs; and what passes through a surface.
+scatters diffusely twice; longer chains with arcs, and those that lead through a wall.
 """
 
 from __future__ import annotations

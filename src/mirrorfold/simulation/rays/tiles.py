@@ -39,6 +39,9 @@ BLOCK_BYTES = 200e6
 FIELD_SHARE = 0.25
 """Of the room for paths and fields, that the fields may take of it where it is short."""
 
+WAVES = 8
+"""That a half-transparent wall makes of one, of those that count."""
+
 COUNTED = 5
 """Transmitters, evenly chosen, whose paths are counted beforehand."""
 
@@ -161,6 +164,7 @@ class Lit:
         """How many paths there would be if every antenna saw everything over every chain."""
         pairs, arcs, ends = len(self.tx) * len(self.rx), len(self.world.arcs), 2 * len(self.world.facets)
         each = MOST if self.tx_ways.chains or self.over_arcs else 1  # paths over one sequence
+        each *= WAVES ** len(self.world.slabs)
         seen = len(self.tx) * len(self.over_tx) + (0 if self.same_array else len(self.rx) * len(self.over_rx))
         back = len(self.tx_chains) + len(self.over_arcs)
         back += ends * len(self.to_tx) + arcs * len(self.to_tx) * len(self.to_rx)

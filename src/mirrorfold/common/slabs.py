@@ -1,0 +1,99 @@
+"""Plane waves at a dielectric half-space and at a slab: Fresnel's coefficients and Airy's sums.
+
+Time convention ``exp(+jwt)``, permittivity ``eps' - j eps''``. TE has E perpendicular to the plane of incidence, in a
+floor plan along the vertical axis; TM has E in that plane, and its coefficients are those of H, along the same axis:
+at normal incidence TM is reflected with minus the coefficient of TE. With the angle of incidence t and
+``q = sqrt(eps - sin^2 t)``,
+
+    TE: r = (cos t - q) / (cos t + q),        TM: r = (eps cos t - q) / (eps cos t + q).
+
+A slab of thickness d adds up the waves that run to and fro in it. With ``p = exp(-j k d q)`` for one way,
+
+    R = r (1 - p^2) / (1 - r^2 p^2),          T = (1 - r^2) p / (1 - r^2 p^2)
+
+(Born and Wolf, Principles of Optics, 7th ed., sections 1.5.2 and 1.6.4). R is that at the front face. T is taken
+relative to the wave that went straight on in the place of the slab, so that a slab of air has T = 1.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.common.types import Array
+
+Polarization = Literal["TE", "TM"]
+POLARIZATIONS: tuple[Polarization, ...] = get_args(Polarization)
+
+Coefficient = NDArray[np.complex128]
+
+
+def inside(permittivity: ArrayLike, angle: ArrayLike) -> Coefficient:
+    """``q = sqrt(eps - sin^2 t)``: wavenumber across the slab, over that of free space; angle t [rad]."""
+    return np.asarray(np.sqrt(np.asarray(permittivity, dtype=complex) - np.sin(angle) ** 2))
+
+
+def fresnel(permittivity: ArrayLike, angle: ArrayLike, polarization: Polarization = "TE") -> Coefficient:
+    """Reflection coefficient r of a half-space.
+
+    Parameters
+    ----------
+    permittivity : (...) complex array
+        Relative, ``eps' - j eps''``.
+    angle : (...) array [rad]
+        Of incidence, from the normal.
+    polarization : {"TE", "TM"}
+
+    Returns
+    -------
+    (...) complex array, broadcast from both.
+    """
+    cosine, within = np.cos(angle), inside(permittivity, angle)
+    outside = cosine if polarization == "TE" else np.asarray(permittivity, dtype=complex) * cosine
+    return np.asarray((outside - within) / (outside + within))
+
+
+def slab(
+    permittivity: ArrayLike,
+    thickness: ArrayLike,
+    wavenumber: ArrayLike,
+    angle: ArrayLike,
+    polarization: Polarization = "TE",
+) -> tuple[Coefficient, Coefficient]:
+    """Reflection R at the front face of a slab, and transmission T relative to no slab.
+
+    Parameters
+    ----------
+    permittivity : (...) complex array
+    thickness : (...) array [m]
+    wavenumber : (...) array [rad/m]
+        In free space.
+    angle : (...) array [rad]
+    polarization : {"TE", "TM"}
+
+    Returns
+    -------
+    R, T : (...) complex arrays, broadcast from all.
+    """
+    r, q = fresnel(permittivity, angle, polarization), inside(permittivity, angle)
+    turn = np.asarray(wavenumber) * thickness
+    way = np.exp(-1j * turn * q)
+    around = 1.0 - (r * way) ** 2
+    passed = (1.0 - r**2) * way / around * np.exp(1j * turn * np.cos(angle))
+    return np.asarray(r * (1.0 - way**2) / around), np.asarray(passed)
+
+
+def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
+    """Length [m] by which the way straight through a slab is longer for the waves, ``d (Re q - cos t)``."""
+    return np.asarray(np.asarray(thickness) * (inside(permittivity, angle).real - np.cos(angle)))
+
+
+def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
+    """Distance [m] by which a ray leaves a slab beside its own line, ``d sin t (1 - cos t / Re q)``.
+
+    The derivative of `delay` by the angle: for an array that looks through the slab, things are moved aside by as much.
+    """
+    within = np.maximum(inside(permittivity, angle).real, np.finfo(float).tiny)
+    return np.asarray(np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within))

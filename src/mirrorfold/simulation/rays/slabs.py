@@ -1,0 +1,173 @@
+"""What half-transparent walls do to paths: each reflects, and lets through, a series of waves.
+
+A wave that has run to and fro m times in a slab of permittivity eps and thickness d arrives later and weaker. With r of
+one face, ``q = sqrt(eps - sin^2 t)`` and the outline in the middle of the slab, the terms of Airy's sums are
+
+    reflected:    r exp(+j k d cos t),  and  -(1 - r^2) r^(2m - 1) exp(-j k d (2 m q - cos t)),  m = 1, 2, ...
+    transmitted:  (1 - r^2) r^(2m) exp(-j k d ((2 m + 1) q - cos t)),  m = 0, 1, ...
+
+relative to a wave that is reflected in the outline, or goes straight on. Each term is a path of its own, with a length
+of its own: its amplitude changes slowly with frequency, which that of the sum does not.
+
+For plane waves this is exact. Waves of a line source are taken for plane ones at the slab, with the angle of the
+straight, or mirrored, way. How far aside they leave the slab is contained to first order, since every antenna has an
+angle of its own; what is left out is of second order, the square of that distance over the length of the way in
+wavelengths. Against the exact spectrum of plane waves, 300 GHz and 6 mm of a permittivity of 5.79 over 2 m are off by
+1.3 % at 45 degrees.
+
+Each meeting with a rough face takes its share of the coherent wave, ``exp(-(D k h)^2 / 2)``, with the change D of the
+wavenumber across the face: ``2 cos t`` for reflection outside (`coherent_factor`), ``2 q`` for reflection inside,
+``q - cos t`` for a passage (Pinel, Bourlier and Saillard, Prog. Electromagn. Res. B 19, 41, 2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.geometry import crossing, segment_normal
+from mirrorfold.common.slabs import Polarization, fresnel, inside
+from mirrorfold.common.types import Array, Complex
+from mirrorfold.scenes.materials import permittivity
+from mirrorfold.scenes.surfaces import Polyline, Segment, Surface
+from mirrorfold.simulation.rays.outline import TOUCH, Outline
+from mirrorfold.simulation.rays.paths import Chain
+from mirrorfold.simulation.rays.scatterers import specular_coefficient
+
+LEAST = 3e-4
+"""Waves weaker than this share of what meets the walls are left out."""
+
+MOST = 40
+"""Times to and fro, at most: at 70 degrees in glass, TE, the amplitude falls by 5 dB each time."""
+
+Series = list[tuple[Complex, Array]]
+"""Waves that follow each other: amplitudes (3, paths) at the knots of the band, and extra lengths (paths,) [m]."""
+
+
+def thickness_of(surface: Surface) -> float | None:
+    """Thickness [m] of a wall that waves pass through; None for all others."""
+    return surface.thickness if isinstance(surface, Segment | Polyline) else None
+
+
+@dataclass(frozen=True)
+class _Faces:
+    """The faces of a wall at frequencies (3, 1), for paths at angles of incidence; arrays (3, paths) but for `across`.
+
+    Attributes
+    ----------
+    entry : array
+        Of a wave that enters and leaves once.
+    around : array
+        Of one reflection inside, with the way to the next face.
+    way : array
+        Of one way from face to face, less the phase of its length.
+    across : (paths,) array
+        The q of that length, over the thickness.
+    """
+
+    entry: Complex
+    around: Complex
+    way: Complex
+    across: Array
+
+    @classmethod
+    def of(cls, surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> _Faces:
+        eps, angle = permittivity(surface.material, frequency), np.arccos(np.clip(cosine, 0.0, 1.0))
+        wavenumber = 2.0 * np.pi * frequency / speed_of_light
+        r, q = fresnel(eps, angle, polarization), inside(eps, angle)
+        across = q[1].real
+        height = wavenumber * (surface.roughness.rms_height if surface.roughness else 0.0)
+        passage, within = np.exp(-0.5 * (height * (across - cosine)) ** 2), np.exp(-2.0 * (height * across) ** 2)
+        way = np.exp(-1j * wavenumber * (thickness_of(surface) or 0.0) * (q - across))
+        return cls((1.0 - r**2) * passage**2, r * within * way, way, across)
+
+
+def reflected(surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+    """What a surface reflects, at frequencies (3, 1) [Hz] and cosines (paths,) of the angle of incidence."""
+    front = specular_coefficient(surface, frequency, cosine, polarization)
+    thickness = thickness_of(surface)
+    if thickness is None:
+        return [(front, np.zeros(cosine.shape))]
+    faces = _Faces.of(surface, frequency, cosine, polarization)
+    found: Series = [(front, -thickness * cosine)]
+    term = -faces.entry * faces.around * faces.way
+    for m in range(1, MOST):
+        found.append((term, thickness * (2.0 * m * faces.across - cosine)))
+        term = term * faces.around**2
+    return kept(found)
+
+
+def transmitted(surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+    """What passes through a wall; paths whose cosine is NaN do not meet it."""
+    met = np.isfinite(cosine)
+    cosine = np.where(met, cosine, 1.0)
+    faces, thickness = _Faces.of(surface, frequency, cosine, polarization), thickness_of(surface) or 0.0
+    found: Series = []
+    term = faces.entry * faces.way
+    for m in range(MOST):
+        late = thickness * ((2.0 * m + 1.0) * faces.across - cosine)
+        found.append((np.where(met, term, float(m == 0)), np.where(met, late, 0.0)))
+        term = term * faces.around**2
+    return kept(found)
+
+
+def kept(series: Series) -> Series:
+    """The waves that are strong enough, zero elsewhere."""
+    found = []
+    for amplitude, extra in series:
+        strong = np.abs(amplitude).max(axis=0, initial=0.0) >= LEAST
+        if strong.any():
+            found.append((np.where(strong, amplitude, 0.0), extra))
+    return found
+
+
+def all_of(*series: Series) -> Series:
+    """What remains of waves that meet one thing after another."""
+    first, *others = series
+    for other in others:
+        both = [(a * b, late + later) for (a, late), (b, later) in product(first, other)]
+        first = kept(both) if len(both) > 1 else both
+    return first
+
+
+def mirrored(surfaces: Sequence[Surface], frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+    """What mirrors reflect, one after the other, at cosines (mirrors, paths)."""
+    start: Series = [(np.ones((3, cosine.shape[1]), dtype=complex), np.zeros(cosine.shape[1]))]
+    each = [reflected(surface, frequency, at, polarization) for surface, at in zip(surfaces, cosine, strict=True)]
+    return all_of(start, *each)
+
+
+def passages(chain: Chain, antenna: NDArray[np.intp], end: Array, world: Outline) -> list[tuple[int, Array]]:
+    """The walls through which paths lead from antennas over a chain to their ends (paths, 2) [m], leg by leg.
+
+    Returns
+    -------
+    list of (int, (paths,) array)
+        The facet, and the cosine of the angle of incidence; NaN for paths that do not meet it on this leg.
+    """
+    found = []
+    for level in range(len(chain.facets), -1, -1):
+        towards = chain.images[level][antenna]
+        hit = towards
+        if level:
+            start, stop = chain.mirrors[level - 1]
+            # A path along the mirror's edge meets it to rounding.
+            along = crossing(end, towards, start, stop)[0]
+            hit = end + along[:, None] * (towards - end)
+        for facet in world.slabs:
+            start, stop = world.facets[facet]
+            along, place = crossing(end, hit, start, stop)
+            length = np.linalg.norm(hit - end, axis=1)
+            margin = TOUCH / np.maximum(length, TOUCH)
+            with np.errstate(invalid="ignore"):
+                met = (along > margin) & (along < 1.0 - margin) & (place >= 0.0) & (place <= 1.0)
+            if met.any():
+                cosine = np.abs((hit - end) @ segment_normal(start, stop)) / np.maximum(length, TOUCH)
+                found.append((facet, np.where(met, cosine, np.nan)))
+        end = hit
+    return found
