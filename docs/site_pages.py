@@ -18,7 +18,9 @@ from mirrorfold.cli import VERBS
 GROUPS = {
     "Files": ("load", "save", "import_data", "import_image", "save_touchstone", "export"),
     "Scenes and simulation": ("load_scene", "parse_scene", "Scene", "Scene3D", "simulate", "near_field"),
-    "Sweeps": ("make_sweep", "make_monostatic_sweep", "make_raster_sweep", "check_sweep", "add_noise"),
+    "Sweeps": (
+        "make_sweep", "make_monostatic_sweep", "make_raster_sweep", "check_sweep", "join_polarizations", "add_noise",
+    ),
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
         "focus", "FocusPlan", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame", "score",

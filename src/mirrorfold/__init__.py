@@ -37,7 +37,14 @@ if TYPE_CHECKING:
     from mirrorfold.scoring.score import score
     from mirrorfold.simulation import simulate
     from mirrorfold.simulation.fullwave.near_field import near_field
-    from mirrorfold.sweep import add_noise, check_sweep, make_monostatic_sweep, make_raster_sweep, make_sweep
+    from mirrorfold.sweep import (
+        add_noise,
+        check_sweep,
+        join_polarizations,
+        make_monostatic_sweep,
+        make_raster_sweep,
+        make_sweep,
+    )
     from mirrorfold.viewing import view
 
 try:
@@ -62,6 +69,7 @@ _HOME = {
     "import_data": "io",
     "import_image": "io",
     "info": "describing.info",
+    "join_polarizations": "sweep",
     "load": "io",
     "load_scene": "scenes.floor_plan",
     "make_monostatic_sweep": "sweep",
@@ -103,6 +111,7 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "make_monostatic_sweep",
     "make_raster_sweep",
     "check_sweep",
+    "join_polarizations",
     "add_noise",
     "plan",
     "info",

@@ -13,13 +13,12 @@ changes, in `find_tree`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping, Sequence
+from collections.abc import Callable, MutableMapping
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -27,11 +26,9 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
-from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names, Progress
-from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
+from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
 from mirrorfold.detection.plan_mirrors import mirrors_of_plan
@@ -50,16 +47,12 @@ from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
-from mirrorfold.tree.completion import completed
-from mirrorfold.tree.copies import COPY, copies
-from mirrorfold.tree.curved import find_curved, without_bent
+from mirrorfold.sweep.polarization import polarized
+from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
-from mirrorfold.tree.ordering import Order, order_mirrors
-
-MAXIMUM_ROUNDS = 8
-"""Mirrors and what is visible usually agree after two or three rounds."""
+from mirrorfold.tree.rounds import agreed, find_tree
+from mirrorfold.tree.transparent import find_transparent
 
 
 @takes(FocusSettings, FoldSettings)
@@ -129,7 +122,8 @@ def fold(
     ----------
     image : (y, x), (z, y, x) or (range, azimuth, elevation) DataArray, or DataTree
         Complex or amplitude. Of voxels (z, y, x) the plan view is folded. The initial image of a Reconstruction is
-        folded again. Of a recording, with a leading dimension `frame`, each frame is folded by itself.
+        folded again. Of a recording, with a leading dimension `frame`, each frame is folded by itself. With a leading
+        dimension `polarization` the image of TE is folded, and both tell what passed through half-transparent walls.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
@@ -179,6 +173,8 @@ class FoldPlan:
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
         if not isinstance(image, xr.DataArray | xr.DataTree):
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
+        # What is folded is the first polarization; both together tell what passed through walls.
+        self._both, image, sweep = polarized(image, sweep)
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
         self._ghosts = known_places(image) if isinstance(image, xr.DataTree) and sweep is None else None
         self._shares = known_shares(image) if isinstance(image, xr.DataTree) and sweep is None else None
@@ -274,7 +270,16 @@ class FoldPlan:
             if self._shares is not None:
                 share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
         found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
-        if settings.curved and mirrors is None and not settings.published and isinstance(view, ImageView):
+        if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
+            again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere)
+            found = find_transparent(found, view, self._both, echoes, again=again)
+        if (
+            settings.curved
+            and not found.windows
+            and mirrors is None
+            and not settings.published
+            and isinstance(view, ImageView)
+        ):
             found = find_curved(
                 found,
                 view,
@@ -282,7 +287,7 @@ class FoldPlan:
                 again=partial(find_tree, view, settings=settings, explain=elsewhere),
             )
         report(2, 3)
-        points = fold_back(found.tree, view)
+        points = fold_back(found.tree, view, found.windows)
         if not settings.published:
             points = judged(points, found, share)
         result = collect(self.image, found, points, settings, grid=grid)
@@ -309,92 +314,5 @@ def _find_walls(
     """
     view = seen(normalization=chosen.normalization)
     echoes = heard(chosen.normalization, chosen.threshold_db, chosen.published)
-    order, agreed = _agreed(view, echoes, replace(settings, generations=settings.generations or None))
-    return replace(echoes, strong=agreed.strong, limit=agreed.limit), order.face != ROOT
-
-
-def find_tree(
-    view: View,
-    echoes: Echoes,
-    settings: FoldSettings,
-    *,
-    known: Array | None = None,
-    walls: Mask | None = None,
-    explain: Callable[[Echoes], Names] | None = None,
-    arcs: Sequence[ArcMirror] = (),
-) -> Found:
-    """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
-
-    Parameters
-    ----------
-    view : View
-    echoes : Echoes
-        As `find_echoes` returns them.
-    settings : FoldSettings
-    known : array, optional
-        Mirrors in the place of those found, see `find_mirrors`.
-    walls : (n,) bool array, optional
-        With known mirrors: which echoes are those of walls.
-    explain : callable, optional
-        Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
-        one comes into view when it is left out, and is tested in its turn.
-    arcs : sequence of ArcMirror
-        Curved mirrors, besides the flat ones that are found.
-    """
-    every, index = echoes, np.arange(len(echoes))
-    explanation = np.full(len(echoes), "", dtype=object)
-    trusted = np.zeros(len(echoes), dtype=bool)
-    repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
-    while True:
-        go_on()
-        order, seen = _agreed(view, echoes, settings, known, walls, arcs)
-        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-        clear = sight.clear(echoes)
-        if repeated:
-            explanation[index[clear & copies(order, seen)]] = COPY
-        new = ~trusted & clear & (explanation[index] == "")
-        if explain is not None and new.any():
-            explanation[index[new]] = explain(echoes.take(new))
-        stays = explanation[index] == ""
-        if stays.all():
-            if settings.opaque:  # it hides what is behind it, as any object does
-                explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
-            left_out = explanation != ""
-            return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
-        index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
-        walls = None if walls is None else walls[stays]
-
-
-def _agreed(
-    view: View,
-    echoes: Echoes,
-    settings: FoldSettings,
-    known: Array | None = None,
-    walls: Mask | None = None,
-    arcs: Sequence[ArcMirror] = (),
-) -> tuple[Order, Echoes]:
-    """Mirrors and their order in turn, until both agree with what is visible.
-
-    Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
-    """
-    for _ in range(MAXIMUM_ROUNDS):
-        tested, length = not settings.published, settings.minimum_length
-        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
-        mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
-        order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
-        if (
-            known is None and settings.opaque and (own := order.itself()).any()
-        ):  # the antennas are opaque, but no mirror of the scene
-            mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
-            order = order_mirrors(mirrors, view, echoes, settings, walls)
-        if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = completed(mirrors, order, view, echoes, settings)
-            if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
-                order = order_mirrors([*more, *arcs], view, echoes, settings, walls)
-            if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
-                order = order_mirrors(kept, view, echoes, settings, walls)
-        seen = order.seen(echoes) if settings.opaque else echoes
-        if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
-            break
-        echoes = seen
-    return order, seen
+    order, marked = agreed(view, echoes, replace(settings, generations=settings.generations or None))
+    return replace(echoes, strong=marked.strong, limit=marked.limit), order.face != ROOT

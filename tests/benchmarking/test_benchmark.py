@@ -111,7 +111,7 @@ def test_a_family_that_raises_fails_too():
         ({"families": "thre bounces"}, "family is 'thre bounces', expected one of: one wall"),
         ({"radars": "60 GHz"}, "radar is '60 GHz', expected one of: 300 GHz"),
         ({"families": "corridor", "radars": "scanner"}, "radar 'scanner' cannot see family 'corridor'"),
-        ({"methods": "theirs"}, "method is 'theirs', expected ours, flat, published or MODULE:FUNCTION"),
+        ({"methods": "theirs"}, "method is 'theirs', expected ours, flat, opaque, published or MODULE:FUNCTION"),
         ({"methods": "absent_module:fold"}, "the module 'absent_module' cannot be imported (ModuleNotFoundError"),
         ({"methods": "small_benchmark:fold"}, "has no function 'fold'"),
         ({"methods": "small_benchmark:NOT_CALLABLE"}, "no function, 'NOT_CALLABLE'"),

@@ -82,7 +82,10 @@ def test_an_interruption_keeps_what_is_done_and_says_how_to_go_on(run, capsys, t
         (["-o", "out", "--family", "two wals"], "family is 'two wals', expected one of: one wall, two walls"),
         (["-o", "out", "--radar", "60GHz"], "radar is '60GHz', expected one of: 300 GHz"),
         (["-o", "out", "--method", "absent_module:fold"], "the module 'absent_module' cannot be imported"),
-        (["-o", "out", "--method", "median"], "method is 'median', expected ours, flat, published or MODULE:FUNCTION"),
+        (
+            ["-o", "out", "--method", "median"],
+            "method is 'median', expected ours, flat, opaque, published or MODULE:FUNCTION",
+        ),
         (["-o", "out", "--seeds", "3:3"], "--seeds is '3:3', expected FIRST:END"),
         (["-o", "out", "--seeds", "few"], "--seeds is 'few', expected FIRST:END"),
         (["-o", "absent/out"], "the directory absent does not exist"),

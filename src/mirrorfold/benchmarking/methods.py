@@ -34,7 +34,12 @@ def flat(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
     return fold(image, sweep=sweep, curved=False)
 
 
-OWN: dict[str, Method] = {"ours": ours, "flat": flat, "published": published}
+def opaque(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
+    """`mirrorfold.fold` without half-transparent walls."""
+    return fold(image, sweep=sweep, transparent=False)
+
+
+OWN: dict[str, Method] = {"ours": ours, "flat": flat, "opaque": opaque, "published": published}
 
 
 def load_method(name: str) -> Method:
@@ -55,7 +60,8 @@ def load_method(name: str) -> Method:
     module_name, colon, function_name = name.partition(":")
     if not (module_name and colon and function_name):
         raise InputError(
-            f"method is {name!r}, expected ours, flat, published or MODULE:FUNCTION, such as my_lab.folding:fold"
+            f"method is {name!r}, expected ours, flat, opaque, published or MODULE:FUNCTION, such as "
+            "my_lab.folding:fold"
         )
     here = str(Path.cwd())
     if here not in sys.path:

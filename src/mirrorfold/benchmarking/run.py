@@ -134,7 +134,7 @@ def _tasks(
     names = tuple(dict.fromkeys([methods] if isinstance(methods, str) else methods))
     for name in names:
         if not isinstance(name, str):
-            raise wrong_kind("methods", name, "ours, flat, published or MODULE:FUNCTION")
+            raise wrong_kind("methods", name, "ours, flat, opaque, published or MODULE:FUNCTION")
         load_method(name)
     if not isinstance(seeds, Iterable):
         raise wrong_kind("seeds", seeds, "whole numbers, such as range(10)")

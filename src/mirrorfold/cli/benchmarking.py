@@ -69,9 +69,9 @@ def benchmark(
     radar
         Radars that see them, one or several; by default the usual one of each family.
     method
-        What reconstructs the scenes, one or several: ours, flat (ours without curved mirrors), published, or
-        MODULE:FUNCTION, a function that is called with the image and the sweep and returns a reconstruction, or a dict
-        with points; ours by default.
+        What reconstructs the scenes, one or several: ours, flat (ours without curved mirrors), opaque (ours without
+        half-transparent walls), published, or MODULE:FUNCTION, a function that is called with the image and the sweep
+        and returns a reconstruction, or a dict with points; ours by default.
     seeds
         FIRST:END, one scene each, without the end.
     output

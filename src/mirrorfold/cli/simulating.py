@@ -39,6 +39,7 @@ DEMO_SCENES = {
     "drywall-control": "drywall-control.toml",
     "corridor": "corridor.toml",
     "pillar": "pillar.toml",
+    "glass-door": "glass-door.toml",
 }
 
 DEMO_SNR_DB = 20.0
@@ -47,7 +48,9 @@ DEMO_SNR_DB = 20.0
 
 def demo(
     *,
-    scene: Literal["hidden-corner", "drywall-mannequin", "drywall-control", "corridor", "pillar"] = "hidden-corner",
+    scene: Literal[
+        "hidden-corner", "drywall-mannequin", "drywall-control", "corridor", "pillar", "glass-door"
+    ] = "hidden-corner",
     out: Path = Path("demo"),
     json: bool = False,
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -18,6 +19,7 @@ from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
 from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.transparent import Window
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
 """Names of a mirror's standard errors at its true place, which hold those of the mirrors on its way."""
@@ -61,7 +63,7 @@ def collect(
                "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
     drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
                      for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
-    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points)}
+    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points, found.windows)}
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
@@ -113,15 +115,31 @@ def _objects(points: Points) -> xr.Dataset:
             ),
             "caustic": ("point", points.caustic, {"long_name": "near or beyond a caustic of a concave mirror"}),
         }
+    if np.isfinite(points.passed).any():
+        passed = "probability that it passed through the wall instead of being reflected"
+        data |= {
+            "passed": ("point", points.passed.astype(np.float32), {"long_name": passed}),
+            "wall": ("point", points.wall, {"long_name": "chain of the wall that it passed through"}),
+        }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
     return xr.Dataset(data).set_coords(list(axes))
 
 
-def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
+def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
+    """What is known of a wall that lets waves through; NaN for all others."""
+    pane = next((window.pane for window in windows if window.mirror is mirror), None)
+    names = "permittivity", "permittivity_error", "thickness", "thickness_error"
+    if pane is None:
+        return dict.fromkeys(names, np.nan)
+    found = pane.permittivity.real, pane.permittivity_error, pane.thickness, pane.thickness_error
+    return dict(zip(names, found, strict=True))
+
+
+def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -> xr.Dataset:
     """Every mirror in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
-             "curvature": "1/m", "curvature_error": "1/m",
+             "curvature": "1/m", "curvature_error": "1/m", "permittivity": "1", "permittivity_error": "1",
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
@@ -138,10 +156,14 @@ def _mirrors(tree: MirrorTree, points: Points) -> xr.Dataset:
         place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
         chain = chain_name(node.chain)
         own = {"chain": chain, "confidence": mirror_confidence(points, chain)}
-        own |= {name: getattr(mirror, name, 0.0) for name in units if "curvature" not in name}
+        own |= {
+            name: getattr(mirror, name, 0.0) for name in units if not name.startswith(("curvature", "permittivity"))
+        }
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
+        if windows:
+            own |= _pane(mirror, windows)
         return own_place(mirror, folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]

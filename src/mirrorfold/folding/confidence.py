@@ -8,7 +8,7 @@ whose truth is known (logistic regression: Cox, J. R. Stat. Soc. B 20, 1958).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,7 +19,7 @@ from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.mirror import turns
 from mirrorfold.detection.view import View
-from mirrorfold.folding.points import Points
+from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree, led_astray
 
@@ -186,6 +186,6 @@ def _with_ghosts(points: Points, found: Found) -> Points:
         echoes.position, echoes.position, echoes.amplitude, np.maximum(echoes.noise, echoes.limit),
         np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
         np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
-        np.ones(len(echoes)), nothing,
+        np.ones(len(echoes)), nothing, np.full(len(echoes), np.nan), nothing,
     )  # fmt: skip
-    return Points(*(np.concatenate([getattr(both, item.name) for both in (points, ghosts)]) for item in fields(points)))
+    return joined(points, ghosts)

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
@@ -15,9 +16,10 @@ from mirrorfold.common.types import Array, Chain, Index
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Fold, WayFold, fold_of
+from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.drawing import draw_bent_row, draw_row
-from mirrorfold.folding.points import Points, owned_blobs
+from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
@@ -55,9 +57,22 @@ def pictures(
     folded = draw(sight, folds, wall_margin, grid, blobs, strongest=True)
     blobs.fill(ROOT)
     initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, blobs, strongest=True)
+    if (points.wall != "").any():
+        np.maximum(folded, _through(points, view, grid) * initial, out=folded)
     if view.dimensions == 2:
         return grid, folded, initial, "amplitude, range-normalised"
     return grid[:2], folded, initial, "strongest amplitude of each vertical column, normalised"
+
+
+def _through(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
+    """One where the image shows what passed through a wall, to a resolution cell, zero elsewhere, (y, x)."""
+    x, y = grid[:2]
+    seen = points.initial[points.wall != ""]
+    places = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
+    reach = BLOB_CELLS * np.asarray(view.cell(np.linalg.norm(seen - view.radar, axis=1)))
+    distance, nearest = cKDTree(seen).query(places, distance_upper_bound=float(reach.max()))
+    reach = np.append(reach, 0.0)
+    return (distance <= reach[nearest]).astype(np.float32)
 
 
 def draw(

@@ -6,11 +6,13 @@ all mirrors are those of the unfolded image, where a deeper one is a ghost itsel
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
@@ -18,9 +20,14 @@ from mirrorfold.detection.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.transparent import Window
 
 BLOB_CELLS = 1.5
 """What the image shows this close to an echo, in resolution cells, is that echo; its main lobe reaches one cell."""
+
+
+SAME = 1e-9
+"""Echoes closer than this [m] are the same one: above the rounding of coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +58,11 @@ class Points:
         By how much the resolution cell across is wider than by way of flat mirrors; one for these.
     caustic : (n,) array of str
         "near" or "beyond" a caustic of a concave mirror, see `mirrorfold.folding.magnification`; else empty.
+    passed : (n,) array
+        Probability that the echo passed through the wall before it instead of being reflected; NaN where no wall is
+        known to be transparent.
+    wall : (n,) array of str
+        The chain of the wall that it passed through; empty for all that did not.
     """
 
     position: Array
@@ -66,16 +78,19 @@ class Points:
     confocal: Array
     growth: Array
     caustic: Names
+    passed: Array
+    wall: Names
 
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
         return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
-def fold_back(tree: MirrorTree, view: View | None = None) -> Points:
+def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Window] = ()) -> Points:
     """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces.
 
-    The `view` tells what resolution remains behind curved mirrors.
+    The `view` tells what resolution remains behind curved mirrors. What passed through half-transparent walls, the
+    `windows`, comes last.
     """
     folds, ways = tree.folds(), tree.ways()
     parts: list[tuple[Any, ...]] = []
@@ -92,7 +107,47 @@ def fold_back(tree: MirrorTree, view: View | None = None) -> Points:
     named = chains.astype(str), mirrors.astype(str)
     usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
     known = np.full_like(amplitude, np.nan), growth, caustic.astype(str)
-    return Points(position, initial, amplitude, exceeded, bounces, *named, *usual, *known)
+    unasked = np.full_like(amplitude, np.nan), np.full(amplitude.shape, "")
+    points = Points(position, initial, amplitude, exceeded, bounces, *named, *usual, *known, *unasked)
+    for window in windows:
+        points = joined(_asked(points, window), _through(window, tree))
+    return points
+
+
+def joined(*parts: Points) -> Points:
+    """Points, one after the other."""
+    return Points(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(parts[0])))
+
+
+def _asked(points: Points, window: Window) -> Points:
+    """The points with the probability that they passed through a wall, where that was asked."""
+    if not len(points.initial) or not len(window.tested):
+        return points
+    distance, nearest = cKDTree(window.tested).query(points.initial)
+    return replace(points, passed=np.where(distance < SAME, window.passed[nearest], points.passed))
+
+
+def _through(window: Window, tree: MirrorTree) -> Points:
+    """What passed through a wall, as points in line of sight."""
+    echoes, count = window.echoes, len(window.echoes)
+    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "")
+    return Points(
+        position=window.place,
+        initial=echoes.position,
+        amplitude=echoes.amplitude,
+        exceeded=np.maximum(echoes.noise, echoes.limit),
+        bounces=np.zeros(count, dtype=np.int32),
+        chain=np.full(count, ""),
+        mirror=np.full(count, ""),
+        confidence=np.ones(count),
+        error=np.zeros((count, 2)),
+        explanation=np.full(count, ""),
+        confocal=np.full(count, np.nan),
+        growth=np.ones(count),
+        caustic=np.full(count, ""),
+        passed=window.probability,
+        wall=np.full(count, chain or "?"),
+    )
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
@@ -109,7 +164,7 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
 
     def seen_by(chain: Chain) -> Array:
-        return points.initial[points.chain == chain_name(chain)]
+        return points.initial[(points.wall == "") & (points.chain == chain_name(chain))]
 
     # Where blobs meet, that of a point counts, and of two points the deeper one.
     shown = {NOBODY: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}

@@ -82,6 +82,12 @@ class FoldSettings(Settings):
         kind="bool",
         label="curved mirrors",
     )
+    transparent: bool = setting(
+        True,
+        "Whether, in images of two polarizations, echoes behind a wall may have passed through it.",
+        kind="bool",
+        label="half-transparent walls",
+    )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
@@ -103,6 +109,7 @@ PRESETS = {
         opaque=False,
         copies=False,
         curved=False,
+        transparent=False,
         min_confidence=0.0,
         published=True,
     ),

@@ -7,7 +7,7 @@ find out which those are.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 import xarray as xr
@@ -24,6 +24,7 @@ from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
+from mirrorfold.scoring.transparent import sides
 from mirrorfold.scoring.truth import Array, Mask, Truth
 
 if TYPE_CHECKING:
@@ -71,6 +72,12 @@ class PlanScore(PlanFigures, Mirrors):
 
     hidden: HiddenPlan
     surfaces: dict[str, PlanFigures] = fact("each hidden surface by itself")
+    sides_right: Number = fact(
+        "share of the echoes behind half-transparent walls that are rightly taken for reflected, or passed",
+        default=LEFT_OUT,
+    )
+    sides_doubtful: Number = fact("share of them with a probability between 0.1 and 0.9", default=LEFT_OUT)
+    passed_m: Number = fact("median distance from the truth of what passed through them", default=LEFT_OUT)
     files: list[str] = fact("what was written", default=LEFT_OUT)
 
 
@@ -155,7 +162,11 @@ def score(
             points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
-        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each)
+        told = sides(objects, scene)
+        asked: dict[str, Any] = {}
+        if told.right is not None:
+            asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
+        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **asked)
     from mirrorfold.scoring import volumes
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene))

@@ -31,6 +31,7 @@ from mirrorfold.sweep.facts import (
     wavenumber,
 )
 from mirrorfold.sweep.making import add_noise, make_monostatic_sweep, make_raster_sweep, make_sweep
+from mirrorfold.sweep.polarization import join_polarizations
 
 __all__ = [
     "AXES",
@@ -50,6 +51,7 @@ __all__ = [
     "frequency_unit_of",
     "is_monostatic",
     "is_raster",
+    "join_polarizations",
     "make_monostatic_sweep",
     "make_raster_sweep",
     "make_sweep",

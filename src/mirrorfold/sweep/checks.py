@@ -20,6 +20,7 @@ from mirrorfold.common.plausible import (
     radians_for_degrees,
     unplaced,
 )
+from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     PAIR_DIMENSIONS,
@@ -30,6 +31,7 @@ from mirrorfold.sweep.facts import (
     is_raster,
     wave_speed,
 )
+from mirrorfold.sweep.polarization import polarizations
 
 STEP_TOLERANCE = 1e-3
 """Largest deviation of a frequency step from the mean one, as a share of it: at 1000 steps a phase error of a few
@@ -67,6 +69,10 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"s has dimensions {s.dims}, expected (frequency, tx, rx), (frequency, position) or "
             "(frequency, azimuth, elevation); transpose or rename them"
         )
+    named = polarizations(sweep, source)
+    said = sweep.attrs.get("polarization")
+    if said is not None and (named or said not in POLARIZATIONS):
+        raise refuse(f"attr polarization is {shown(said)}, expected TE or TM, and none where s has several")
     if s.size == 0:
         raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
     if s.dtype.kind != "c":

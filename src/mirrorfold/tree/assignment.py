@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from mirrorfold.detection.mirror import Mirror, fold_of
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
+
+if TYPE_CHECKING:
+    from mirrorfold.tree.transparent import Window
 
 ITSELF = "is the radar itself, seen in a mirror"
 
@@ -32,6 +35,8 @@ class Found(NamedTuple):
         Those that are no things where the image shows them, and were left out.
     explanation : (n,) array of str
         Why each of them was.
+    windows : tuple of Window
+        Half-transparent walls with what is seen through them, see `mirrorfold.tree.transparent`.
     """
 
     echoes: Echoes
@@ -39,6 +44,7 @@ class Found(NamedTuple):
     sight: LinesOfSight
     elsewhere: Echoes
     explanation: Names
+    windows: tuple[Window, ...] = ()
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

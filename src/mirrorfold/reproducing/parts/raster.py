@@ -21,9 +21,9 @@ from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import Grid, draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.rounds import find_tree
 
 SNR_DB = 20.0
 """Per sample; a hidden body then stands some 30 dB above the noise of the volume."""

@@ -42,7 +42,9 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
     InputError
         If none of many draws is valid, or if what the family makes is no scene.
     """
-    places = {"array": radar.array} if radar.array else {"dimensions": 3, "scanner": radar.scanner}
+    places: dict[str, Any] = {"array": radar.array} if radar.array else {"dimensions": 3, "scanner": radar.scanner}
+    if family.polarization != "TE":
+        places["polarization"] = family.polarization
     random = np.random.default_rng([sum(map(ord, family.make.__name__)), seed])
     for _ in range(DRAWS):
         content = {"name": f"{family.name} {seed}", **places, "band": radar.band, "surface": family.make(random, radar)}

@@ -37,6 +37,8 @@ class Family:
         The radar that alone sees the family, one of `RADARS` by its name or another; any of them by default.
     curved : bool, default False
         Whether the hidden surfaces must be out of reach of flat mirrors, so that only a curved one shows them.
+    polarization : {"TE", "TM", "both"}, default "TE"
+        Of the radar, in a floor plan.
     options : dict
         Further options of `mirrorfold.simulate`.
     """
@@ -49,4 +51,5 @@ class Family:
     snr_db: float | None = None
     radar: str | Radar | None = None
     curved: bool = False
+    polarization: Literal["TE", "TM", "both"] = "TE"
     options: dict[str, Any] = field(default_factory=dict)

@@ -1,0 +1,129 @@
+"""Polarizations of sweeps and images: their names, two sweeps as one, and one of several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.arguments import shown
+from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.errors import InputError
+from mirrorfold.sweep.facts import antenna_positions
+
+SAME = 1e-6
+"""Grids agree where their values differ by less than this share of their span."""
+
+Labelled = TypeVar("Labelled", xr.Dataset, xr.DataArray)
+
+EXPECTED = "expected TE, E along the vertical axis, and TM, E in the floor plan"
+
+
+def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
+    """Names along the dimension `polarization` of a sweep or an image; none where it has no such dimension.
+
+    Raises
+    ------
+    InputError
+        If they are not named, or by other names, or two by the same.
+    """
+    held = obj["s"] if isinstance(obj, xr.Dataset) and "s" in obj else obj
+    if not isinstance(held, xr.DataArray) or "polarization" not in held.dims:
+        return ()
+    if "polarization" not in held.coords:
+        raise InputError(f"{source}: has a dimension polarization without names; {EXPECTED}: add the coordinate")
+    names = tuple(str(name) for name in held["polarization"].values)
+    if not set(names) <= set(POLARIZATIONS) or len(set(names)) != len(names):
+        raise InputError(f"{source}: has the polarizations {', '.join(names)}; {EXPECTED}, each once")
+    return names
+
+
+def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """One sweep of several that were measured with one polarization each.
+
+    Parameters
+    ----------
+    sweeps : mapping of str to xarray.Dataset
+        By "TE", E along the vertical axis, and "TM", E in the floor plan; of the same frequencies and antennas.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``s(polarization, frequency, tx, rx)``, with the attributes of the first.
+
+    Raises
+    ------
+    InputError
+        If a name is another one, or the grids differ.
+    """
+    if not sweeps or not set(sweeps) <= set(POLARIZATIONS):
+        raise InputError(f"sweeps: have the polarizations {', '.join(map(str, sweeps)) or 'none'}; {EXPECTED}")
+    names = [name for name in POLARIZATIONS if name in sweeps]
+    first = sweeps[names[0]]
+    for name in names:
+        sweep = sweeps[name]
+        said = sweep.attrs.get("polarization", name)
+        if said != name:
+            raise InputError(f"sweeps: that of {name} says of itself that its polarization is {shown(said)}; swap them")
+        if polarizations(sweep, name):
+            raise InputError(f"sweeps: that of {name} holds several polarizations already; choose one")
+        if (what := _difference(first, sweep)) is not None:
+            raise InputError(
+                f"sweeps: {names[0]} and {name} differ in {what}; measure both with the same frequencies and antennas, "
+                "or resample one"
+            )
+    values = np.stack([sweeps[name]["s"].values for name in names])
+    joined = (
+        first.drop_vars("s")
+        .assign(s=(("polarization", *first["s"].dims), values))
+        .assign_coords(polarization=("polarization", np.array(names)))
+    )
+    joined.attrs = {name: value for name, value in first.attrs.items() if name != "polarization"}
+    return joined
+
+
+def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
+    """The first thing in which the grids of two sweeps differ; None if they agree."""
+    if one["s"].dims != other["s"].dims or one["s"].shape != other["s"].shape:
+        sizes = [" x ".join(map(str, sweep["s"].shape)) for sweep in (one, other)]
+        return f"their shapes, {sizes[0]} and {sizes[1]}"
+    frequency, others = (sweep["frequency"].values.astype(float) for sweep in (one, other))
+    if not np.allclose(frequency, others, rtol=0.0, atol=SAME * float(frequency.max())):
+        return "their frequencies"
+    if "tx_position" in one.variables or "antenna_position" in one.variables:
+        places = zip(("transmitters", "receivers"), antenna_positions(one), antenna_positions(other), strict=True)
+        for which, place, place_of_other in places:
+            if not np.allclose(place, place_of_other, rtol=0.0, atol=SAME * float(np.abs(place).max(initial=1e-3))):
+                return f"the places of their {which}"
+    return None
+
+
+def picked(obj: Labelled, name: str) -> Labelled:
+    """One polarization of a sweep or an image that has several."""
+    names = [str(one) for one in obj["polarization"].values]
+    return obj.isel(polarization=names.index(name)).drop_vars("polarization")
+
+
+def polarized(image: Any, sweep: xr.Dataset | None) -> tuple[dict[str, xr.DataArray], Any, xr.Dataset | None]:
+    """The complex images by polarization, where there are both; and the image and the sweep of the first of them.
+
+    Raises
+    ------
+    InputError
+        If polarizations are not named, or the image has others than the sweep.
+    """
+    of_image, of_sweep = polarizations(image, "image"), polarizations(sweep)
+    if of_sweep and of_image != of_sweep:
+        had = ", ".join(of_image) or "none"
+        raise InputError(
+            f"sweep: has the polarizations {', '.join(of_sweep)} and the image {had}; give the sweep that the image "
+            "was focused from"
+        )
+    if not of_image:
+        return {}, image, sweep
+    first = next(name for name in POLARIZATIONS if name in of_image)
+    both = {name: picked(image, name) for name in of_image} if len(of_image) == 2 and np.iscomplexobj(image) else {}
+    own = picked(sweep, first) if sweep is not None and of_sweep else sweep
+    return both, picked(image, first), own

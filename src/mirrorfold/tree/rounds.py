@@ -1,0 +1,114 @@
+"""Steps 2 to 4 in turn: mirrors, their order, and what can be seen at all depend on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mirrorfold.common.stopping import go_on
+from mirrorfold.common.types import Array, Mask, Names
+from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.finding import find_mirrors
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.view import View
+from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
+from mirrorfold.tree.completion import completed
+from mirrorfold.tree.copies import COPY, copies
+from mirrorfold.tree.curved import without_bent
+from mirrorfold.tree.ordering import Order, order_mirrors
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
+
+MAXIMUM_ROUNDS = 8
+"""Mirrors and what is visible usually agree after two or three rounds."""
+
+
+def find_tree(
+    view: View,
+    echoes: Echoes,
+    settings: FoldSettings,
+    *,
+    known: Array | None = None,
+    walls: Mask | None = None,
+    explain: Callable[[Echoes], Names] | None = None,
+    arcs: Sequence[ArcMirror] = (),
+) -> Found:
+    """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
+
+    Parameters
+    ----------
+    view : View
+    echoes : Echoes
+        As `find_echoes` returns them.
+    settings : FoldSettings
+    known : array, optional
+        Mirrors in the place of those found, see `find_mirrors`.
+    walls : (n,) bool array, optional
+        With known mirrors: which echoes are those of walls.
+    explain : callable, optional
+        Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
+        one comes into view when it is left out, and is tested in its turn.
+    arcs : sequence of ArcMirror
+        Curved mirrors, besides the flat ones that are found.
+    """
+    every, index = echoes, np.arange(len(echoes))
+    explanation = np.full(len(echoes), "", dtype=object)
+    trusted = np.zeros(len(echoes), dtype=bool)
+    repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
+    while True:
+        go_on()
+        order, seen = agreed(view, echoes, settings, known, walls, arcs)
+        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
+        clear = sight.clear(echoes)
+        if repeated:
+            explanation[index[clear & copies(order, seen)]] = COPY
+        new = ~trusted & clear & (explanation[index] == "")
+        if explain is not None and new.any():
+            explanation[index[new]] = explain(echoes.take(new))
+        stays = explanation[index] == ""
+        if stays.all():
+            if settings.opaque:  # it hides what is behind it, as any object does
+                explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
+            left_out = explanation != ""
+            return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
+        index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
+        walls = None if walls is None else walls[stays]
+
+
+def agreed(
+    view: View,
+    echoes: Echoes,
+    settings: FoldSettings,
+    known: Array | None = None,
+    walls: Mask | None = None,
+    arcs: Sequence[ArcMirror] = (),
+) -> tuple[Order, Echoes]:
+    """Mirrors and their order in turn, until both agree with what is visible.
+
+    Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
+    """
+    for _ in range(MAXIMUM_ROUNDS):
+        tested, length = not settings.published, settings.minimum_length
+        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
+        mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
+        order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
+        if (
+            known is None and settings.opaque and (own := order.itself()).any()
+        ):  # the antennas are opaque, but no mirror of the scene
+            mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
+            order = order_mirrors(mirrors, view, echoes, settings, walls)
+        if known is None and tested and settings.opaque and isinstance(view, ImageView):
+            more = completed(mirrors, order, view, echoes, settings)
+            if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
+                order = order_mirrors([*more, *arcs], view, echoes, settings, walls)
+            if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
+                order = order_mirrors(kept, view, echoes, settings, walls)
+        seen = order.seen(echoes) if settings.opaque else echoes
+        if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
+            break
+        echoes = seen
+    return order, seen

@@ -1,0 +1,227 @@
+"""In the mirror, or through it? Which echoes passed through a half-transparent wall, told by two polarizations.
+
+What was reflected bears the wall's R^2, what passed through it T^2, and both differ between TE and TM, most near
+Brewster's angle (`panes`). A wall counts as transparent where a mixture of both explains the echoes behind it better
+than a mirror does, dielectric or metal; else nothing changes. What passed is taken out before mirrors and their order
+are found once more: it hides nothing of what the mirror shows. Of what passed, as of what is seen directly, the first
+in each line of sight is a thing, and what lies behind it multiple scattering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.slabs import slab
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Mirror
+from mirrorfold.detection.spectra import independent, offsets, spectra
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import Cover
+from mirrorfold.tree.panes import Pairs, Pane, find_pane
+
+EVIDENCE, AGAINST_METAL = 5.0, 15.0
+"""Least logarithm of the odds of a transparent wall against one of its material that only reflects, and against one of
+metal: its four numbers fit some noise, neighbouring echoes share much of their spectra, and a mirror may show things
+that are no metal."""
+
+FEWEST = 3
+"""Resolution cells with echoes behind a wall that can tell what it is."""
+
+NOISE_LIMIT = 6.0
+"""The limit that noise stays below, over its standard deviation, see `noise_limit`."""
+
+SAME_LINE = 1.0
+"""A wall is the same one after its echoes were sorted, if it moved by less than so many cells."""
+
+ANGLE_STEP = 1e-3
+"""Over which a delay is differentiated [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A half-transparent wall, and what is seen behind it.
+
+    Attributes
+    ----------
+    mirror : Mirror
+    pane : Pane
+    echoes : Echoes
+        Those that passed through it.
+    place : (n, 2) array [m]
+        Where what sent them stands: without the delay and the shift of the wall.
+    probability : (n,) array
+        That they passed.
+    tested : (m, 2) array [m]
+        Where all echoes behind the wall stand in the image ...
+    passed : (m,) array
+        ... and the probability of each that it passed.
+    """
+
+    mirror: Mirror
+    pane: Pane
+    echoes: Echoes
+    place: Array
+    probability: Array
+    tested: Array
+    passed: Array
+
+
+class Again(Protocol):
+    """Steps 2 to 4 with some of the echoes, see `mirrorfold.reconstruction.find_tree`."""
+
+    def __call__(self, *, echoes: Echoes) -> Found: ...  # noqa: D102
+
+
+def find_transparent(
+    found: Found, view: ImageView, images: Mapping[str, xr.DataArray], every: Echoes, *, again: Again
+) -> Found:
+    """Steps 2 to 4 once more without what passed through walls; the same as before where no wall is transparent.
+
+    Parameters
+    ----------
+    found : Found
+        With all echoes taken for reflected ones.
+    view : ImageView
+        Of one of the images.
+    images : mapping of str to DataArray
+        Complex, by polarization, "TE" and "TM".
+    every : Echoes
+        All echoes of the view.
+    again : callable
+    """
+    windows = []
+    for index, chain in enumerate(found.sight.chain):
+        if len(chain) != 1 or (mirror := found.tree.mirrors[chain[0]].line) is None or mirror.curved:
+            continue
+        window = look_through(found, view, images, index, mirror)
+        if window is not None:
+            windows.append(window)
+    if not windows:
+        return found
+    gone = np.isin(_key(every), np.concatenate([_key(window.echoes) for window in windows]))
+    result = again(echoes=every.take(~gone))
+    return result._replace(windows=tuple(_seen(_moved(window, result), view) for window in windows))
+
+
+def look_through(
+    found: Found, view: ImageView, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
+) -> Window | None:
+    """What is seen behind a mirror, sorted; None if nothing tells that it is transparent."""
+    echoes = found.echoes
+    crossing = found.sight.crossing[index][echoes.direction]
+    behind = echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range))
+    others = np.delete(found.sight.crossing, index, axis=0)[:, echoes.direction]
+    behind &= ~(others < crossing).any(axis=0)
+    echoes = echoes.take(behind)
+    brightest, cell = _cells(view, echoes)
+    if brightest.size < FEWEST:
+        return None
+    pairs = pairs_of(view, images, echoes.take(brightest), mirror)
+    pane = find_pane(pairs)
+    if pane.evidence < EVIDENCE or pane.against_metal < AGAINST_METAL:
+        return None
+    passed = pairs.passed(pane)[cell]
+    through = passed > 0.5
+    if not through.any():
+        return None
+    seen = echoes.take(through)
+    place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
+    return Window(mirror, pane, seen, place, passed[through], echoes.position, passed)
+
+
+def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:
+    """The brightest echo of each resolution cell, (m,), and the cell of each echo, (n,)."""
+    if not len(echoes):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    cell = np.unique(np.rint(view.in_cells(echoes.position)), axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort([-echoes.amplitude, cell])
+    return order[np.unique(cell[order], return_index=True)[1]], cell
+
+
+def pairs_of(view: ImageView, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
+    """Echoes behind a wall in both polarizations."""
+    range_, u = view.to_polar(echoes.position)
+    te, tm = (spectra(view, images[name], range_, u) for name in ("TE", "TM"))
+    return Pairs(
+        te=te,
+        tm=tm,
+        angle=incidence(view, echoes.position, mirror),
+        wavenumber=offsets(images["TE"]),
+        noise=(echoes.noise / (NOISE_LIMIT * echoes.amplitude)) ** 2,
+        independent=independent(view, images["TE"]),
+        cell=view.range_cell,
+    )
+
+
+def incidence(view: ImageView, position: Array, mirror: Mirror) -> Array:
+    """Angles [rad] at which lines of sight through places (n, 2) [m] meet a mirror, (n,)."""
+    sight = position - view.radar
+    sight = sight / np.linalg.norm(sight, axis=1)[:, None]
+    return np.asarray(np.arccos(np.clip(np.abs(sight @ mirror.normal), 0.0, 1.0)))
+
+
+def placed(view: ImageView, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
+    """Where things stand that are seen through a wall at places (n, 2) [m] of the image.
+
+    The wall makes the way longer by a length L that depends on the angle of incidence t. An array focuses on a place as
+    much farther, and ``dL/dt`` aside, away from the normal.
+    """
+    angle = incidence(view, position, mirror)
+    away = position - view.radar
+    sight = away / np.linalg.norm(away, axis=1)[:, None]
+    inward = mirror.inward(view)
+    aside = sight - (sight @ inward)[:, None] * inward
+    # Across the line of sight, away from the normal, where the angle of incidence grows.
+    across = aside - np.sum(aside * sight, axis=1)[:, None] * sight
+    size = np.linalg.norm(across, axis=1)[:, None]
+    across = np.where(size > 0.0, across / np.maximum(size, np.finfo(float).tiny), 0.0)
+    late = lateness(pane, angle, wavenumber)
+    slope = (lateness(pane, angle + ANGLE_STEP, wavenumber) - late) / ANGLE_STEP
+    return np.asarray(position - late[:, None] * sight - slope[:, None] * across)
+
+
+def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
+    """By how much [m] what is seen through a wall seems farther away, at angles of incidence (n,) [rad].
+
+    The delay of the middle of the pulse: the mean slope of the phase of T over the band, with the weights of its power.
+    """
+    passed = slab(pane.permittivity, pane.thickness, wavenumber, angle[:, None], "TE")[1]
+    step = wavenumber[1] - wavenumber[0]
+    turn = np.sum(passed[:, 1:] * np.conj(passed[:, :-1]) * _taper(wavenumber.size - 1), axis=1)
+    return np.asarray(-np.angle(turn) / step)
+
+
+def _taper(count: int) -> Array:
+    """Hann's, over so many steps of the band."""
+    return np.asarray(np.sin(np.pi * (np.arange(count) + 1.0) / (count + 1.0)) ** 2)
+
+
+def _key(echoes: Echoes) -> Array:
+    """A number for each echo by its place, (n,)."""
+    return np.asarray(echoes.position[:, 0] + 1j * echoes.position[:, 1])
+
+
+def _moved(window: Window, found: Found) -> Window:
+    """The window with its mirror as it was found anew; the nearest one in line of sight, if it stands there."""
+    old = window.mirror
+    lines = [node.line for node in found.tree.mirrors if node.line is not None and not node.line.curved]
+    near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(10.0))]
+    if not near:
+        return window
+    best = min(near, key=lambda line: abs(float(line.beside(old.center))))
+    cell = float(found.sight.view.cell_at(old.center))
+    return replace(window, mirror=best) if abs(float(best.beside(old.center))) <= SAME_LINE * cell else window
+
+
+def _seen(window: Window, view: ImageView) -> Window:
+    """The window with the first things that are seen through it alone."""
+    echoes = window.echoes
+    clear: Mask = Cover.of(echoes, view).clear(echoes.range, echoes.direction, echoes.amplitude)
+    return replace(window, echoes=echoes.take(clear), place=window.place[clear], probability=window.probability[clear])

@@ -1,0 +1,58 @@
+"""A glass door from the sweep to the score: what it reflected is folded, what passed through it stays behind it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+import mirrorfold as mf
+
+SCENE = files("mirrorfold") / "scenes/shipped/glass-door.toml"
+
+
+@pytest.fixture(scope="module")
+def seen():
+    scene = mf.load_scene(SCENE)
+    scene = replace(scene, array=replace(scene.array, elements=81), band=replace(scene.band, points=241))
+    sweep = mf.simulate(scene, bounces=1, snr_db=20.0)
+    return scene, sweep, mf.focus(sweep, x=np.arange(-1.0, 1.2, 0.005), y=np.arange(0.4, 2.8, 0.005), tolerance=1e-3)
+
+
+def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen):
+    scene, sweep, image = seen
+    found = mf.fold(image, sweep=sweep)
+    score = mf.score(found, scene)
+    assert score.sides_right >= 0.95
+    points = found["objects"].to_dataset()
+    # Of half the array: to a quarter of the range cell of 25 mm, and closer than without the delay of the door.
+    assert score.passed_m <= 0.006
+    arc = np.array([0.508, 1.925])
+    through = points["wall"].values != ""
+    distance = [
+        np.abs(np.hypot(points[x].values - arc[0], points[y].values - arc[1])[through] - 0.18)
+        for x, y in (("x", "y"), ("x_initial", "y_initial"))
+    ]
+    assert np.median(distance[0]) < np.median(distance[1])
+    mirrors = found["mirrors"].to_dataset()
+    door = int(np.flatnonzero(np.isfinite(mirrors["thickness"].values))[0])
+    assert set(points["wall"].values[through]) == {str(mirrors["chain"].values[door])}
+    assert (points["bounces"].values[through] == 0).all()
+    assert (points["passed"].values[through] > 0.5).all()
+    # Opaque, the door shows the arc where nothing stands.
+    opaque = mf.score(mf.fold(image, sweep=sweep, transparent=False), scene)
+    assert score.hidden.precision_cells >= opaque.hidden.precision_cells + 0.1
+    assert score.hidden.f_score_cells >= 0.85
+
+
+def test_files_keep_it_and_one_polarization_decides_nothing(seen, tmp_path):
+    _, sweep, image = seen
+    found = mf.fold(image, sweep=sweep)
+    mf.save(found, tmp_path / "found.nc")
+    kept = mf.load(tmp_path / "found.nc")["objects"].to_dataset()
+    np.testing.assert_array_equal(kept["passed"].values, found["objects"]["passed"].values)
+    one = mf.fold(image.isel(polarization=0).drop_vars("polarization"))
+    assert "passed" not in one["objects"]
+    assert "thickness" not in one["mirrors"]
