@@ -283,6 +283,7 @@ def test_volumes_without_one_of_their_columns(folder, capsys, folded_scan, place
         refused(capsys, *verb, word=word)
 
 
+@pytest.mark.filterwarnings("default")
 def test_corners_that_are_not_those_of_the_mirrors(folder, capsys, folded_scan):
     mf.save(folded_scan, "v.nc")
     with h5py.File("v.nc", "a") as content:
@@ -291,6 +292,7 @@ def test_corners_that_are_not_those_of_the_mirrors(folder, capsys, folded_scan):
     refused(capsys, "report", "v.nc", "-o", "o.html", word="'folded_corner_z' in the group /mirrors has dimensions")
 
 
+@pytest.mark.filterwarnings("default")  # of the libraries that read it
 @pytest.mark.parametrize(("file", "name", "scale"), [("s", "s", "axis"), ("i", "image", "x")])
 def test_dimensions_that_contradict_each_other(folder, capsys, file, name, scale):
     with h5py.File(f"{file}.nc", "a") as content:

@@ -350,7 +350,7 @@ def test_many_images_are_kept_in_one_file(tmp_path, dims):
     brightest = np.unravel_index(np.abs(values).argmax(), shape)
     assert found["strongest_at"] == dict(zip(dims, brightest, strict=True))
     if "polarization" in dims:
-        with pytest.raises(InputError, match="image: has dimensions"):
+        with pytest.raises(InputError, match="image: has a dimension polarization without names"):
             mf.fold(again)
     else:
         assert mf.fold(again)["intensity"].sizes["frame"] == shape[0]

@@ -133,13 +133,11 @@ def test_evidence_counts_cells_that_show_what_is_new(view):
     true = fold_of([PILLAR], 2)(SHOWN)
     found = found_with(view, [PILLAR], [*SHOWN, SHOWN[0], [0.7, 0.9], [0.0, 1.02]])
     assert evidence(found, view, PILLAR, np.empty((0, 2))) == Evidence(4, 4, 0.0)
-    # Known is what is near in cells as wide as the mirror leaves them, and as deep as ever.
-    sight, normal = SHOWN / np.linalg.norm(SHOWN, axis=1)[:, None], PILLAR.facing(SHOWN)[1]
-    along = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    deep, wide = KNOWN_CELLS * RANGE_CELL, KNOWN_CELLS * np.abs(PILLAR.spread(SHOWN)[0]) * view.cross_cell(SHOWN)
-    for a, b, new in ((0.99, 0.0, 2), (1.01, 0.0, 4), (0.0, 0.99, 2), (0.0, 1.01, 4)):
-        known = (true + a * deep * along + b * wide[:, None] * across)[:2]
+    # Known is what is near in cells as wide as the mirror leaves them.
+    width = np.abs(PILLAR.spread(SHOWN)[0]) * view.cross_cell(SHOWN)
+    reach = KNOWN_CELLS * np.hypot(RANGE_CELL, width)
+    for factor, new in ((0.99, 2), (1.01, 4)):
+        known = true[:2] + factor * reach[:2, None] * np.array([0.6, -0.8])
         assert evidence(found, view, PILLAR, known) == Evidence(4, new, 0.0)
     # Another arc has nothing behind it.
     assert evidence(found, view, replace(PILLAR, middle=np.array([0.0, 1.4])), true) == Evidence(0, 0, 0.0)

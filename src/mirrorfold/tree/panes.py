@@ -28,7 +28,7 @@ PERMITTIVITY = 1.8, 10.0
 """Between which the permittivity of building materials lies at these frequencies: wood and concrete at the ends
 (Recommendation ITU-R P.2040)."""
 
-LOSSES = 0.0, 0.02, 0.06, 0.18
+LOSSES = 0.002, 0.02, 0.06, 0.18
 """Loss tangents that are tried first."""
 
 STEP = 0.6
