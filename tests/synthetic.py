@@ -13,7 +13,7 @@ from mirrorfold.detection import usual_settings
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.folding import FoldSettings
-from mirrorfold.reconstruction import find_tree
+from mirrorfold.tree.rounds import find_tree
 
 FREQUENCY_START, FREQUENCY_STOP, FREQUENCY_POINTS = 290e9, 300e9, 401
 BAND = (FREQUENCY_STOP - FREQUENCY_START) * FREQUENCY_POINTS / (FREQUENCY_POINTS - 1)

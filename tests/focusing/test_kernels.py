@@ -28,23 +28,6 @@ SINGLE = {"rtol": 2e-6, "atol": 2e-6}
 """What a few operations in single precision leave of numbers of order one."""
 
 
-@pytest.fixture(params=["compiled", "plain Python"])
-def run(request):
-    """Calls a kernel, one way or the other."""
-
-    def call(kernel, *arguments):
-        function = kernel if request.param == "compiled" else getattr(kernel, "py_func", kernel)
-        with np.errstate(over="ignore"):  # indices are added modulo 2^32, as in the compiled kernels
-            return function(*arguments)
-
-    return call
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(0)
-
-
 def uniform(rng, *shape):
     return rng.uniform(-1.0, 1.0, shape)
 

@@ -15,23 +15,6 @@ from mirrorfold.focusing.coherence import CORNER, FACE, POINT, coherence
 pytestmark = pytest.mark.nojit
 
 
-@pytest.fixture(params=["compiled", "plain Python"])
-def run(request):
-    """Calls a kernel, one way or the other."""
-
-    def call(kernel, *arguments):
-        function = kernel if request.param == "compiled" else getattr(kernel, "py_func", kernel)
-        with np.errstate(over="ignore"):  # indices are added modulo 2^32, as in the compiled kernels
-            return function(*arguments)
-
-    return call
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(0)
-
-
 def single(rng, *shape):
     return rng.uniform(-1.0, 1.0, shape).astype(np.float32)
 

@@ -18,8 +18,8 @@ from mirrorfold.folding import fold_back
 from mirrorfold.folding.confidence import errors, judged
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.tree.rounds import find_tree
 
 WALL = (0.55, 1.9), (0.85, 0.95)
 OBJECT = np.array([[-0.4, 1.4], [-0.25, 1.45]])

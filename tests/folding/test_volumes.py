@@ -23,9 +23,9 @@ from mirrorfold.focusing.range_profiles import focus_raster
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
-from mirrorfold.reconstruction import find_tree
 from mirrorfold.sweep import make_raster_sweep
 from mirrorfold.tree.lines_of_sight import ROOT
+from mirrorfold.tree.rounds import find_tree
 
 FREQUENCY = np.linspace(270e9, 300e9, 401)
 SPOT = {"spot_radius": 0.017, "focus_distance": 1.5}

@@ -16,7 +16,6 @@ from mirrorfold.detection.image_view import OPAQUE_CELLS
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.reconstruction import find_tree
 from mirrorfold.tree import curved
 from mirrorfold.tree.assignment import Found, assign_echoes
 from mirrorfold.tree.curved import (
@@ -33,6 +32,7 @@ from mirrorfold.tree.curved import (
 )
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import order_mirrors
+from mirrorfold.tree.rounds import find_tree
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 

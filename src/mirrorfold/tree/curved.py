@@ -53,7 +53,7 @@ class Heard(Protocol):
 
 
 class Again(Protocol):
-    """Steps 2 to 4 with echoes and curved mirrors, see `mirrorfold.reconstruction.find_tree`."""
+    """Steps 2 to 4 with echoes and curved mirrors, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes, arcs: Sequence[ArcMirror]) -> Found: ...  # noqa: D102
 

@@ -37,8 +37,9 @@ FEWEST = 3
 NOISE_LIMIT = 6.0
 """The limit that noise stays below, over its standard deviation, see `noise_limit`."""
 
-SAME_LINE = 1.0
-"""A wall is the same one after its echoes were sorted, if it moved by less than so many cells."""
+SAME_LINE, SAME_WAY_DEG = 1.0, 10.0
+"""A wall is the same one after its echoes were sorted, if it moved by less than so many cells, and turned by less than
+this [degree]: walls that meet in a corner differ by far more."""
 
 ANGLE_STEP = 1e-3
 """Over which a delay is differentiated [rad]."""
@@ -74,7 +75,7 @@ class Window:
 
 
 class Again(Protocol):
-    """Steps 2 to 4 with some of the echoes, see `mirrorfold.reconstruction.find_tree`."""
+    """Steps 2 to 4 with some of the echoes, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes) -> Found: ...  # noqa: D102
 
@@ -212,7 +213,7 @@ def _moved(window: Window, found: Found) -> Window:
     """The window with its mirror as it was found anew; the nearest one in line of sight, if it stands there."""
     old = window.mirror
     lines = [node.line for node in found.tree.mirrors if node.line is not None and not node.line.curved]
-    near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(10.0))]
+    near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))]
     if not near:
         return window
     best = min(near, key=lambda line: abs(float(line.beside(old.center))))

@@ -181,7 +181,7 @@ def _measured(work: Work, radius: float, *, points: int) -> dict[str, float]:
     centre, way = tops[0], float(np.linalg.norm(ghosts[0]))
     aside = np.array([-ghosts[0][1], ghosts[0][0]]) / way
     moved = float(np.linalg.norm(unit(tops[1].top) - unit(tops[2].top))) * way
-    growth = 1.0 + 2.0 * np.linalg.norm(HIT) * REST / (radius * np.cos(INCIDENCE) * (np.linalg.norm(HIT) + REST))
+    growth = pencil(radius)
     seen, shown = view_of(radius) if np.isfinite(radius) else (0.0, 0.0)
     return {
         "growth": 2.0 * ASIDE / moved,
@@ -194,18 +194,35 @@ def _measured(work: Work, radius: float, *, points: int) -> dict[str, float]:
     }
 
 
-def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
-    """Over how many degrees the array sees a pillar, and how many degrees it shows, up to grazing incidence."""
+def pencil(radius: Array | float) -> Array:
+    """How much wider than after a flat mirror a pencil of rays is at the point: ``1 + 2 r1 s / (R cos i (r1 + s))``."""
+    before = float(np.linalg.norm(HIT))
+    return np.asarray(1.0 + 2.0 * before * REST / (np.asarray(radius) * np.cos(INCIDENCE) * (before + REST)))
+
+
+def fan(radius: float, count: int) -> tuple[Array, Array, Array]:
+    """Rays from the middle of the array that a pillar reflects, up to grazing incidence.
+
+    Returns
+    -------
+    hit, way, out : (rays, 2) arrays
+        Where they meet it [m], and their directions before and after.
+    """
     center = HIT - radius * _normal()
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count) + np.arctan2(*-center[::-1])
     normal = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    way = center + radius * normal
-    way /= np.linalg.norm(way, axis=1)[:, None]
+    hit = center + radius * normal
+    way = hit / np.linalg.norm(hit, axis=1)[:, None]
     cosine = -np.sum(way * normal, axis=1)
     met = cosine >= np.cos(GRAZING)
-    out = way + 2.0 * cosine[:, None] * normal
-    spans = [np.degrees(np.ptp(np.unwrap(np.arctan2(one[met, 1], one[met, 0])))) for one in (way, out)]
-    return float(spans[0]), float(spans[1])
+    return hit[met], way[met], (way + 2.0 * cosine[:, None] * normal)[met]
+
+
+def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
+    """Over how many degrees the array sees a pillar, and how many degrees it shows, up to grazing incidence."""
+    _, *ways = fan(radius, count)
+    seen, shown = (np.degrees(np.ptp(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))) for way in ways)
+    return float(seen), float(shown)
 
 
 def _blind(scene: Scene, sweep: xr.Dataset) -> dict[str, float]:
@@ -325,14 +342,7 @@ def _view_figure() -> Figure:
     center = HIT - EXAMPLE * _normal()
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     axes.fill(*(center + EXAMPLE * np.stack([np.cos(turn), np.sin(turn)], axis=1)).T, color="0.75")
-    towards = np.arctan2(*-center[::-1])
-    for angle in towards + np.linspace(-0.5, 0.5, 41) * np.pi:
-        normal = np.array([np.cos(angle), np.sin(angle)])
-        hit = center + EXAMPLE * normal
-        way = unit(hit)
-        if -way @ normal < np.cos(GRAZING):
-            continue
-        out = way - 2.0 * (way @ normal) * normal
+    for hit, _, out in zip(*fan(EXAMPLE, 41), strict=True):
         axes.plot(*np.stack([np.zeros(2), hit]).T, color="#0072B2", linewidth=0.6)
         axes.plot(*np.stack([hit, hit + 1.2 * out]).T, color="#D55E00", linewidth=0.6)
     axes.plot([-0.5 * ELEMENTS * PITCH, 0.5 * ELEMENTS * PITCH], [0.0, 0.0], "k", linewidth=3.0)
@@ -346,11 +356,9 @@ def _cost_figure(data: xr.Dataset) -> Figure:
     panels = figure.subplots(1, 2)
     round_ = data.isel(radius=np.isfinite(data["radius"].values))
     radius = np.geomspace(float(round_["radius"].min()) / 1.3, float(round_["radius"].max()) * 1.3, 100)
-    r1 = float(np.linalg.norm(HIT))
-    predicted = 1.0 + 2.0 * r1 * REST / (radius * np.cos(INCIDENCE) * (r1 + REST))
     for axes, name, line, label in (
-        (panels[0], "growth", predicted, "growth of the cell across"),
-        (panels[1], "level_db", -to_db(predicted), "level over a flat mirror's [dB]"),
+        (panels[0], "growth", pencil(radius), "growth of the cell across"),
+        (panels[1], "level_db", -to_db(pencil(radius)), "level over a flat mirror's [dB]"),
     ):
         axes.semilogx(1e2 * radius, line, "k-", linewidth=0.8, label="predicted")
         axes.semilogx(1e2 * round_["radius"], round_[name], "o", color="#D55E00", label="measured")

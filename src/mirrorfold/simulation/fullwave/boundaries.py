@@ -38,13 +38,13 @@ from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array
 from mirrorfold.scenes.materials import Dielectric
 from mirrorfold.simulation.fullwave.discretisation import ZETA, Nodes
-from mirrorfold.simulation.fullwave.media import Medium, _add, _bessel, medium
+from mirrorfold.simulation.fullwave.media import Medium, add_waves, bessel, medium
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
 Strengths = NDArray[np.complex128]
 Sources = tuple[NDArray, ...]
-"""Coordinates x and y [m], moments of monopoles and of dipoles along x and y: arguments of `media._add`."""
+"""Coordinates x and y [m], moments of monopoles and of dipoles along x and y: arguments of `media.add_waves`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ Equation = Nodes | Boundaries
 def _waves(tests: Sources, sources: Sources, within: Medium, strength: complex, sign: float) -> Complex:
     """The block of `media` between tests and sources."""
     out = np.zeros((len(tests[0]), len(sources[0])), dtype=np.complex64)
-    _add(np.arange(len(out)), *tests, *sources, within.k, within.ratio, strength, within.coefficients, sign, out)
+    add_waves(np.arange(len(out)), *tests, *sources, within.k, within.ratio, strength, within.coefficients, sign, out)
     return out
 
 
@@ -245,7 +245,7 @@ def _logarithmic(
 ) -> complex:
     """What multiplies the logarithm in the block of `media`, of a monopole or dipole at another."""
     r = math.sqrt(dx * dx + dy * dy)
-    zeroth, first = _bessel(k * r)
+    zeroth, first = bessel(k * r)
     at_test, at_source = dx * n[0] + dy * n[1], dx * m[0] + dy * m[1]
     if not test and not source:
         value = b * b * zeroth

@@ -85,7 +85,7 @@ def medium(k0: float, permittivity: complex = 1.0) -> Medium:
 
 
 @njit(error_model="numpy", nogil=True)
-def _bessel(x: complex) -> tuple[complex, complex]:
+def bessel(x: complex) -> tuple[complex, complex]:
     """J0(x) and ``J1(x) / x`` by power series, for ``|x|`` below `NEAR`."""
     square = -0.25 * x * x
     term, zeroth, first = 1.0 + 0.0j, 1.0 + 0.0j, 0.5 + 0.0j
@@ -118,7 +118,7 @@ def _near(x: complex) -> tuple[complex, complex]:
 
 
 @njit(error_model="numpy", nogil=True, fastmath={"contract"})
-def _add(
+def add_waves(
     rows: Indices,
     tx: Array,
     ty: Array,
