@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from contextlib import suppress
 from pathlib import Path
@@ -20,25 +21,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of what a shell runs
     with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
+ONE_WALL = Path(__file__).with_name("one_wall.toml")
 SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"
-
-SCENE = """
-name = "one wall"
-[array]
-kind = "linear"
-elements = 9
-pitch = 0.5e-3
-[band]
-start = 290e9
-stop = 300e9
-points = 41
-[[surface]]
-name = "wall"
-kind = "segment"
-start = [-0.2, 0.3]
-end = [0.2, 0.34]
-roughness = {rms_height = 0.05e-3, correlation_length = 0.2e-3}
-"""
 
 
 @pytest.fixture(scope="session")
@@ -52,9 +36,7 @@ def shared_data() -> Path:
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Path:
     """A small scene that simulates and reconstructs in a second or two."""
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE, encoding="utf-8")
-    return path
+    return Path(shutil.copy(ONE_WALL, tmp_path / "scene.toml"))
 
 
 @pytest.fixture

@@ -50,8 +50,7 @@ class Page(Target):
         super().__init__(folder)
         self.inner = folder / "inner"
         self.inner.mkdir(exist_ok=True)
-        (folder / "page.toml").write_text(SCENE)
-        sweep = mf.simulate(mf.load_scene(folder / "page.toml"))
+        sweep = mf.simulate(mf.load_scene(SCENE))
         image = mf.focus(sweep, x=np.linspace(-0.3, 0.3, 31), y=np.linspace(0.15, 0.58, 31))
         mf.save(image, self.inner / "image.nc")
         self.mistakes: list[BaseException | None] = []
@@ -116,7 +115,7 @@ class Page(Target):
         session = self.server.session
         session._lines, session._settings = self.lines, dict(self.usual)
         status, answer = self._ask(case.raw)
-        strangers = {path.name for path in self.folder.iterdir()} - {"inner", "page.toml"}
+        strangers = {path.name for path in self.folder.iterdir()} - {"inner"}
         if strangers:
             raise EscapeError(f"there are other files: {sorted(strangers)}")
         for path in self.inner.iterdir():

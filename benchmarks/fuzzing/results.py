@@ -11,23 +11,7 @@ import xarray as xr
 from fuzzing.damage import damaged_bytes, damaged_hdf5
 from fuzzing.targets import Case, Generator, Target, run
 
-SCENE = """
-name = "one wall"
-[array]
-kind = "linear"
-elements = 9
-pitch = 0.5e-3
-[band]
-start = 290e9
-stop = 300e9
-points = 41
-[[surface]]
-name = "wall"
-kind = "segment"
-start = [-0.2, 0.3]
-end = [0.2, 0.34]
-roughness = {rms_height = 0.05e-3, correlation_length = 0.2e-3}
-"""
+SCENE = Path(__file__).resolve().parents[2] / "tests/one_wall.toml"
 
 WALL = [[-0.15, 1.02, -0.1], [0.2, 1.18, -0.1], [0.2, 1.18, 0.1], [-0.15, 1.02, 0.1]]
 """Corners of a mirror in the volume [m]."""
@@ -105,8 +89,8 @@ def _made(folder: Path) -> dict[str, bytes]:
     """A small valid file of each kind; the truth beside them."""
     import mirrorfold as mf
 
-    (folder / "scene.toml").write_text(SCENE)
-    sweep = mf.simulate(mf.load_scene(folder / "scene.toml"))
+    shutil.copy(SCENE, folder / "scene.toml")
+    sweep = mf.simulate(mf.load_scene(SCENE))
     x, y = np.linspace(-0.3, 0.3, 31), np.linspace(0.15, 0.58, 31)
     image = mf.focus(sweep, x=x, y=y)
     things = {

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import os
 import signal
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from conftest import SCENE
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 
+SCENE = Path(__file__).parents[1].joinpath("one_wall.toml").read_text(encoding="utf-8")
 WALL = 'kind = "segment"\nstart = [-0.2, 0.3]\nend = [0.2, 0.34]'
 
 
