@@ -151,9 +151,10 @@ class View(ABC):
             row, direction = np.repeat(row, count), np.repeat(direction * size, count) + np.arange(count.sum()) - begin
         return row, direction
 
-    def beside(self, range_: Array, direction: Index) -> tuple[Index, ...]:
-        """Directions to all sides of each point, so far away that its beam still reaches over."""
-        at, step = np.array(np.unravel_index(direction, self.shape)), self.beside_steps(range_)
+    def beside(self, range_: Array, direction: Index, share: float = 1.0) -> tuple[Index, ...]:
+        """Directions to all sides of each point, so far away that its beam still reaches over; or a share of that."""
+        at = np.array(np.unravel_index(direction, self.shape))
+        step = np.rint(share * self.beside_steps(range_)).astype(np.intp)
         axes = np.eye(len(self.shape), dtype=np.intp)
         moved = (at + np.multiply.outer(side * axis, step) for axis in axes for side in (-1, 1))
         return tuple(np.ravel_multi_index(tuple(place), self.shape, mode="clip") for place in moved)

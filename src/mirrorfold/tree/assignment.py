@@ -10,6 +10,7 @@ import numpy as np
 from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirror import Mirror, fold_of
+from mirrorfold.tree.edges import beyond_ends
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
@@ -58,6 +59,8 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
     through = sight.seen_through(echoes.range, echoes.direction)
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, NOBODY)
+    if opaque:
+        owner = beyond_ends(replace(order, sight=sight), echoes, owner)
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:
