@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import segment_normal, unit
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
@@ -28,25 +29,29 @@ class LineMirror(Mirror):
     ----------
     start, end : (2,) arrays [m]
         Its ends.
+    length : float [m]
+    direction : (2,) array
+        Unit vector from start to end.
     """
 
     start: Array
     end: Array
+    length: float = field(init=False)
+    direction: Array = field(init=False)
 
     def __post_init__(self) -> None:
+        along = self.end - self.start
+        length = math.sqrt(along @ along)
+        direction = along / length if length > 0.0 else np.full(2, np.nan)  # what is cut off may have no length
         object.__setattr__(self, "center", 0.5 * (self.start + self.end))
-        with np.errstate(invalid="ignore"):  # what is cut off may have no length
-            object.__setattr__(self, "normal", segment_normal(self.start, self.end))
+        object.__setattr__(self, "length", length)
+        object.__setattr__(self, "direction", direction)
+        object.__setattr__(self, "normal", np.array([-direction[1], direction[0]]))
 
     @property
-    def length(self) -> float:
-        """Length [m]."""
-        return self.size
-
-    @property
-    def direction(self) -> Array:
-        """Unit vector from start to end, (2,)."""
-        return (self.end - self.start) / self.length
+    def size(self) -> float:
+        """Its length [m]."""
+        return self.length
 
     @property
     def tangents(self) -> Array:
