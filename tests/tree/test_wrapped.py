@@ -147,7 +147,7 @@ def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spre
     path = np.full((len(tx), len(rx)), 2.0 * range_)
     wrapping_ratio(sweep_of([path], tx, rx), view_of(tx, rx), np.array([range_]), np.array([u]))
     assert [shape for shape, *_ in asked] == [wrapped.POINT, wrapped.FACE, wrapped.CORNER] * 2
-    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_, range_ + PERIOD], 3))
+    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_ + PERIOD, range_], 3))
     wavelength = speed_of_light / BAND.mean()
     # From the middle of both arrays, half-way between them.
     cell, reach = 0.5 * wavelength / np.ptp(tx[:, 0]), np.hypot(np.abs(tx[:, 0]).max(), 0.01)
