@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
+from scipy.fft import next_fast_len
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
@@ -23,7 +24,7 @@ ELEMENTS = 113
 BAND = np.linspace(116e9, 128e9, 97)
 PERIOD = 0.5 * speed_of_light / (BAND[1] - BAND[0])
 """The ambiguous range [m]: 1.2 m."""
-STEP = 2.0 * PERIOD / BAND.size / OVERSAMPLING
+STEP = 2.0 * PERIOD / next_fast_len(OVERSAMPLING * BAND.size)
 """From one point of a range profile to the next, along the path [m]."""
 
 
