@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from mirrorfold.common.threads import for_each, one_thread
+from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
@@ -199,6 +199,20 @@ def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
     return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
 
 
+def _group_size(k: Array, rx: Array, radar: Array) -> int:
+    """Frequencies of a group, by wavenumbers [1/m], receivers (n, 3) and the radar's middle (3,) [m]."""
+    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
+    spread = float(np.linalg.norm(rx - radar, axis=1).max())
+    return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
+
+
+def bytes_at_once(sweep: xr.Dataset) -> float:
+    """Memory [bytes] of the beams that all cores together work on: phasors of transmitters, what receivers hear."""
+    k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
+    groups = np.ceil(k.size / _group_size(k, rx, 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))))
+    return 8.0 * cpu_count() * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
+
+
 def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, heard: Array) -> Array:
     """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
 
@@ -216,10 +230,7 @@ def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, he
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
     taper = (np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2).astype(np.float32)
-    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
-    spread = float(np.linalg.norm(rx.position - radar, axis=1).max())
-    groups = int(np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
-    size = k.size // groups
+    size = _group_size(k, rx.position, radar)
     groups = -(-k.size // size)  # with what is left over
     dk = float(k[-1] - k[0]) / max(k.size - 1, 1)
     signal = data.values.swapaxes(1, 2)
