@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import segment_normal, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
@@ -42,11 +42,11 @@ class LineMirror(Mirror):
     def __post_init__(self) -> None:
         along = self.end - self.start
         length = math.sqrt(along @ along)
-        direction = along / length if length > 0.0 else np.full(2, np.nan)  # what is cut off may have no length
         object.__setattr__(self, "center", 0.5 * (self.start + self.end))
         object.__setattr__(self, "length", length)
-        object.__setattr__(self, "direction", direction)
-        object.__setattr__(self, "normal", np.array([-direction[1], direction[0]]))
+        with np.errstate(invalid="ignore"):  # what is cut off may have no length
+            object.__setattr__(self, "direction", along / length)
+            object.__setattr__(self, "normal", segment_normal(self.start, self.end))
 
     @property
     def size(self) -> float:
