@@ -20,7 +20,7 @@ SHARED = --numprocesses $(JOBS) --dist loadfile
 # How long to fuzz: `make fuzz MINUTES=60`.
 MINUTES := 10
 
-BENCHMARKS := focus cost_model fullwave raster looking touchstone
+BENCHMARKS := focus cost_model fullwave raster looking touchstone from_file_to_report
 LONG_BENCHMARKS := calibration synthetic_aperture diagnosis sensitivity
 
 # Folders whose branches are counted, and the tests that count for them.

@@ -284,6 +284,7 @@ class FoldPlan:
                 found,
                 view,
                 heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
+                glance=partial(find_tree, view, settings=replace(settings, copies=False)),
                 again=partial(find_tree, view, settings=settings, explain=elsewhere),
             )
         report(2, 3)

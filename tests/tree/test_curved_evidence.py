@@ -57,13 +57,14 @@ def found_with(view, mirrors, places, amplitude=1.0, opened=0.0):
 
 
 @pytest.mark.parametrize(
-    ("cells", "new", "empty", "enough"),
+    ("cells", "new", "empty", "tells", "enough"),
     [
-        (3, 2, 0.3, True), (2, 2, 0.0, False), (3, 1, 0.0, False), (3, 2, 0.31, False),
-        (15, 3, 0.0, True), (16, 3, 0.0, False), (16, 4, 0.0, True),
+        (3, 2, 0.3, True, True), (2, 2, 0.0, False, False), (3, 1, 0.0, False, False), (3, 2, 0.31, True, False),
+        (15, 3, 0.0, True, True), (16, 3, 0.0, False, False), (16, 4, 0.0, True, True),
     ],
 )  # fmt: skip
-def test_a_mirror_shows_enough_that_is_new_and_little_that_cannot_be(cells, new, empty, enough):
+def test_a_mirror_shows_enough_that_is_new_and_little_that_cannot_be(cells, new, empty, tells, enough):
+    assert Evidence(cells, new, empty).tells == tells
     assert Evidence(cells, new, empty).enough == enough
 
 
@@ -186,11 +187,15 @@ class Steps:
     """Steps 2 to 4 of the same echoes, whatever arcs are tried; what was asked."""
 
     def __init__(self, view, places):
-        self.view, self.places, self.tried, self.gains = view, places, [], []
+        self.view, self.places, self.glanced, self.tried, self.gains = view, places, [], [], []
 
     def heard(self, *, gain):
         self.gains.append(gain)
         return echoes_at(self.view, self.places)
+
+    def glance(self, *, echoes, arcs):
+        self.glanced.append(list(arcs))
+        return found_with(self.view, list(arcs), echoes.position)
 
     def again(self, *, echoes, arcs):
         self.tried.append(list(arcs))
@@ -202,7 +207,7 @@ def curved_of(view, monkeypatch, places, *proposed):
     steps, rounds = Steps(view, places), iter(proposed)
     monkeypatch.setattr(curved, "candidates", lambda found, view: next(rounds))
     first = found_with(view, [], places)
-    return find_curved(first, view, heard=steps.heard, again=steps.again), first, steps
+    return find_curved(first, view, heard=steps.heard, glance=steps.glance, again=steps.again), first, steps
 
 
 ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
@@ -217,12 +222,24 @@ def test_nothing_changes_where_no_arc_is_a_mirror(view, monkeypatch):
     found, first, steps = curved_of(view, monkeypatch, SHOWN[:2], [PILLAR])
     assert found is first
     assert len(steps.gains) == 1
-    assert not steps.tried
-    # Enough behind it, but all of that is known.
+    assert not steps.glanced
+    # Enough behind it, but all of that is known: a glance tells.
     known = [*SHOWN, *fold_of([PILLAR], 2)(SHOWN)]
     found, first, steps = curved_of(view, monkeypatch, known, [PILLAR])
     assert found is first
-    assert steps.tried == [[PILLAR]]
+    assert steps.glanced == [[PILLAR]]
+    assert not steps.tried
+
+
+def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_out(view, monkeypatch):
+    monkeypatch.setattr(curved, "candidates", lambda found, view: [PILLAR])
+    steps, first = Steps(view, SHOWN), found_with(view, [], SHOWN)
+
+    def again(*, echoes, arcs):
+        return found_with(view, list(arcs), echoes.position[:2])
+
+    assert find_curved(first, view, heard=steps.heard, glance=steps.glance, again=again) is first
+    assert steps.glanced == [[PILLAR]]
 
 
 def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view, monkeypatch):
@@ -258,7 +275,7 @@ def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch
         (arc,) = candidates(flat, view)
         assert abs(arc.radius - 0.3) < 0.02
         again = partial(find_tree, view, settings=settings)
-        found = find_curved(flat, view, heard=partial(find_echoes, view), again=again)
+        found = find_curved(flat, view, heard=partial(find_echoes, view), glance=again, again=again)
         assert [node.line.curved for node in found.tree.walk() if node.line is not None] == [True] * bent
         # It is proposed once more, and no row of what it shows is.
         assert all(overlap(one, arc) for one in candidates(found, view))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
+from scipy.fft import next_fast_len
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
@@ -23,7 +24,7 @@ ELEMENTS = 113
 BAND = np.linspace(116e9, 128e9, 97)
 PERIOD = 0.5 * speed_of_light / (BAND[1] - BAND[0])
 """The ambiguous range [m]: 1.2 m."""
-STEP = 2.0 * PERIOD / BAND.size / OVERSAMPLING
+STEP = 2.0 * PERIOD / next_fast_len(OVERSAMPLING * BAND.size)
 """From one point of a range profile to the next, along the path [m]."""
 
 
@@ -147,7 +148,7 @@ def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spre
     path = np.full((len(tx), len(rx)), 2.0 * range_)
     wrapping_ratio(sweep_of([path], tx, rx), view_of(tx, rx), np.array([range_]), np.array([u]))
     assert [shape for shape, *_ in asked] == [wrapped.POINT, wrapped.FACE, wrapped.CORNER] * 2
-    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_, range_ + PERIOD], 3))
+    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_ + PERIOD, range_], 3))
     wavelength = speed_of_light / BAND.mean()
     # From the middle of both arrays, half-way between them.
     cell, reach = 0.5 * wavelength / np.ptp(tx[:, 0]), np.hypot(np.abs(tx[:, 0]).max(), 0.01)

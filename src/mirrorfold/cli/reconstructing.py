@@ -5,7 +5,7 @@ Outputs are checked before the work begins, so that no hour ends in a missing di
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,6 +52,8 @@ from mirrorfold.folding.settings import FoldSettings
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mirrorfold.describing.sweeps import SweepFacts
+
 NAMES = (RECONSTRUCTION, PICTURE, FRAMES, BODY, SPACE, REPORT)
 """Files that may be written to the directory of a reconstruction."""
 
@@ -82,9 +84,6 @@ def focus(
     json
         Print what the image holds as one JSON object.
     """
-    from mirrorfold.focusing import prepare
-    from mirrorfold.io import load_geometry
-
     given |= parse_grid(x=x, y=y, z=z)
     if dry_run:
         show_forecast(forecast_sweep(sweep, given), json=json)
@@ -92,21 +91,12 @@ def focus(
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o image.nc")
     output_file(output, inputs=[sweep])
-    geometry = None
-    with suppress(InputError):  # reading it all says what is wrong
-        geometry = load_geometry(sweep)
-    focus_sweep, describe = mf.focus, mf.info  # imported now: two threads must not import at once
-    plans = None
+    focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
-        # The plan is made while the samples are read and described.
-        reading = beside.submit(read, sweep, "sweep")
-        described = beside.submit(lambda: describe(reading.result(), diagnose=False))
-        if geometry is not None:
-            with suppress(InputError):  # focusing says what is wrong
-                plans = prepare(geometry, **given)
+        reading, described = _read_beside(beside, sweep, given, diagnose=False)
         measured = reading.result()
         with progress("focusing") as report:
-            image = focus_sweep(measured, **given, plans=plans, progress=report)
+            image = focus_sweep(measured, **given, progress=report)
         remark(described.result().remarks)
     mf.save(image.assign_attrs(command=command.get()), output)
     show_result(mf.info(image), [output], json=json)
@@ -234,12 +224,34 @@ def _reconstruct_file(
     """Reconstruct one file; returns the reconstruction and the files that were written to the directory `output`."""
     from mirrorfold.io.files import directory_written_whole
 
-    measured = read(path, "sweep")
-    remark(mf.info(measured).remarks)  # before the work, which may take long
+    reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once
+    with ThreadPoolExecutor(1) as beside:
+        reading, described = _read_beside(beside, path, given)
+    measured = reading.result()
+    remark(described.result().remarks)  # before the work, which may take long
     with frames_kept(measured, output, [path, *inputs], given) as kept:
         with progress(f"reconstructing {path.name}") as report:
-            reconstruction = mf.reconstruct(measured, mirrors=mirrors, progress=report, **kept, **given)
+            reconstruction = reconstruct_sweep(measured, mirrors=mirrors, progress=report, **kept, **given)
         reconstruction.attrs["command"] = command.get()
         with directory_written_whole(output, replaces=NAMES) as directory:
             results = write_results(reconstruction, directory, plan=plan)
     return reconstruction, [output / name for name in results]
+
+
+def _read_beside(
+    beside: Executor, path: Path, given: dict[str, Any], *, diagnose: bool = True
+) -> tuple[Future[xr.Dataset], Future[SweepFacts]]:
+    """The sweep and what is said of it, while the plan of its image is made, which focusing then finds."""
+    from mirrorfold.focusing import plan_cache, prepare
+    from mirrorfold.io import load_geometry
+
+    geometry, describe = None, mf.info
+    with suppress(InputError):  # reading it all says what is wrong
+        geometry = load_geometry(path)
+    reading = beside.submit(read, path, "sweep")
+    described = beside.submit(lambda: describe(reading.result(), diagnose=diagnose))
+    if geometry is not None:
+        imaging = {name: given[name] for name in FocusSettings.rules() if name in given}
+        with suppress(InputError):  # focusing says what is wrong
+            prepare(geometry, plans=plan_cache, **imaging)
+    return reading, described

@@ -7,7 +7,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import lru_cache
 from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 if TYPE_CHECKING:
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import ThreadpoolController
 
 T = TypeVar("T")
 
@@ -97,15 +98,22 @@ def in_shares(work: Callable[..., object], count: int, *arguments: object) -> No
     for_each(lambda share: work(*arguments, *share), pairwise(edges))
 
 
-def one_thread() -> threadpool_limits:
+def one_thread() -> AbstractContextManager[object]:
     """A context in which linear algebra uses one thread.
 
     Its own threads wait for each other by spinning, which on a busy machine costs twenty times the work; our threads
     and processes share the blocks instead, and results do not depend on the number of cores.
     """
-    from threadpoolctl import threadpool_limits
+    return _linear_algebra().limit(limits=1, user_api="blas")
 
-    return threadpool_limits(limits=1, user_api="blas")
+
+@lru_cache(1)
+def _linear_algebra() -> ThreadpoolController:
+    """The libraries of linear algebra, NumPy's and SciPy's: to look for them takes longer than many a product."""
+    import scipy.linalg  # noqa: F401 - it loads its library
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def products(left: NDArray[Any], right: NDArray[Any], out: NDArray[Any]) -> NDArray[Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,25 +29,29 @@ class LineMirror(Mirror):
     ----------
     start, end : (2,) arrays [m]
         Its ends.
+    length : float [m]
+    direction : (2,) array
+        Unit vector from start to end.
     """
 
     start: Array
     end: Array
+    length: float = field(init=False)
+    direction: Array = field(init=False)
 
     def __post_init__(self) -> None:
+        along = self.end - self.start
+        length = math.sqrt(along @ along)
         object.__setattr__(self, "center", 0.5 * (self.start + self.end))
+        object.__setattr__(self, "length", length)
         with np.errstate(invalid="ignore"):  # what is cut off may have no length
+            object.__setattr__(self, "direction", along / length)
             object.__setattr__(self, "normal", segment_normal(self.start, self.end))
 
     @property
-    def length(self) -> float:
-        """Length [m]."""
-        return self.size
-
-    @property
-    def direction(self) -> Array:
-        """Unit vector from start to end, (2,)."""
-        return (self.end - self.start) / self.length
+    def size(self) -> float:
+        """Its length [m]."""
+        return self.length
 
     @property
     def tangents(self) -> Array:

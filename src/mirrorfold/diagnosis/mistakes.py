@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.wavefronts import Wavefronts
@@ -130,7 +130,8 @@ def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, 
     true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
     curvature = (-1.0 if conjugated else 1.0) / true
     table = waves.coherence[int(exchanged), int(reversed_)]
-    coherence = np.stack([CubicSpline(waves.curvature, row)(q) for q, row in zip(curvature, table, strict=True)])
+    splines = CubicSpline(waves.curvature, table, axis=1)
+    coherence = np.stack([PPoly(splines.c[..., row], splines.x)(q) for row, q in enumerate(curvature)])
     fit = _explained(coherence)
     # Nearer than the strongest curvature looked for, echoes tell nothing.
     return np.where(np.abs(curvature) <= waves.curvature[-1], fit, _explained(table).mean(axis=1, keepdims=True))

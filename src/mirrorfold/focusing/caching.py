@@ -72,13 +72,15 @@ plan_cache = PlanCache()
 
 
 @takes(FocusSettings)
-def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
+def prepare(geometry: xr.Dataset, *, plans: PlanCache | None = None, **given: Any) -> PlanCache:
     """Make the plan that `focus` will try first, from a sweep's geometry alone: while its samples are still being read.
 
     Parameters
     ----------
     geometry : xarray.Dataset
         A sweep, or only its ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or ``antenna_position``).
+    plans : PlanCache, optional
+        Where the plan is kept; by default a new one.
     **given
 
     Returns
@@ -92,7 +94,7 @@ def prepare(geometry: xr.Dataset, **given: Any) -> PlanCache:
     InputError
         As `focus`, which also gives the warnings.
     """
-    settings, plans = FocusSettings().with_given(**given), PlanCache()
+    settings, plans = FocusSettings().with_given(**given), PlanCache() if plans is None else plans
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problem = make_problem(check_measurement(geometry), settings).in_wavelengths

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
@@ -25,16 +26,17 @@ POINT, FACE, CORNER = 0, 1, 2
 """What an echo may come from."""
 
 OVERSAMPLING = 4
-"""Points of the range profile in a cell, between which it is linear to a few percent."""
+"""Points of the range profile in a cell, at least, between which it is linear to a few percent."""
 
 
 def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
     """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
     count = wavenumber.size
     taper = hann(count)[:, None].astype(np.float32)
-    profile = np.fft.ifft((s * taper).T, OVERSAMPLING * count, axis=1)
-    step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / (OVERSAMPLING * count)
-    carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(OVERSAMPLING * count))
+    points = next_fast_len(OVERSAMPLING * count)
+    profile = ifft((s * taper).T, points, axis=1)
+    step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / points
+    carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(points))
     return (profile * carrier).astype(np.complex64), float(step)
 
 

@@ -9,7 +9,7 @@ from mirrorfold.focusing.range_profiles import at_point
 from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 
-@njit(nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
     """Where a map leads a point: along the two angles and range in steps of the view; outside at -1."""
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
@@ -27,7 +27,7 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
     return (np.arctan(right) - grid[0, 0]) / grid[0, 1], (np.arctan(up) - grid[1, 0]) / grid[1, 1], k
 
 
-@njit(nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _shown(  # type: ignore[no-untyped-def]
     a, e, k, x, y, z, mirror, unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side,
     shape, grid, least,

@@ -9,7 +9,7 @@ from mirrorfold.common.forecasts import Parts, fullest
 from mirrorfold.detection.fit import PROFILE_SAMPLES
 from mirrorfold.detection.image_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
-from mirrorfold.tree.directions import CHUNK
+from mirrorfold.tree.directions import bytes_at_once
 
 COMPLEX, DOUBLE, SINGLE, OWNER = 8.0, 8.0, 4.0, 2.0
 """Bytes of a complex number in single precision, of real ones in double and single, and of the number of a mirror."""
@@ -65,16 +65,10 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
     else:
         seen = {"amplitude": image.dtype.itemsize * pixels}
     stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
-    if sweep is not None:
-        stages.append(held | view | {"directions of echoes": _directions(sweep)})
+    if sweep is not None and "rx" in sweep.dims:  # one moving antenna tells no directions
+        stages.append(held | view | {"directions of echoes": bytes_at_once(sweep)})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
     return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
-
-
-def _directions(sweep: xr.Dataset) -> float:
-    """Of beams towards some echoes at a time: phasors of the transmitters, and twice what the receivers hear."""
-    sizes = sweep.sizes
-    return COMPLEX * CHUNK * sizes["frequency"] * (sizes.get("tx", 1) + 2.0 * sizes.get("rx", 1))
 
 
 def _of_volume(held: Parts, volume: xr.DataArray) -> Parts:

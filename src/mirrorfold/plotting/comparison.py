@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
 import xarray as xr
@@ -26,12 +26,12 @@ from mirrorfold.plotting.figures import corrected, ghosts, image, mirrors, shado
 from mirrorfold.plotting.figures import plan as draw_plan
 from mirrorfold.plotting.figures import scene as draw_scene
 from mirrorfold.plotting.volumes import scene as draw_space
-from mirrorfold.scenes.floor_plan import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mirrorfold.common.plans import FloorPlan
+    from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
 MARGIN = 0.12
@@ -90,10 +90,10 @@ def before_after(
 
     corrected(reconstruction, right, floor_db=floor_db, extent=after, colorbar=False)
     for panel in (left, right):
-        if isinstance(scene, Scene):
+        if _is_flat(scene):
             draw_scene(scene, panel)
         elif scene is not None:
-            draw_space(scene, panel)
+            draw_space(cast("Scene3D", scene), panel)
     left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
     right.set(xlim=after[:2], ylim=after[2:], title="corrected:\nevery echo folded back")
     for panel in (left, right):
@@ -133,7 +133,7 @@ def content_extent(
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
-    if isinstance(scene, Scene):
+    if _is_flat(scene):
         points += [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
     if plan is not None:
         points += plan.lines
@@ -158,6 +158,11 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
                                      height * scale / size[1])))  # fmt: skip
         corner += width + 0.25
     return figure, axes
+
+
+def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
+    """Whether it is a floor plan; told without what reads scenes, for most results are drawn without any."""
+    return getattr(scene, "dimensions", 3) == 2
 
 
 def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:

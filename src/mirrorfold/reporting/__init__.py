@@ -54,12 +54,15 @@ def report(
     from mirrorfold.io.plans import read_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
-    from mirrorfold.scenes.floor_plan import as_scene
 
     path = check_output(path, suffixes=PAGES)
     checked = pick_frame(check_reconstruction(reconstruction))
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
-    truth = None if scene is None else as_scene(scene)
+    truth = None
+    if scene is not None:
+        from mirrorfold.scenes.floor_plan import as_scene
+
+        truth = as_scene(scene)
     limit = LARGEST_IMAGE
     while True:
         page = to_html(to_document(checked, truth, largest_image=limit, plan=walls), title=title_of(checked, truth))

@@ -58,7 +58,7 @@ class Again(Protocol):
     def __call__(self, *, echoes: Echoes, arcs: Sequence[ArcMirror]) -> Found: ...  # noqa: D102
 
 
-def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) -> Found:
+def find_curved(found: Found, view: ImageView, *, heard: Heard, glance: Again, again: Again) -> Found:
     """Steps 2 to 4 once more, with the curved mirrors that the image tells; the same as before where it tells none.
 
     Those in line of sight are looked for first, then those that flat mirrors show.
@@ -68,8 +68,10 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
     found : Found
         With flat mirrors alone.
     view : ImageView
-    heard, again : callable
-        See `Heard` and `Again`.
+    heard, glance, again : callable
+        See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere, and takes a tenth of
+        the time. As these seem new behind an arc, one that shows too little new at a glance is no mirror: of 70 arcs of
+        random scenes 16 were, and none of them had turned out to be one.
     """
     arcs, flat = list[ArcMirror](), found
     for _ in range(2):
@@ -78,9 +80,12 @@ def find_curved(found: Found, view: ImageView, *, heard: Heard, again: Again) ->
         while len(trial) > len(arcs):
             echoes = heard(gain=gains(view, trial))
             shown = [arc for arc in trial if filled_cells(view, echoes.take(behind(view, echoes, arc))) >= FEWEST_CELLS]
+            known = known_places(flat, view, trial)
+            if len(shown) == len(trial):
+                tried = glance(echoes=echoes, arcs=trial)
+                shown = [arc for arc in trial if evidence(tried, view, arc, known).tells]
             if len(shown) == len(trial):
                 tried = again(echoes=echoes, arcs=trial)
-                known = known_places(flat, view, trial)
                 shown = [arc for arc in trial if evidence(tried, view, arc, known).enough]
             if len(shown) == len(trial):
                 break
@@ -147,10 +152,14 @@ class Evidence:
     empty: float
 
     @property
+    def tells(self) -> bool:
+        """Whether enough stands behind it, and enough of that is new."""
+        return self.cells >= FEWEST_CELLS and self.new >= max(FEWEST_NEW, NEW_SHARE * self.cells)
+
+    @property
     def enough(self) -> bool:
-        """Whether this is a mirror."""
-        new = self.new >= max(FEWEST_NEW, NEW_SHARE * self.cells)
-        return self.cells >= FEWEST_CELLS and new and self.empty <= MOST_EMPTY
+        """Whether this is a mirror: it tells, and little of it cannot be."""
+        return self.tells and self.empty <= MOST_EMPTY
 
 
 def behind(view: ImageView, echoes: Echoes, arc: ArcMirror) -> Mask:

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from mirrorfold.common.threads import for_each, one_thread, products
+from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
@@ -199,6 +199,20 @@ def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
     return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
 
 
+def _group_size(k: Array, rx: Array, radar: Array) -> int:
+    """Frequencies of a group, by wavenumbers [1/m], receivers (n, 3) and the radar's middle (3,) [m]."""
+    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
+    spread = float(np.linalg.norm(rx - radar, axis=1).max())
+    return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
+
+
+def bytes_at_once(sweep: xr.Dataset) -> float:
+    """Memory [bytes] of the beams that all cores together work on: phasors of transmitters, what receivers hear."""
+    k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
+    groups = np.ceil(k.size / _group_size(k, rx, 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))))
+    return 8.0 * cpu_count() * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
+
+
 def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, heard: Array) -> Array:
     """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
 
@@ -215,12 +229,9 @@ def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, he
     tx, rx = _apertures(sweep)
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
-    taper = np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2
-    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
-    spread = float(np.linalg.norm(rx.position - radar, axis=1).max())
-    groups = int(np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
-    size = k.size // groups
-    first_of_group = np.arange(0, k.size, size)
+    taper = (np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2).astype(np.float32)
+    size = _group_size(k, rx.position, radar)
+    groups = -(-k.size // size)  # with what is left over
     dk = float(k[-1] - k[0]) / max(k.size - 1, 1)
     signal = data.values.swapaxes(1, 2)
 
@@ -233,30 +244,32 @@ def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, he
     # Each group counts with its middle frequency.
     k_middle = float(k[0]) + 0.5 * (size - 1) * dk
     at_once = max(CHUNK // sent.shape[1], 1)
-    for first in range(0, range_.size, at_once):
+
+    def listen(first: int) -> None:
+        """|sum over transmitters, receivers and frequencies| for some points."""
         part = slice(first, first + at_once)
         r = np.repeat(range_[part], sent.shape[1])
         # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
         path = cdist(tx.position, places(r, sent[part].ravel())) + r
-        send = np.empty((k.size, *path.shape), dtype=np.complex64)
-        send[0], send[1:] = tx.weight[:, None] * _phasors(k[0] * path), _phasors(dk * path)
-        np.cumprod(send, axis=0, out=send)
-        send *= taper[:, None, None]
-        arrives = np.empty((k.size, len(rx.position), path.shape[1]), dtype=np.complex64)
-        products(signal, send, out=arrives)
-        field = np.add.reduceat(arrives, first_of_group, axis=0) * rx.weight[:, None].astype(np.float32)
-        field = field.reshape(*field.shape[:2], -1, sent.shape[1])
-
-        def listen(point: int, first: int = first, field: NDArray[np.complex64] = field) -> None:
-            """|sum over groups and receivers of field exp(j k path)| for all directions."""
+        send, turn = tx.weight[:, None].astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
+        field = np.zeros((groups, len(rx.position), r.size), dtype=np.complex64)
+        arrives = np.empty(field.shape[1:], dtype=np.complex64)
+        for number, weight in enumerate(taper):
+            np.matmul(signal[number], send, out=arrives)
+            arrives *= weight
+            field[number // size] += arrives
+            send *= turn
+        field *= rx.weight[:, None].astype(np.float32)
+        of_points = field.reshape(*field.shape[:2], -1, sent.shape[1])
+        for point in range(of_points.shape[2]):
             r, directions = range_[first + point], heard[first + point]
             path = cdist(places(np.full(directions.size, r), directions), rx.position) - r
             value, turn, total = _phasors(k_middle * path), _phasors(size * dk * path), 0.0
-            for group in field[:, :, point]:
+            for group in of_points[:, :, point]:
                 total = total + value @ group
                 value *= turn
             level[first + point] = np.abs(total)
 
-        with one_thread():
-            for_each(listen, range(field.shape[2]))
+    with one_thread():
+        for_each(listen, range(0, range_.size, at_once))
     return level

@@ -60,15 +60,20 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
         spread = reach * (1.0 / r - 1.0 / (r + period)) + cell
         count = int(np.ceil(2.0 * spread / (DIRECTION_STEP * cell)))
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
-        fits = np.zeros((2, 1))
-        for found, distance in zip(fits, (r, r + period), strict=True):
+
+        def fit(distance: float) -> float:
+            """The largest coherence with waves from that distance."""
+            found = np.zeros(1)
             for shape in (POINT, FACE, CORNER):
                 coherence(
                     *(around, step, 1.0, shape, pairs.tx, pairs.rx, tx_of, rx_of, centre, directions),
                     *(1.0 / distance, along, ahead, found),
                 )
-        if fits[1, 0] > IN_PHASE / chosen.size:
-            ratio[n] = fits[1, 0] / max(fits[0, 0], np.finfo(float).tiny)
+            return float(found[0])
+
+        late = fit(r + period)
+        if late > IN_PHASE / chosen.size:
+            ratio[n] = late / max(fit(r), np.finfo(float).tiny)
 
     for_each(look, range(range_.size))
     return ratio
