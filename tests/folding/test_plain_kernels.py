@@ -32,6 +32,7 @@ def as_plain_python(monkeypatch):
         for module, name in (
             (pictures, "draw_row"),
             (drawing, "_place"),
+            (drawing, "_shown"),
             (drawing, "through_at"),
             (drawing, "hidden_at"),
             (drawing, "at_point"),
