@@ -10,6 +10,8 @@ from numpy.testing import assert_array_equal
 from synthetic import echoes_at, empty_view
 
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.plane_mirror import PlaneMirror
+from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import assign_echoes
 from mirrorfold.tree.ordering import order_mirrors
@@ -72,3 +74,31 @@ def test_only_echoes_of_the_view_that_shows_the_mirror_are_its_own(view):
     settings = FoldSettings(minimum_length=0.05, wall_margin=0.0, opaque=False)
     tree, _ = assign_echoes(order_mirrors([MIRROR, wall], view, echoes, settings), echoes)
     assert_array_equal([len(child.objects) for child in tree.mirrors], [0, 1])
+
+
+@pytest.fixture(scope="module")
+def scan():
+    """A raster volume whose beams are narrower than the steps between them."""
+    angle, range_ = np.arange(-10.0, 10.5), np.arange(0.5, 4.0, 0.01)
+    nothing = np.zeros((angle.size, angle.size, range_.size), dtype=np.float32)
+    return VolumeView(nothing, range_, angle, angle, np.ones(range_.size), "none", 0.0, np.zeros(3), 0.02,
+                      beam=(0.008, 2.0, 1e-3))  # fmt: skip
+
+
+@pytest.mark.parametrize(("columns", "mirrored"), [(1, 9), (4, 0)])
+def test_a_slanting_thing_beside_a_plane_is_one_thing_from_beam_to_beam(scan, columns, mirrored):
+    """From each column to the next by three range cells."""
+    steps = np.rint(np.degrees(scan.angles(scan.radar + scan.sight)[1])).astype(int)
+    wall = PlaneMirror(
+        np.array([-0.1, 1.0, 0.0]),
+        np.array([0.0, -1.0, 0.0]),
+        np.array([[x, 1.0, z] for x in (-0.2, 0.0) for z in (-0.2, 0.2)]),
+        steps[:, 0] < 0,
+    )
+    thing = (steps[:, 0] >= 0) & (steps[:, 0] < columns) & (np.abs(steps[:, 1]) <= 4)
+    range_ = 3.0 - 0.06 * steps[thing, 0]
+    echoes = echoes_at(scan, range_[:, None] * scan.sight[thing])
+    settings = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
+    tree, _ = assign_echoes(order_mirrors([wall], scan, echoes, settings), echoes)
+    assert len(tree.mirrors[0].objects) == mirrored
+    assert len(tree.objects) == thing.sum() - mirrored

@@ -11,9 +11,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Index
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.view import View
 from mirrorfold.tree.ordering import Order
 
 BEHIND_CELLS = 1.5
@@ -21,9 +22,6 @@ BEHIND_CELLS = 1.5
 
 STRONG_SHARE = 0.75
 """Of the half-width of a beam: there a beam has fallen by some 30 dB, as much as bright echoes exceed the threshold."""
-
-TOUCHING_CELLS = 1.5
-"""Echoes of one thing follow each other within this many resolution cells."""
 
 
 def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
@@ -40,7 +38,6 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
         The mirror that each is seen through by its line of sight, `ROOT`, or `NOBODY` for what is no object in view.
     """
     sight, view, owner = order.sight, order.sight.view, owner.copy()
-    cells = view.in_cells(echoes.position)
     for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):
         shown = sight.seen_through(echoes.range, side)
         for mirror, parent in enumerate(sight.parent):
@@ -49,7 +46,7 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             beside = ((shown == mirror) & behind)[own]
             if not beside.any():
                 continue
-            thing = _things(cells[own])
+            thing = _things(view, echoes.take(own))
             reaches_on = np.bincount(thing, weights=~beside) > 0.0
             moved = own[~reaches_on[thing]]
             fold = fold_of(order.way(mirror), view.dimensions)
@@ -57,8 +54,15 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     return owner
 
 
-def _things(cells: Array) -> Index:
-    """The number of the thing that each echo belongs to, (n,), by their places in resolution cells, (n, d)."""
-    pairs = cKDTree(cells).query_pairs(TOUCHING_CELLS, output_type="ndarray")
-    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
+def _things(view: View, echoes: Echoes) -> Index:
+    """The number of the thing that each echo belongs to, (n,).
+
+    Echoes of one thing follow each other within a beam, or from one line of sight to the next, and no deeper than an
+    object is: from line to line, the range of a slanting surface changes by many range cells.
+    """
+    reach = np.rint(STRONG_SHARE * view.beside_steps(echoes.range))
+    steps = np.unravel_index(echoes.direction, view.shape)
+    places = np.column_stack([echoes.range / view.object_depth(echoes.range), *(axis / reach for axis in steps)])
+    pairs = cKDTree(places).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(places), len(places)))
     return np.asarray(connected_components(touching, directed=False)[1])
