@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mirrorfold as mf
+from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import join_polarizations
 
@@ -45,6 +46,37 @@ def test_two_sweeps_are_one_with_a_dimension_and_image_alike(both, tmp_path):
     one = mf.focus(te)
     assert np.abs(image.sel(polarization="TE").values - one.values).max() < 2e-4 * np.abs(one.values).max()
     assert "valid" in mf.info(kept)
+
+
+def test_two_files_become_one_on_the_command_line(both, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    mf.save(simulated(), "te.nc")
+    mf.save(simulated(polarization="TM"), "tm.nc")
+    assert main(["import", "tm.nc", "te.nc", "--polarization", "TM,TE", "-o", "both.nc"]) == 0
+    joined = mf.load("both.nc")
+    assert list(joined["polarization"].values) == ["TE", "TM"]
+    np.testing.assert_array_equal(joined["s"], both["s"])
+    assert main(["import", "te.nc", "--polarization", "TE", "-o", "named.nc"]) == 0
+    assert mf.load("named.nc").attrs["polarization"] == "TE"
+    mf.save(simulated().isel(frequency=slice(0, 50)), "short.nc")
+    wrong = (
+        ("te.nc tm.nc", "--polarization TE,TE", "TE, TM"),
+        ("te.nc tm.nc", "--polarization vertical,horizontal", "TE, TM"),
+        ("te.nc tm.nc", "--polarization TE", "one for each file"),
+        ("te.nc tm.nc", "", "--polarization TE,TM"),
+        ("te.nc tm.nc", "--polarization TM,TE", "swap them"),
+        ("tm.nc", "--polarization TE", "says of itself"),
+        ("te.nc short.nc", "--polarization TE,TM", "their shapes"),
+        ("both.nc te.nc", "--polarization TE,TM", "several polarizations already"),
+        ("te.nc tm.nc", "--polarization TE,TM --guess", "leave it out"),
+    )
+    capsys.readouterr()
+    for files, options, said in wrong:
+        assert main(["import", *files.split(), *options.split(), "-o", "wrong.nc"]) == 2
+        sentence = capsys.readouterr().err
+        assert said in sentence
+        assert sentence.count("\n") == 1
+        assert not (tmp_path / "wrong.nc").exists()
 
 
 def test_metal_walls_fold_as_with_one_polarization_to_the_bit(both):

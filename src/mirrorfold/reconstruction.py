@@ -49,6 +49,7 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarized
 from mirrorfold.tree.curved import find_curved
+from mirrorfold.tree.guessed import guess_transparent
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.rounds import agreed, find_tree
@@ -287,6 +288,10 @@ class FoldPlan:
                 glance=partial(find_tree, view, settings=replace(settings, copies=False)),
                 again=partial(find_tree, view, settings=settings, explain=elsewhere),
             )
+        single = mirrors is None and not self._both and settings.transparent and settings.opaque
+        if single and isinstance(view, ImageView):
+            again = partial(find_tree, view, settings=settings, explain=elsewhere)
+            found = guess_transparent(found, view, echoes, again=again)
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)
         if not settings.published:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mirrorfold as mf
+from mirrorfold.tree import transparent
 
 SCENE = files("mirrorfold") / "scenes/shipped/glass-door.toml"
 
@@ -56,3 +57,20 @@ def test_files_keep_it_and_one_polarization_decides_nothing(seen, tmp_path):
     one = mf.fold(image.isel(polarization=0).drop_vars("polarization"))
     assert "passed" not in one["objects"]
     assert "thickness" not in one["mirrors"]
+
+
+def test_where_metal_would_serve_as_well_all_is_left_open(seen, monkeypatch):
+    scene, sweep, image = seen
+    monkeypatch.setattr(transparent, "AGAINST_METAL", np.inf)
+    found = mf.fold(image, sweep=sweep)
+    points = found["objects"].to_dataset()
+    asked = np.isfinite(points["passed"].values)
+    assert asked.sum() > 20
+    np.testing.assert_array_equal(points["passed"].values[asked], 0.5)
+    assert (points["decided"].values[asked] == "polarization").all()
+    assert points["confidence"].values[asked].max() <= 0.5
+    assert (points["wall"] == "").all()
+    assert "thickness" not in found["mirrors"]
+    score = mf.score(mf.fold(image, sweep=sweep, min_confidence=0.0), scene)
+    assert score.sides_doubtful == 1.0
+    assert score.sides_right is None

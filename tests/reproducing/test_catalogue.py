@@ -18,7 +18,7 @@ QUESTIONS = ("frequency", "bounces", "errors", "sparse")
 
 
 def test_all_that_was_published_and_all_questions_are_there():
-    assert {*PUBLISHED, *QUESTIONS, "scattering", "runtime", "convex"} == set(EXPERIMENTS)
+    assert {*PUBLISHED, *QUESTIONS, "scattering", "runtime", "convex", "semi-transparent"} == set(EXPERIMENTS)
     assert all(not EXPERIMENTS[name].source for name in QUESTIONS)
     assert all(EXPERIMENTS[name].source for name in PUBLISHED)
 

@@ -9,7 +9,7 @@ from mirrorfold.common.slabs import POLARIZATIONS, delay, shift, slab
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.tree.panes import Pairs, Pane, find_pane
-from mirrorfold.tree.transparent import incidence, placed
+from mirrorfold.tree.transparent import AGAINST_METAL, EVIDENCE, incidence, placed
 
 K = 2.0 * np.pi * np.linspace(117e9, 127e9, 15) / 299792458.0
 GLASS, THICKNESS = 5.79 - 0.17j, 6e-3
@@ -56,6 +56,27 @@ def test_a_mirror_of_metal_is_no_window():
     # Nor one whose objects prefer one polarization by a decibel.
     pane = find_pane(Pairs(wave, 0.9 * wave, angle, K, level, 5.0, 0.025))
     assert pane.against_metal < 5.0
+
+
+def test_many_objects_behind_metal_that_prefer_a_polarization_make_no_window():
+    """All by 2 dB, each by another decibel, at angles at which a thin pane lets both pass nearly alike."""
+    random = np.random.default_rng(2)
+    wave = random.standard_normal((36, K.size, 2)) @ np.array([1.0, 1.0j])
+    ratio = 10.0 ** ((2.0 + random.standard_normal((36, 1))) / 20.0)
+    angle = np.radians(np.linspace(16.0, 40.0, 36))
+    pane = find_pane(Pairs(wave, -ratio * wave, angle, K, np.full(36, 1e-4), 5.0, 0.025))
+    assert pane.against_metal < AGAINST_METAL
+
+
+def test_a_few_reflections_among_much_that_passed_are_no_metal():
+    """What passes a thin pane at small angles might be shown by metal; what it reflects at 38 degrees might not."""
+    angle = np.radians(np.append(np.linspace(16.0, 34.0, 30), np.linspace(37.0, 40.0, 5)))
+    passed = np.arange(35) < 30
+    pairs = echoes(passed, angle, eps=2.6 - 0.05j, thickness=5.7e-3)
+    pane = find_pane(pairs)
+    assert pane.evidence > EVIDENCE
+    assert pane.against_metal > AGAINST_METAL
+    np.testing.assert_array_equal(pairs.passed(pane) > 0.5, passed)
 
 
 def test_a_mirror_of_glass_alone_is_no_window():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
@@ -13,6 +15,9 @@ from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class InferredFact(Record):
@@ -58,6 +63,7 @@ def import_(
     parameter: str | None = None,
     reader: str | None = None,
     frame: int | Literal["mean"] | None = None,
+    polarization: str | None = None,
     guess: bool = False,
     image: str | None = None,
     x: str | None = None,
@@ -88,6 +94,10 @@ def import_(
         Format of the files, where it is not recognised.
     frame
         Of a recording with several frames the one to keep, or their mean.
+    polarization
+        What each file, folder or sweep was measured with, TE (E along the vertical axis) or TM (E in the floor plan):
+        `mirrorfold import te.nc tm.nc --polarization TE,TM -o both.nc` makes one sweep of two. The other options count
+        for each of them.
     guess
         Propose a mapping: print what was inferred, how sure, and the text.
     image
@@ -113,6 +123,8 @@ def import_(
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
         output_file(output, inputs=files)
+    if polarization is not None and (guess or image is not None):
+        raise InputError("--polarization is that of sweeps; leave it out, or --guess and --image")
     if guess:
         _guess(list(files), output, reader, json=json)
         return
@@ -129,10 +141,11 @@ def import_(
             found: Any = mf.import_image(files[0], **options, unit=unit, decibel=decibel, cell=cell)
         else:
             with progress("importing") as report:
-                found = mf.import_data(
-                    list(files), mapping=mapping, positions=positions, parameter=parameter, reader=reader,
+                read = partial(
+                    mf.import_data, mapping=mapping, positions=positions, parameter=parameter, reader=reader,
                     frame=frame, progress=report,
                 )  # fmt: skip
+                found = read(list(files)) if polarization is None else _polarized(files, polarization, read)
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
     named = [finding.what for finding in facts.get("findings", ())]
@@ -144,6 +157,33 @@ def import_(
         return
     show_info(facts.but(remarks=[]))
     show_files([output])
+
+
+def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Dataset]) -> xr.Dataset:
+    """One sweep of files that were measured with one polarization each, in the order of their names.
+
+    Raises
+    ------
+    InputError
+        If there is not one name for each file, or they do not fit together.
+    """
+    from mirrorfold.common.slabs import POLARIZATIONS
+    from mirrorfold.sweep.polarization import join_polarizations
+
+    names = [name.strip() for name in text.split(",")]
+    if not set(names) <= set(POLARIZATIONS) or len(set(names)) != len(names):
+        raise InputError(f"--polarization is {text!r}, expected TE, TM, or both in the order of the files, as TE,TM")
+    if len(names) != len(files):
+        raise InputError(
+            f"{len(files)} files are given and --polarization has {len(names)} of them, {text}; name one for each file"
+        )
+    sweeps = {name: read(file) for name, file in zip(names, files, strict=True)}
+    if len(names) > 1:
+        return join_polarizations(sweeps)
+    (sweep,) = sweeps.values()
+    if (said := sweep.attrs.get("polarization", names[0])) != names[0]:
+        raise InputError(f"{files[0]}: says of itself that its polarization is {said}, not {names[0]}; name that one")
+    return sweep.assign_attrs(polarization=names[0])
 
 
 def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:

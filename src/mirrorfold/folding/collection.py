@@ -120,6 +120,7 @@ def _objects(points: Points) -> xr.Dataset:
         data |= {
             "passed": ("point", points.passed.astype(np.float32), {"long_name": passed}),
             "wall": ("point", points.wall, {"long_name": "chain of the wall that it passed through"}),
+            "decided": ("point", points.decided, {"long_name": "by what: polarization, or geometry, which is a guess"}),
         }
     # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
     return xr.Dataset(data).set_coords(list(axes))
@@ -162,7 +163,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
-        if windows:
+        if any(window.pane is not None for window in windows):
             own |= _pane(mirror, windows)
         return own_place(mirror, folds[()]) | true | place | own
 

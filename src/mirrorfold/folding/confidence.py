@@ -91,6 +91,8 @@ def judged(points: Points, found: Found, shares: Shares | None = None) -> Points
             name = chain_name(node.chain)
             behind = (points.chain == name) | np.char.startswith(points.chain, f"{name}/")
             points.confidence[behind] *= mirror_confidence(points, name)
+    # A place that rests on whether an echo passed through a wall is no likelier than that.
+    points.confidence[:] = np.fmin(points.confidence, np.maximum(points.passed, 1.0 - points.passed))
     return _with_ghosts(points, found)
 
 
@@ -186,6 +188,6 @@ def _with_ghosts(points: Points, found: Found) -> Points:
         echoes.position, echoes.position, echoes.amplitude, np.maximum(echoes.noise, echoes.limit),
         np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
         np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
-        np.ones(len(echoes)), nothing, np.full(len(echoes), np.nan), nothing,
+        np.ones(len(echoes)), nothing, np.full(len(echoes), np.nan), nothing, nothing,
     )  # fmt: skip
     return joined(points, ghosts)

@@ -63,6 +63,8 @@ class Points:
         known to be transparent.
     wall : (n,) array of str
         The chain of the wall that it passed through; empty for all that did not.
+    decided : (n,) array of str
+        By what `passed` was found, "polarization" or "geometry", which is a guess; empty where it was not asked.
     """
 
     position: Array
@@ -80,6 +82,7 @@ class Points:
     caustic: Names
     passed: Array
     wall: Names
+    decided: Names
 
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
@@ -107,7 +110,7 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
     named = chains.astype(str), mirrors.astype(str)
     usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
     known = np.full_like(amplitude, np.nan), growth, caustic.astype(str)
-    unasked = np.full_like(amplitude, np.nan), np.full(amplitude.shape, "")
+    unasked = np.full_like(amplitude, np.nan), np.full(amplitude.shape, ""), np.full(amplitude.shape, "")
     points = Points(position, initial, amplitude, exceeded, bounces, *named, *usual, *known, *unasked)
     for window in windows:
         points = joined(_asked(points, window), _through(window, tree))
@@ -124,7 +127,12 @@ def _asked(points: Points, window: Window) -> Points:
     if not len(points.initial) or not len(window.tested):
         return points
     distance, nearest = cKDTree(window.tested).query(points.initial)
-    return replace(points, passed=np.where(distance < SAME, window.passed[nearest], points.passed))
+    asked = distance < SAME
+    return replace(
+        points,
+        passed=np.where(asked, window.passed[nearest], points.passed),
+        decided=np.where(asked, window.decided, points.decided),
+    )
 
 
 def _through(window: Window, tree: MirrorTree) -> Points:
@@ -147,6 +155,7 @@ def _through(window: Window, tree: MirrorTree) -> Points:
         caustic=np.full(count, ""),
         passed=window.probability,
         wall=np.full(count, chain or "?"),
+        decided=np.full(count, window.decided),
     )
 
 

@@ -84,7 +84,8 @@ class FoldSettings(Settings):
     )
     transparent: bool = setting(
         True,
-        "Whether, in images of two polarizations, echoes behind a wall may have passed through it.",
+        "Whether echoes behind a wall may have passed through it: told by two polarizations, guessed from geometry "
+        "with one.",
         kind="bool",
         label="half-transparent walls",
     )

@@ -129,7 +129,8 @@ def _import(
     if chosen is None or chosen.join is None:
         raise InputError(
             f"{len(paths)} files are given and nothing says how they belong together; import them one by one, or set "
-            "join in the mapping, or give --positions for a scan of one file for each position"
+            "join in the mapping, or give --positions for a scan of one file for each position, or --polarization "
+            "TE,TM for a file of each polarization"
         )
     return join(sweeps, chosen.join, [str(path) for path in paths])
 

@@ -173,6 +173,14 @@ _ALL = (
         "What a convex mirror adds to the field of view and what it costs in resolution and level; random scenes that "
         "nothing but a pillar shows, folded about the arc that was found.",
     ),
+    Experiment(
+        "semi-transparent",
+        "In the mirror or through it",
+        "The proposal of two polarizations",
+        "Random scenes with a half-transparent wall: which share of the echoes behind it is rightly taken for "
+        "reflected, or passed, with one polarization and with two, against incidence and noise; and where what passed "
+        "stands.",
+    ),
 )
 
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

@@ -164,7 +164,7 @@ def score(
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
         told = sides(objects, scene)
         asked: dict[str, Any] = {}
-        if told.right is not None:
+        if told.doubtful is not None:
             asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **asked)
     from mirrorfold.scoring import volumes

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal
 from mirrorfold.common.records import Number
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import CHORD, facets
 
@@ -26,9 +27,9 @@ class Sides(NamedTuple):
     Attributes
     ----------
     right : float or None
-        Share of them that are taken for reflected, or for passed, as they are; of those with a probability.
+        Share of them that are taken for reflected, or for passed, as they are; of those that are not doubtful.
     doubtful : float or None
-        Share of them with a probability between 0.1 and 0.9.
+        Share of those with a probability for which it is between 0.1 and 0.9.
     distance : float or None
         Median distance [m] of what passed from the surface that sent it.
     """
@@ -38,36 +39,85 @@ class Sides(NamedTuple):
     distance: Number = None
 
 
-def sides(objects: xr.Dataset, scene: Scene) -> Sides:
-    """The same for the points of a reconstruction; None where no wall was asked about.
+class Behind(NamedTuple):
+    """Echoes of a reconstruction behind half-transparent walls of which it is known what they are, (n,) each.
+
+    Attributes
+    ----------
+    initial : (n, 2) array [m]
+        Where the image shows them.
+    passed : array
+        Probability that they passed; NaN where that was not asked.
+    taken : bool array
+        Which are taken for passed ones: they are left where the image shows them, up to the delay of a wall.
+    truth : bool array
+        Which did pass.
+    incidence : array [rad]
+        Angle at which their line of sight meets the wall.
+    before, after : arrays [m]
+        Distance from the nearest thing in the image, and where they were put.
+    """
+
+    initial: Array
+    passed: Array
+    taken: Mask
+    truth: Mask
+    incidence: Array
+    before: Array
+    after: Array
+
+    def take(self, which: Mask) -> Behind:
+        """Some of them."""
+        return Behind._make(each[which] for each in self)
+
+
+def behind(objects: xr.Dataset, scene: Scene) -> Behind | None:
+    """What the points of a reconstruction are; None where there is no half-transparent wall, or nothing behind it.
 
     What an echo is follows from where the image shows it: near a thing, or near the mirror image of one.
     """
     walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
-    if "passed" not in objects or not walls:
-        return Sides()
-    asked = objects.isel(point=np.isfinite(objects["passed"].values) & (objects["surface"].values == "object"))
     others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
-    if not asked.sizes["point"] or not others:
-        return Sides()
-    things = np.concatenate(others)
-    initial = np.column_stack([asked["x_initial"], asked["y_initial"]])
+    own = objects["surface"].values == "object" if "surface" in objects else np.ones(objects.sizes["point"], dtype=bool)
+    if not walls or not others or not own.any():
+        return None
+    things, tree = np.concatenate(others), cKDTree(np.concatenate(others))
+    initial = np.column_stack([objects["x_initial"], objects["y_initial"]])[own]
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
-    behind, images = np.zeros(len(initial), dtype=bool), []
+    met, incidence, images = np.zeros(len(initial), dtype=bool), np.full(len(initial), np.nan), []
+    sight = (initial - radar) / np.linalg.norm(initial - radar, axis=1)[:, None]
     for start, end in np.concatenate([facets(wall, CHORD) for wall in walls]):
         along, place = crossing(radar, initial, start, end)
-        behind |= (along < 1.0) & (place >= 0.0) & (place <= 1.0)
-        images.append(reflect(things, start, segment_normal(start, end)))
-    shown = cKDTree(np.concatenate(images)).query(initial)[0]
-    there = cKDTree(things).query(initial)[0]
-    known = behind & (np.minimum(shown, there) < NEAR)
+        here, normal = (along < 1.0) & (place >= 0.0) & (place <= 1.0), segment_normal(start, end)
+        incidence[here] = np.arccos(np.clip(np.abs(sight[here] @ normal), 0.0, 1.0))
+        met |= here
+        images.append(reflect(things, start, normal))
+    shown, there = cKDTree(np.concatenate(images)).query(initial)[0], tree.query(initial)[0]
+    known = met & (np.minimum(shown, there) < NEAR)
     if not known.any():
+        return None
+    place = np.column_stack([objects["x"], objects["y"]])[own]
+    asked = objects["passed"].values[own] if "passed" in objects else np.full(len(initial), np.nan)
+    through = objects["chain"].values[own] == ""
+    after = tree.query(place)[0]
+    return Behind(initial, asked, through, there < shown, incidence, there, after).take(known)
+
+
+def doubted(passed: Array) -> Mask:
+    """Which echoes are left open by their probability to have passed, (n,)."""
+    return np.asarray((passed > 0.1) & (passed < 0.9))
+
+
+def sides(objects: xr.Dataset, scene: Scene) -> Sides:
+    """How often they are told apart; None where no wall was asked about."""
+    found = behind(objects, scene)
+    if found is None or not (asked := np.isfinite(found.passed)).any():
         return Sides()
-    passed, truth = asked["passed"].values[known], (there < shown)[known]
-    through = known & (there < shown) & (asked["wall"].values != "")
-    place = np.column_stack([asked["x"], asked["y"]])[through]
+    passed, truth, taken, after = found.passed[asked], found.truth[asked], found.taken[asked], found.after[asked]
+    through = truth & taken
+    doubtful = doubted(passed)
     return Sides(
-        right=float(np.mean((passed > 0.5) == truth)),
-        doubtful=float(np.mean((passed > 0.1) & (passed < 0.9))),
-        distance=float(np.median(cKDTree(things).query(place)[0])) if through.any() else None,
+        right=None if doubtful.all() else float(np.mean((passed > 0.5)[~doubtful] == truth[~doubtful])),
+        doubtful=float(doubtful.mean()),
+        distance=float(np.median(after[through])) if through.any() else None,
     )

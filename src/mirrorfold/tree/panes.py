@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import expit
+from scipy.special import expit, logsumexp
+from scipy.stats import norm
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.common.types import Array
@@ -44,8 +45,9 @@ MOST = 1.5
 MISMATCH = 0.1
 """Amplitude of what is not as the model says, over that of the echo: 20 dB, neighbours and side lobes."""
 
-OBJECT_DB = 2.0
-"""By so much an object behind a metal mirror may send one polarization back stronger than the other [dB]."""
+OBJECT_DB, ECHO_DB = 2.0, 1.0
+"""By so much what a metal mirror shows may send one polarization back stronger than the other [dB], all of it; and each
+echo beside that."""
 
 SHARED = 3.0
 """Neighbouring echoes share so much of their spectra: the windows that cut them out are six cells long and overlap."""
@@ -127,11 +129,18 @@ class Pairs:
     @property
     def with_metal(self) -> float:
         """The same for a metal mirror, whose objects may send one polarization back stronger than the other."""
-        # Of a ratio q of amplitudes near one, the misfit is (ln q / 2)^2.
-        unlike = (0.5 * np.log(10.0 ** (OBJECT_DB / 20.0))) ** 2
-        one = np.ones((1, 1, 1), dtype=complex)
-        likely = -self.independent * self._misfit(one, one)[0] / (MISMATCH**2 + self.noise + unlike)
-        return float(np.logaddexp(likely, self.other).sum())
+        te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
+        common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
+        # At its best ratio of amplitudes, the misfit is the smaller eigenvalue of their covariance.
+        least = 0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm))
+        ratio = 0.5 * np.log(tm / te)
+        # A ratio that is off by the factor exp(q) has a misfit of (q / 2)^2: the standard error of its logarithm.
+        variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
+        own = variance + (ECHO_DB / 20.0 * np.log(10.0)) ** 2
+        preferred = OBJECT_DB / 20.0 * np.log(10.0) * np.linspace(-3.0, 3.0, 61)[:, None]
+        each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
+        prior = norm.logpdf(np.linspace(-3.0, 3.0, 61))
+        return float(logsumexp(prior + np.logaddexp(each, self.other).sum(axis=-1)) - logsumexp(prior))
 
     def passed(self, pane: Pane) -> Array:
         """The probability of each echo that it passed through the wall instead of being reflected, (n,)."""

@@ -9,7 +9,7 @@ in each line of sight is a thing, and what lies behind it multiple scattering.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -44,6 +44,12 @@ this [degree]: walls that meet in a corner differ by far more."""
 ANGLE_STEP = 1e-3
 """Over which a delay is differentiated [rad]."""
 
+UNDECIDED = 0.5
+"""Probability where nothing tells."""
+
+BY_POLARIZATION, BY_GEOMETRY = "polarization", "geometry"
+"""By what it was decided which echoes passed through a wall; the latter is a guess."""
+
 
 @dataclass(frozen=True, eq=False)
 class Window:
@@ -52,7 +58,8 @@ class Window:
     Attributes
     ----------
     mirror : Mirror
-    pane : Pane
+    pane : Pane or None
+        None where geometry alone tells what passed, see `mirrorfold.tree.guessed`, or nothing tells.
     echoes : Echoes
         Those that passed through it.
     place : (n, 2) array [m]
@@ -63,15 +70,18 @@ class Window:
         Where all echoes behind the wall stand in the image ...
     passed : (m,) array
         ... and the probability of each that it passed.
+    decided : str
+        By what that was decided, `BY_POLARIZATION` or `BY_GEOMETRY`.
     """
 
     mirror: Mirror
-    pane: Pane
+    pane: Pane | None
     echoes: Echoes
     place: Array
     probability: Array
     tested: Array
     passed: Array
+    decided: str
 
 
 class Again(Protocol):
@@ -104,17 +114,25 @@ def find_transparent(
         window = look_through(found, view, images, index, mirror)
         if window is not None:
             windows.append(window)
+    return taken_out(found, windows, view, every, again)
+
+
+def taken_out(found: Found, windows: Sequence[Window], view: ImageView, every: Echoes, again: Again) -> Found:
+    """Steps 2 to 4 once more without what passed through windows; the same as before where there are none."""
     if not windows:
         return found
     gone = np.isin(_key(every), np.concatenate([_key(window.echoes) for window in windows]))
-    result = again(echoes=every.take(~gone))
+    result = again(echoes=every.take(~gone)) if gone.any() else found
     return result._replace(windows=tuple(_seen(_moved(window, result), view) for window in windows))
 
 
 def look_through(
     found: Found, view: ImageView, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
 ) -> Window | None:
-    """What is seen behind a mirror, sorted; None if nothing tells that it is transparent."""
+    """What is seen behind a mirror, sorted; None if nothing tells that it is transparent.
+
+    Where metal would serve as well, what is behind may be either: it is all taken for reflected, with doubt.
+    """
     echoes = found.echoes
     crossing = found.sight.crossing[index][echoes.direction]
     behind = echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range))
@@ -126,15 +144,16 @@ def look_through(
         return None
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
     pane = find_pane(pairs)
-    if pane.evidence < EVIDENCE or pane.against_metal < AGAINST_METAL:
+    if pane.evidence < EVIDENCE:
         return None
-    passed = pairs.passed(pane)[cell]
-    through = passed > 0.5
-    if not through.any():
-        return None
+    known = pane.against_metal >= AGAINST_METAL
+    passed = pairs.passed(pane)[cell] if known else np.full(len(echoes), UNDECIDED)
+    through = passed > UNDECIDED
     seen = echoes.take(through)
     place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
-    return Window(mirror, pane, seen, place, passed[through], echoes.position, passed)
+    return Window(
+        mirror, pane if known else None, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION
+    )
 
 
 def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:
@@ -224,5 +243,7 @@ def _moved(window: Window, found: Found) -> Window:
 def _seen(window: Window, view: ImageView) -> Window:
     """The window with the first things that are seen through it alone."""
     echoes = window.echoes
+    if not len(echoes):
+        return window
     clear: Mask = Cover.of(echoes, view).clear(echoes.range, echoes.direction, echoes.amplitude)
     return replace(window, echoes=echoes.take(clear), place=window.place[clear], probability=window.probability[clear])

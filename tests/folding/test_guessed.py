@@ -1,0 +1,63 @@
+"""A glass door with one polarization: geometry guesses what passed through it, says so, and claims no more."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mirrorfold as mf
+from mirrorfold.tree.guessed import GUESS, UNDECIDED
+
+ROUGH = {"rms_height": 0.1e-3, "correlation_length": 0.2e-3}
+DOOR = {"name": "door", "kind": "segment", "start": [0.0, 1.76], "end": [0.556, 1.023], "material": "glass",
+        "thickness": 6e-3, "roughness": {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}}  # fmt: skip
+ARC = {"name": "arc", "kind": "arc", "center": [0.508, 1.925], "radius": 0.18, "start_angle": -158.0,
+       "stop_angle": -20.0, "roughness": ROUGH}  # fmt: skip
+DISC = {"name": "disc", "kind": "circle", "center": [-0.65, 1.5], "radius": 0.08, "roughness": ROUGH}
+RADAR = {
+    "name": "one",
+    "array": {"elements": 81, "pitch": 1.15e-3},
+    "band": {"start": 116e9, "stop": 128e9, "points": 241},
+}
+GRID = {"x": np.arange(-1.0, 1.2, 0.006), "y": np.arange(0.5, 2.6, 0.006)}
+
+
+def folded(*surfaces, **settings):
+    scene = mf.parse_scene(RADAR | {"surface": list(surfaces)})
+    sweep = mf.simulate(scene, bounces=1, snr_db=20.0)
+    return mf.fold(mf.focus(sweep, tolerance=1e-3, **GRID), sweep=sweep, **settings)["objects"].to_dataset()
+
+
+@pytest.fixture(scope="module")
+def points():
+    """An arc behind the door, and before it a disc that the radar sees directly and in the door."""
+    return folded(DOOR, ARC, DISC)
+
+
+def test_what_would_stand_where_nothing_is_seen_is_guessed_to_have_passed(points):
+    through = points["wall"].values != ""
+    assert through.any()
+    assert (points["decided"].values[through] == "geometry").all()
+    np.testing.assert_allclose(points["passed"].values[through], GUESS)
+    assert (points["bounces"].values[through] == 0).all()
+    center = ARC["center"]
+    away = np.abs(np.hypot(points["x"].values - center[0], points["y"].values - center[1])[through] - ARC["radius"])
+    assert np.median(away) < 0.02
+    assert points["confidence"].values[through].max() <= GUESS + 1e-6
+
+
+def test_what_is_seen_directly_too_was_reflected(points):
+    """The disc's image in the door folds onto the disc."""
+    away = np.hypot(points["x"].values - DISC["center"][0], points["y"].values - DISC["center"][1])
+    shown = (away < 2.0 * DISC["radius"]) & (points["bounces"].values == 1) & np.isfinite(points["passed"].values)
+    assert shown.any()
+    assert (points["passed"].values[shown] <= UNDECIDED).all()
+    assert (points["wall"].values[shown] == "").all()
+
+
+def test_a_wall_that_shows_nothing_impossible_stays_a_mirror():
+    metal = {name: value for name, value in DOOR.items() if name not in ("material", "thickness")}
+    points = folded(metal, DISC)
+    assert (points["bounces"] == 1).any()
+    assert "passed" not in points
+    assert "passed" not in folded(DOOR, ARC, DISC, transparent=False)
