@@ -40,7 +40,7 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             beside = ((shown == mirror) & behind)[own]
             if not beside.any():
                 continue
-            thing = things(view, echoes.take(own))
+            thing = things(view, echoes.range[own], echoes.direction[own])
             reaches_on = np.bincount(thing, weights=~beside) > 0.0
             moved = own[~reaches_on[thing]]
             fold = fold_of(order.way(mirror), view.dimensions)

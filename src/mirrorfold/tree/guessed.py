@@ -1,9 +1,9 @@
 """In the mirror, or through it, where only one polarization was measured: a guess from geometry alone.
 
-What stands behind a wall in the image may be folded, or stand there. Geometry tells sometimes. Folded, a thing would
-stand where the radar itself looks and sees nothing: then it passed. Or it is seen directly where it would fold to, or
-by way of other mirrors at one of both places: then it stands there. Of most things geometry tells nothing. All echoes
-of a thing are decided together, and a wall that shows nothing which cannot be its reflection stays a mirror.
+What stands behind a wall in the image may be folded, or stand there. Geometry tells only if the same thing is seen
+otherwise, too: directly, for the wall ends before it, or by way of other mirrors, at one of both places. Then it stands
+there. That the radar sees nothing where it would fold to tells nothing: things may turn a smooth face to the mirror
+alone. All echoes of a thing are decided together, and a wall of which nothing is told stays a mirror.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from mirrorfold.tree.things import things
 from mirrorfold.tree.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, Again, Window, taken_out
 
 GUESS = 0.8
-"""Probability of what geometry tells. It is no more: an object may turn a smooth face to the mirror alone, and the
-radar then sees nothing where it stands."""
+"""Probability of what geometry tells. It is no more: two things may stand where a mirror would show one of them."""
 
 SAME_PLACE = 1.5
 """Two echoes show the same place up to so many resolution cells."""
@@ -62,30 +61,33 @@ def guess_transparent(found: Found, view: ImageView, every: Echoes, *, again: Ag
 
 
 def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chain, Fold]) -> Array:
-    """The probability of each echo behind a wall that it passed, (n,).
-
-    What stands behind the wall is shown there by no chain that begins with it, and not directly: what is seen beside
-    the wall's end belongs to the same thing.
-    """
-    echoes, chain = node.objects, node.chain
+    """The probability of each echo behind a wall that it passed, (n,)."""
+    echoes, chain, direct = node.objects, node.chain, found.tree.objects
     folded = folds[chain](echoes.position)
-    seen = {other.chain: folds[other.chain](other.objects.position) for other in found.tree.walk() if other is not node}
-    there = _shown(view, echoes.position, [seen[other] for other in seen if other and other[: len(chain)] != chain])
-    mirrored = _shown(view, folded, list(seen.values()))
-    range_, direction, inside = view.locate(folded)
-    empty = inside & (range_ < found.sight.open[direction]) if found.sight.open.size else np.zeros(len(echoes), bool)
-    thing = things(view, echoes)
+    ways = {other.chain: folds[other.chain](other.objects.position) for other in found.tree.walk() if other is not node}
+    # What stands behind the wall is shown there by no chain that begins with it.
+    there = _shown(view, echoes.position, [ways[other] for other in ways if other and other[: len(chain)] != chain])
+    mirrored = _shown(view, folded, list(ways.values()))
+    range_, direction = np.append(echoes.range, direct.range), np.append(echoes.direction, direct.direction)
+    thing = things(view, range_, direction)
+    of_direct = _cells(view, direct, thing[len(echoes) :], thing.max(initial=0) + 1)
+    thing = thing[: len(echoes)]
+    there |= (of_direct >= FEWEST)[thing]
     # Seen at both places, a thing tells nothing.
-    passed = _told(thing, (empty | there) & ~mirrored, view, echoes)
+    passed = _told(thing, there & ~mirrored, view, echoes)
     reflected = _told(thing, mirrored & ~there, view, echoes)
     return np.select([passed & ~reflected, reflected & ~passed], [GUESS, 1.0 - GUESS], UNDECIDED)
 
 
 def _told(thing: Index, told: Mask, view: ImageView, echoes: Echoes) -> Mask:
     """Echoes of things of which enough resolution cells are told of, (n,)."""
-    cell = np.unique(np.rint(view.in_cells(echoes.position)), axis=0, return_inverse=True)[1].ravel()
-    pairs = np.unique(np.stack([thing, cell])[:, told], axis=1)
-    return np.asarray((np.bincount(pairs[0], minlength=int(thing.max(initial=0)) + 1) >= FEWEST)[thing])
+    return np.asarray((_cells(view, echoes.take(told), thing[told], thing.max(initial=0) + 1) >= FEWEST)[thing])
+
+
+def _cells(view: ImageView, echoes: Echoes, thing: Index, count: int) -> Index:
+    """How many resolution cells each thing fills, (count,), by the things of its echoes, (n,)."""
+    filled = np.unique(np.column_stack([thing, np.rint(view.in_cells(echoes.position))]), axis=0)
+    return np.bincount(filled[:, 0].astype(np.intp), minlength=count)
 
 
 def _shown(view: ImageView, places: Array, seen: Sequence[Array]) -> Mask:
