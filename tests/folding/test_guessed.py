@@ -9,18 +9,19 @@ import mirrorfold as mf
 from mirrorfold.tree.guessed import GUESS, UNDECIDED
 
 ROUGH = {"rms_height": 0.1e-3, "correlation_length": 0.2e-3}
-DOOR = {"name": "door", "kind": "segment", "start": [0.0, 1.76], "end": [0.556, 1.023], "material": "glass",
+DOOR = {"name": "door", "kind": "segment", "start": [0.29, 1.376], "end": [0.556, 1.023], "material": "glass",
         "thickness": 6e-3, "roughness": {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}}  # fmt: skip
-SHORT = DOOR | {"start": [0.325, 1.329]}
-ARC = {"name": "arc", "kind": "arc", "center": [0.508, 1.925], "radius": 0.18, "start_angle": -158.0,
+ARC = {"name": "arc", "kind": "arc", "center": [0.6, 1.85], "radius": 0.18, "start_angle": -158.0,
        "stop_angle": -20.0, "roughness": ROUGH}  # fmt: skip
+CEILING = {"name": "ceiling", "kind": "segment", "start": [0.25, 2.3], "end": [0.75, 2.3],
+           "roughness": {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}}  # fmt: skip
 DISC = {"name": "disc", "kind": "circle", "center": [0.0, 1.1], "radius": 0.08, "roughness": ROUGH}
 RADAR = {
     "name": "one",
     "array": {"elements": 81, "pitch": 1.15e-3},
-    "band": {"start": 116e9, "stop": 128e9, "points": 241},
+    "band": {"start": 116e9, "stop": 128e9, "points": 301},
 }
-GRID = {"x": np.arange(-1.0, 1.2, 0.006), "y": np.arange(0.5, 2.6, 0.006)}
+GRID = {"x": np.arange(-0.6, 1.4, 0.006), "y": np.arange(0.5, 3.3, 0.006)}
 
 
 def folded(*surfaces, **settings):
@@ -31,11 +32,11 @@ def folded(*surfaces, **settings):
 
 @pytest.fixture(scope="module")
 def points():
-    """An arc of which the door covers one half, and before the door a disc that the radar sees directly and in it."""
-    return folded(SHORT, ARC, DISC)
+    """An arc behind the door that a mirror behind both shows, too, and before it a disc seen directly and in it."""
+    return folded(DOOR, ARC, CEILING, DISC)
 
 
-def test_what_goes_on_beside_the_wall_is_guessed_to_have_passed(points):
+def test_what_another_mirror_shows_behind_the_wall_is_guessed_to_have_passed(points):
     through = points["wall"].values != ""
     assert through.any()
     assert (points["decided"].values[through] == "geometry").all()
@@ -66,4 +67,4 @@ def test_a_wall_that_shows_nothing_impossible_stays_a_mirror():
     points = folded(metal, DISC)
     assert (points["bounces"] == 1).any()
     assert "passed" not in points
-    assert "passed" not in folded(SHORT, ARC, DISC, transparent=False)
+    assert "passed" not in folded(DOOR, ARC, CEILING, DISC, transparent=False)

@@ -1,9 +1,10 @@
 """In the mirror, or through it, where only one polarization was measured: a guess from geometry alone.
 
 What stands behind a wall in the image may be folded, or stand there. Geometry tells only if the same thing is seen
-otherwise, too: directly, for the wall ends before it, or by way of other mirrors, at one of both places. Then it stands
-there. That the radar sees nothing where it would fold to tells nothing: things may turn a smooth face to the mirror
-alone. All echoes of a thing are decided together, and a wall of which nothing is told stays a mirror.
+otherwise, too: by way of other mirrors at one of both places, or directly where it would fold to. Then it stands there.
+Two things tell nothing. That the radar sees nothing where it would fold to: things may turn a smooth face to the mirror
+alone. That it goes on beside the end of the wall: from one end of the array to the other, the end of a mirror moves
+before what it shows. All echoes of a thing are decided together, and a wall of which nothing is told stays a mirror.
 """
 
 from __future__ import annotations
@@ -62,17 +63,13 @@ def guess_transparent(found: Found, view: ImageView, every: Echoes, *, again: Ag
 
 def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chain, Fold]) -> Array:
     """The probability of each echo behind a wall that it passed, (n,)."""
-    echoes, chain, direct = node.objects, node.chain, found.tree.objects
+    echoes, chain = node.objects, node.chain
     folded = folds[chain](echoes.position)
     ways = {other.chain: folds[other.chain](other.objects.position) for other in found.tree.walk() if other is not node}
     # What stands behind the wall is shown there by no chain that begins with it.
     there = _shown(view, echoes.position, [ways[other] for other in ways if other and other[: len(chain)] != chain])
     mirrored = _shown(view, folded, list(ways.values()))
-    range_, direction = np.append(echoes.range, direct.range), np.append(echoes.direction, direct.direction)
-    thing = things(view, range_, direction)
-    of_direct = _cells(view, direct, thing[len(echoes) :], thing.max(initial=0) + 1)
-    thing = thing[: len(echoes)]
-    there |= (of_direct >= FEWEST)[thing]
+    thing = things(view, echoes.range, echoes.direction)
     # Seen at both places, a thing tells nothing.
     passed = _told(thing, there & ~mirrored, view, echoes)
     reflected = _told(thing, mirrored & ~there, view, echoes)
@@ -81,13 +78,9 @@ def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chai
 
 def _told(thing: Index, told: Mask, view: ImageView, echoes: Echoes) -> Mask:
     """Echoes of things of which enough resolution cells are told of, (n,)."""
-    return np.asarray((_cells(view, echoes.take(told), thing[told], thing.max(initial=0) + 1) >= FEWEST)[thing])
-
-
-def _cells(view: ImageView, echoes: Echoes, thing: Index, count: int) -> Index:
-    """How many resolution cells each thing fills, (count,), by the things of its echoes, (n,)."""
-    filled = np.unique(np.column_stack([thing, np.rint(view.in_cells(echoes.position))]), axis=0)
-    return np.bincount(filled[:, 0].astype(np.intp), minlength=count)
+    cell = np.unique(np.rint(view.in_cells(echoes.position)), axis=0, return_inverse=True)[1].ravel()
+    pairs = np.unique(np.stack([thing, cell])[:, told], axis=1)
+    return np.asarray((np.bincount(pairs[0], minlength=int(thing.max(initial=0)) + 1) >= FEWEST)[thing])
 
 
 def _shown(view: ImageView, places: Array, seen: Sequence[Array]) -> Mask:

@@ -103,7 +103,7 @@ def run(work: Work) -> Findings:
             "near Brewster's angle and are the same at normal incidence. So steep walls are the hard ones, where the "
             "difference is small; and at an angle well above Brewster's, TM is reflected as strongly as TE again.",
             "An image of one polarization alone says nothing of it. What geometry can say is said as a guess: the same "
-            "thing is seen directly, too, or in another mirror. Most things of these scenes are not, and all is taken "
+            "thing is seen behind the wall in another mirror, too. Most things of these scenes are not, and all is taken "
             "for reflected, as if the wall were opaque.",
             "Where one wall is taken for opaque, what stands behind it is folded to where nothing is. That is what "
             "the rows of the table differ in.",
@@ -243,7 +243,7 @@ def _claims(numbers: dict[str, float | None], scenes: int) -> tuple[Claim, ...]:
             measured=f"{_percent(numbers['right_one'])} with what geometry guesses, "
             f"{_percent(numbers['right_opaque'])} if all is taken for reflected",
             verdict="new",
-            why="Geometry decides only what is seen a second time, directly or in another mirror.",
+            why="Geometry decides only what is seen a second time, in another mirror.",
         ),
         Claim(
             claim="Where does that stand which passed?",
