@@ -55,9 +55,10 @@ test-quick: $(READY) ## run the tests that take no more than a second each
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
 	$(PYTHON) -m pytest $(SHARED) -m "not timing" --hypothesis-profile=nightly
 
+# Old versions use what the newest ones of their own dependencies have deprecated.
 test-lowest: | $(UV_FILE) ## run the quick tests with the oldest versions that pyproject.toml allows, in .venv-lowest
 	$(call INSTALLED,.venv-lowest,3.11,lowest-direct)
-	.venv-lowest/bin/python -m pytest $(SHARED) -m "not slow and not timing"
+	.venv-lowest/bin/python -m pytest $(SHARED) -m "not slow and not timing" -W ignore::DeprecationWarning
 
 test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there are, in .venv-newest
 	$(call INSTALLED,.venv-newest,>=3.11,highest)

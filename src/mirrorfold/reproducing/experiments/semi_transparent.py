@@ -103,8 +103,8 @@ def run(work: Work) -> Findings:
             "near Brewster's angle and are the same at normal incidence. So steep walls are the hard ones, where the "
             "difference is small; and at an angle well above Brewster's, TM is reflected as strongly as TE again.",
             "An image of one polarization alone says nothing of it. What geometry can say is said as a guess: "
-            "another mirror shows the same thing behind the wall, too. These scenes have few mirrors, and nearly all is "
-            "taken for reflected, as if the wall were opaque.",
+            "another mirror shows the same thing behind the wall, too. These scenes have few mirrors, and nearly all "
+            "is taken for reflected, as if the wall were opaque.",
             "Where one wall is taken for opaque, what stands behind it is folded to where nothing is. That is what "
             "the rows of the table differ in.",
         ),
