@@ -50,6 +50,22 @@ def test_links_lead_to_files_and_headings(page):
         assert not anchor or anchor in anchors(led), f"{page.name} leads to {target}, and no heading is called so"
 
 
+def test_what_pages_show_as_toml_is_toml():
+    shown = [
+        (page, block)
+        for page in PAGES
+        for block in re.findall(
+            r"^```toml\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+        )
+    ]
+    assert len(shown) > 5
+    for page, block in shown:
+        try:
+            tomllib.loads(block)
+        except tomllib.TOMLDecodeError as error:
+            pytest.fail(f"{page.name}: {error} in\n{block}")
+
+
 def test_the_glossary_has_the_words_of_commands_and_files():
     text = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
     words = {
