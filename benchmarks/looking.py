@@ -79,12 +79,12 @@ def main() -> None:
 
             def ask(i: int) -> None:
                 body = json.dumps({"mirrors": moved(i).tolist()}).encode()
-                headers = {"Content-Type": "application/json", TOKEN_HEADER: server.token}
+                headers = {"Content-Type": "application/json", TOKEN_HEADER: server.token, "Cookie": server.cookie}
                 request = urllib.request.Request(f"{server.address}api/fold", data=body, headers=headers)
                 json.loads(urllib.request.urlopen(request).read())
 
             row("live page, mirror moved: request to answer", ask)
-            browsed = in_browser(server.address)
+            browsed = in_browser(server.link())
             if browsed:
                 table.add_row("live page, mirror moved: hand to picture", *(f"{t:.0f}" for t in browsed), "")
             server.shutdown()
