@@ -7,6 +7,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.tree import transparent
@@ -73,4 +74,14 @@ def test_where_metal_would_serve_as_well_all_is_left_open(seen, monkeypatch):
     assert "thickness" not in found["mirrors"]
     score = mf.score(mf.fold(image, sweep=sweep, min_confidence=0.0), scene)
     assert score.sides_doubtful == 1.0
+    assert score.sides_right is None
+
+
+def test_points_of_other_methods_need_no_more_than_places(seen):
+    scene, sweep, image = seen
+    found = mf.fold(image, sweep=sweep)
+    points = found["objects"].to_dataset()
+    found["/objects"] = xr.DataTree(points[["x", "y", "bounces", "confidence"]])
+    score = mf.score(found, scene)
+    assert score.points == points.sizes["point"]
     assert score.sides_right is None

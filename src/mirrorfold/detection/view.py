@@ -165,6 +165,12 @@ class View(ABC):
         angle = self.width(range_) / np.maximum(range_, self.dr)
         return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
 
+    def cell_numbers(self, points: Array) -> Index:
+        """In which of the resolution cells that they fill points (n, d) stand, (n,), from zero."""
+        if not len(points):
+            return np.zeros(0, dtype=np.intp)
+        return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
+
     @property
     def dimensions(self) -> int:
         """2 for the floor plan, 3 for space."""

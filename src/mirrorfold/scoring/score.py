@@ -73,10 +73,13 @@ class PlanScore(PlanFigures, Mirrors):
     hidden: HiddenPlan
     surfaces: dict[str, PlanFigures] = fact("each hidden surface by itself")
     sides_right: Number = fact(
-        "share of the echoes behind half-transparent walls that are rightly taken for reflected, or passed",
+        "share of the echoes behind half-transparent walls, but the doubtful, that are rightly taken for reflected, or "
+        "passed",
         default=LEFT_OUT,
     )
-    sides_doubtful: Number = fact("share of them with a probability between 0.1 and 0.9", default=LEFT_OUT)
+    sides_doubtful: Number = fact(
+        "share of these echoes whose probability to have passed is between 0.1 and 0.9", default=LEFT_OUT
+    )
     passed_m: Number = fact("median distance from the truth of what passed through them", default=LEFT_OUT)
     files: list[str] = fact("what was written", default=LEFT_OUT)
 

@@ -20,6 +20,9 @@ NEAR = 0.06
 SPACING = 0.002
 """Surfaces are sampled this densely [m]."""
 
+NEEDED = {"x_initial", "y_initial", "surface", "chain"}
+"""Columns without which nothing can be said; methods of others may leave them out."""
+
 
 class Sides(NamedTuple):
     """What a reconstruction makes of echoes behind half-transparent walls.
@@ -72,14 +75,17 @@ class Behind(NamedTuple):
 
 
 def behind(objects: xr.Dataset, scene: Scene) -> Behind | None:
-    """What the points of a reconstruction are; None where there is no half-transparent wall, or nothing behind it.
+    """What the points of a reconstruction are; None where there is no half-transparent wall, or nothing
+    behind it, or the points do not say where the image shows them.
 
     What an echo is follows from where the image shows it: near a thing, or near the mirror image of one.
     """
     walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
     others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
-    own = objects["surface"].values == "object" if "surface" in objects else np.ones(objects.sizes["point"], dtype=bool)
-    if not walls or not others or not own.any():
+    if not walls or not others or not set(objects.variables) >= NEEDED:
+        return None
+    own = objects["surface"].values == "object"
+    if not own.any():
         return None
     things, tree = np.concatenate(others), cKDTree(np.concatenate(others))
     initial = np.column_stack([objects["x_initial"], objects["y_initial"]])[own]

@@ -170,7 +170,7 @@ def behind(view: ImageView, echoes: Echoes, arc: ArcMirror) -> Mask:
 
 def filled_cells(view: ImageView, echoes: Echoes) -> int:
     """Resolution cells of the image in which echoes stand."""
-    return len(np.unique(np.rint(view.in_cells(echoes.position)), axis=0)) if len(echoes) else 0
+    return int(view.cell_numbers(echoes.position).max(initial=-1)) + 1
 
 
 def known_places(found: Found, view: ImageView, arcs: Sequence[ArcMirror]) -> Array:

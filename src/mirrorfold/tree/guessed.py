@@ -78,8 +78,7 @@ def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chai
 
 def _told(thing: Index, told: Mask, view: ImageView, echoes: Echoes) -> Mask:
     """Echoes of things of which enough resolution cells are told of, (n,)."""
-    cell = np.unique(np.rint(view.in_cells(echoes.position)), axis=0, return_inverse=True)[1].ravel()
-    pairs = np.unique(np.stack([thing, cell])[:, told], axis=1)
+    pairs = np.unique(np.stack([thing, view.cell_numbers(echoes.position)])[:, told], axis=1)
     return np.asarray((np.bincount(pairs[0], minlength=int(thing.max(initial=0)) + 1) >= FEWEST)[thing])
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit, logsumexp
-from scipy.stats import norm
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.common.types import Array
@@ -137,9 +136,9 @@ class Pairs:
         # A ratio that is off by the factor exp(q) has a misfit of (q / 2)^2: the standard error of its logarithm.
         variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
         own = variance + (ECHO_DB / 20.0 * np.log(10.0)) ** 2
-        preferred = OBJECT_DB / 20.0 * np.log(10.0) * np.linspace(-3.0, 3.0, 61)[:, None]
+        sigmas = np.linspace(-3.0, 3.0, 61)
+        preferred, prior = OBJECT_DB / 20.0 * np.log(10.0) * sigmas[:, None], -0.5 * sigmas**2
         each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
-        prior = norm.logpdf(np.linspace(-3.0, 3.0, 61))
         return float(logsumexp(prior + np.logaddexp(each, self.other).sum(axis=-1)) - logsumexp(prior))
 
     def passed(self, pane: Pane) -> Array:

@@ -158,9 +158,7 @@ def look_through(
 
 def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:
     """The brightest echo of each resolution cell, (m,), and the cell of each echo, (n,)."""
-    if not len(echoes):
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-    cell = np.unique(np.rint(view.in_cells(echoes.position)), axis=0, return_inverse=True)[1].ravel()
+    cell = view.cell_numbers(echoes.position)
     order = np.lexsort([-echoes.amplitude, cell])
     return order[np.unique(cell[order], return_index=True)[1]], cell
 

@@ -17,7 +17,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.hall import ELEMENTS, PITCH, RADIUS, START, STOP
 from mirrorfold.reproducing.parts.point_image import PointImage
-from mirrorfold.reproducing.parts.scenes import plan_scene, shipped_plan
+from mirrorfold.reproducing.parts.scenes import plan_scene, random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import draw
 
@@ -268,7 +268,6 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
 def _claims(numbers: dict[str, float], scenes: int) -> tuple[Claim, ...]:
     """View gained, resolution and level lost, and what it is good for."""
     gained, off = numbers["shown_deg"] / numbers["seen_deg"], numbers["growth_off_most"]
-    many = f"{scenes} random scenes" if scenes > 1 else "one random scene"
     return (
         Claim(
             claim="A convex mirror shows more of the room than a flat one.",
@@ -301,8 +300,9 @@ def _claims(numbers: dict[str, float], scenes: int) -> tuple[Claim, ...]:
         Claim(
             claim="Does a pillar that nobody knows of show what is hidden?",
             source="",
-            measured=f"hidden F-score within 1.5 grown cells {numbers['f_cells_curved']:.2f} in the mean over {many}, "
-            f"{numbers['f_cells_curved_least']:.2f} at least; without curved mirrors {numbers['f_cells_flat']:.2f}",
+            measured=f"hidden F-score within 1.5 grown cells {numbers['f_cells_curved']:.2f} in the mean over "
+            f"{random_scenes(scenes)}, {numbers['f_cells_curved_least']:.2f} at least; without curved mirrors "
+            f"{numbers['f_cells_flat']:.2f}",
             verdict="new",
             why="From the sweep alone. In these scenes nothing but the pillar shows what is hidden.",
         ),

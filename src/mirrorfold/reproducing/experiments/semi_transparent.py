@@ -20,7 +20,7 @@ from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
-from mirrorfold.reproducing.parts.scenes import shipped_plan
+from mirrorfold.reproducing.parts.scenes import random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring.transparent import behind, doubted
@@ -160,7 +160,7 @@ def _ratios(images: xr.DataArray, places: Array) -> Array:
     return np.asarray(to_db(level["TM"] / level["TE"]))
 
 
-def gathered(rows: Sequence[dict[str, Any]], name: str, method: str, snr: float = SNR_DB) -> Array:
+def _gathered(rows: Sequence[dict[str, Any]], name: str, method: str, snr: float = SNR_DB) -> Array:
     """A column of all echoes of all scenes, by one method at one SNR [dB]."""
     found = [row.get(name, []) for row in rows if row["method"] == method and row["snr_db"] == snr]
     return np.concatenate([np.asarray(each, dtype=float) for each in found])
@@ -168,7 +168,7 @@ def gathered(rows: Sequence[dict[str, Any]], name: str, method: str, snr: float 
 
 def _decided(rows: Sequence[dict[str, Any]], method: str, snr: float = SNR_DB) -> Array:
     """What was rightly decided, of all echoes that are not doubtful."""
-    return gathered(rows, "right", method, snr)[gathered(rows, "doubtful", method, snr) == 0.0]
+    return _gathered(rows, "right", method, snr)[_gathered(rows, "doubtful", method, snr) == 0.0]
 
 
 def _mean(values: Array) -> float | None:
@@ -178,7 +178,7 @@ def _mean(values: Array) -> float | None:
 
 def _numbers(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> dict[str, float | None]:
     """What the claims rest on."""
-    numbers: dict[str, float | None] = {"echoes": float(gathered(rows, "right", "two").size)}
+    numbers: dict[str, float | None] = {"echoes": float(_gathered(rows, "right", "two").size)}
     for method in METHODS:
         scores = [row for row in rows if row["method"] == method and row["snr_db"] == SNR_DB]
         numbers |= {
@@ -189,12 +189,12 @@ def _numbers(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> dict[st
             f"hidden_f_cells_least_{method}": float(np.min([row["hidden_f_cells"] for row in scores])),
         }
     for method in ("one", "two"):
-        numbers[f"doubtful_{method}"] = _mean(gathered(rows, "doubtful", method))
+        numbers[f"doubtful_{method}"] = _mean(_gathered(rows, "doubtful", method))
         numbers |= {
             f"right_{method}_snr_{snr:.0f}_db".replace("-", "minus_"): _mean(_decided(rows, method, snr))
             for snr in noises
         }
-    before, after = (gathered(rows, name, "two") for name in ("before_m", "after_m"))
+    before, after = (_gathered(rows, name, "two") for name in ("before_m", "after_m"))
     numbers["passed_before_m"] = float(np.median(before)) if before.size else None
     numbers["passed_after_m"] = float(np.median(after)) if after.size else None
     by_angle = [share for _, share in _classes(rows, "two")]
@@ -204,8 +204,8 @@ def _numbers(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> dict[st
 
 def _classes(rows: Sequence[dict[str, Any]], method: str) -> list[tuple[float, float]]:
     """Middle of each class of incidence [degree] with enough echoes, and the share that is right."""
-    decided = gathered(rows, "doubtful", method) == 0.0
-    angle, right = (gathered(rows, name, method)[decided] for name in ("incidence_deg", "right"))
+    decided = _gathered(rows, "doubtful", method) == 0.0
+    angle, right = (_gathered(rows, name, method)[decided] for name in ("incidence_deg", "right"))
     found = []
     for low, high in pairwise(ANGLES):
         within = (angle >= low) & (angle < high)
@@ -225,13 +225,12 @@ def _millimetres(length: float | None) -> str:
 def _claims(numbers: dict[str, float | None], scenes: int) -> tuple[Claim, ...]:
     """The proposal, what one polarization can tell, places, and what it is good for."""
     two = numbers["right_two"] or 0.0
-    many = f"{scenes} random scenes" if scenes > 1 else "one random scene"
     return (
         Claim(
             claim="Two polarizations tell what a wall reflects from what passes through it.",
             source="The proposal of two polarizations",
             measured=f"{_percent(numbers['doubtful_two'])} of {numbers['echoes']:.0f} echoes behind the walls of "
-            f"{many} are left open, and {_percent(two)} of the others are decided rightly",
+            f"{random_scenes(scenes)} are left open, and {_percent(two)} of the others are decided rightly",
             verdict="agrees" if two >= ASKED else "differs",
             why=f"At an SNR of {SNR_DB:g} dB and incidence of 20 to 70 degrees, from the sweep alone. It agrees from "
             f"{_percent(ASKED)} on. Left open are probabilities from 0.1 to 0.9; of a wall that is not found, "
@@ -291,8 +290,8 @@ def _data(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> xr.Dataset
         for method in ("one", "two")
     }  # fmt: skip
     units = {"right": "1", "truth": "1", "incidence_deg": "degree", "ratio_db": "dB"}
-    echoes = {name: ("echo", gathered(rows, name, "two"), {"units": unit}) for name, unit in units.items()}
-    places = {name: ("passed", gathered(rows, name, "two"), {"units": "m"}) for name in ("before_m", "after_m")}
+    echoes = {name: ("echo", _gathered(rows, name, "two"), {"units": unit}) for name, unit in units.items()}
+    places = {name: ("passed", _gathered(rows, name, "two"), {"units": "m"}) for name in ("before_m", "after_m")}
     attrs = {"simulator": "rays", "family": FAMILY, "start_hz": START, "stop_hz": STOP}
     return xr.Dataset(shares | echoes | places, {"snr": ("snr", list(noises), {"units": "dB"})}, attrs)
 
@@ -316,7 +315,7 @@ def _ratio_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
     degrees = np.linspace(15.0, 75.0, 121)
-    angle, ratio, truth = (gathered(rows, name, "two") for name in ("incidence_deg", "ratio_db", "truth"))
+    angle, ratio, truth = (_gathered(rows, name, "two") for name in ("incidence_deg", "ratio_db", "truth"))
     for passed, colour, name in ((False, "#0072B2", "reflected"), (True, "#D55E00", "passed")):
         axes.fill_between(degrees, *_band_of(np.radians(degrees), int(passed)), color=colour, alpha=0.2, linewidth=0)
         own = truth == passed
@@ -352,7 +351,7 @@ def _places_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     axes = figure.subplots()
     for name, colour, label in (("before_m", "0.5", "in the image"), ("after_m", "#D55E00", "corrected")):
-        distance = np.sort(gathered(rows, name, "two"))
+        distance = np.sort(_gathered(rows, name, "two"))
         axes.step(1e3 * distance, (np.arange(distance.size) + 1.0) / max(distance.size, 1), color=colour, label=label)
     axes.set(xlabel="distance from the truth [mm]", ylabel="share of what passed", xlim=(0.0, 40.0), ylim=(0.0, 1.0))
     axes.legend(fontsize=8)

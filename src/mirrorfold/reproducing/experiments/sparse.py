@@ -13,6 +13,7 @@ from scipy.sparse.linalg import lsqr
 import mirrorfold as mf
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
+from mirrorfold.reproducing.parts.scenes import random_scenes
 from mirrorfold.reproducing.parts.sparse_figures import draw_example, draw_quality, draw_unexplained
 from mirrorfold.reproducing.parts.sparse_imaging import Channels, Measurement, Modes, Samples, random_channels
 from mirrorfold.reproducing.parts.sparse_imaging import sparse_reflectivity as solve
@@ -311,7 +312,7 @@ def _figures(
         "quality": (
             draw_quality(data),
             "Quality of what is hidden against the share of the measurement that is made; mean and standard error over "
-            f"{_scenes(setting)} of each family. Grey: all channels.",
+            f"{random_scenes(len(setting.seeds))} of each family. Grey: all channels.",
         )
     }
     if EXAMPLE[1] in setting.shares:
@@ -341,7 +342,7 @@ def _tables(data: xr.Dataset, setting: Setting) -> tuple[Table, ...]:
                     at = {"family": family, "kind": kind, "share": share, "imaging": method}
                     cells = [_with_error(data[name].sel(at)) for name in MEASURES]
                     rows.append([family, kind, f"{100 * share:.0f}", method, *cells])
-    title = f"Means and standard errors over {_scenes(setting)} of each family"
+    title = f"Means and standard errors over {random_scenes(len(setting.seeds))} of each family"
     return (Table(title=title, columns=columns, rows=rows),)
 
 
@@ -351,9 +352,3 @@ def _with_error(values: xr.DataArray) -> str:
     if values.size < 2:
         return f"{mean:.2f}"
     return f"{mean:.2f} ± {float(values.std(ddof=1)) / np.sqrt(values.size):.2f}"
-
-
-def _scenes(setting: Setting) -> str:
-    """How many there are."""
-    count = len(setting.seeds)
-    return f"{count} random scenes" if count > 1 else "one random scene"

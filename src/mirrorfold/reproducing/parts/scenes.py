@@ -29,6 +29,11 @@ def plan_scene(content: dict[str, Any]) -> Scene:
     return _flat(mf.parse_scene(content))
 
 
+def random_scenes(count: int) -> str:
+    """So many random scenes, in words."""
+    return f"{count} random scenes" if count > 1 else "one random scene"
+
+
 def _path(name: str) -> str:
     return str(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml"))
 
