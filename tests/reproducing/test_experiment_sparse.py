@@ -87,3 +87,8 @@ def test_pictures_have_labelled_axes(found):
     for figure, caption in found.figures.values():
         assert caption.endswith(".")
         assert any(ax.get_xlabel() for ax in figure.axes)
+
+
+def test_the_example_is_kept_with_its_points(found):
+    kept = found.data["sparse"]
+    assert kept["objects"]["x"].dims == kept["objects"]["y"].dims == ("point",)
