@@ -38,6 +38,7 @@ WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
     ),
     "mixed paths and late echoes": ({"misplaced": lambda echoes, **named: np.full(len(echoes), "")}, {}),
     "copies": ({}, {"copies": False}),
+    "rough walls": ({}, {"rough_walls": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),
 }
 """For each part functions that do nothing in its place, where steps 2 to 4 call it, and settings."""

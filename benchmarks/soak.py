@@ -191,12 +191,14 @@ def kills(ground: Ground, quick: bool, chance: random.Random) -> Trial:
     trial = Trial("kills")
     early = 0
     for verb, (line, names) in VERBS.items():
-        new, old = ground.folder / f"new-{len(verb)}-{verb.split()[0]}", ground.folder / "old"
-        new.mkdir()
+        new, old, target = (ground.folder / name for name in ("new", "old", "out"))
+        shutil.rmtree(new, ignore_errors=True)
+        shutil.rmtree(target, ignore_errors=True)
+        target.mkdir()
         started = time.perf_counter()
-        assert ground.run(line.format(new.name)) == 0, f"failed: {line}"
+        assert ground.run(line.format(target.name)) == 0, f"failed: {line}"
         length = time.perf_counter() - started
-        target = ground.folder / "out"
+        target.rename(new)  # made where the killed ones are: pages of results tell the command that made them
         for _ in range(2 if quick else 20):
             for folder in (old, target):
                 shutil.rmtree(folder, ignore_errors=True)

@@ -76,6 +76,13 @@ class FoldSettings(Settings):
         kind="bool",
         label="copies are left out",
     )
+    rough_walls: bool = setting(
+        True,
+        "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
+        "another wall and back.",
+        kind="bool",
+        label="twice scattered echoes are left out",
+    )
     curved: bool = setting(
         True,
         "Whether, in images, arcs are mirrors behind which the image shows what an opaque thing cannot.",
@@ -109,6 +116,7 @@ PRESETS = {
         wall_margin=0.0,
         opaque=False,
         copies=False,
+        rough_walls=False,
         curved=False,
         transparent=False,
         min_confidence=0.0,

@@ -19,6 +19,7 @@ from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.ordering import Order, order_mirrors
+from mirrorfold.tree.rough_walls import SCATTERED, scattered
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -66,6 +67,8 @@ def find_tree(
         clear = sight.clear(echoes)
         if repeated:
             explanation[index[clear & copies(order, seen)]] = COPY
+        if settings.rough_walls:
+            explanation[index[clear & scattered(order, seen)]] = SCATTERED
         new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
             explanation[index[new]] = explain(echoes.take(new))

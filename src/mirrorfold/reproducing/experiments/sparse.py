@@ -221,7 +221,7 @@ def _example_data(example: dict[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {
         in_a_word(name): xr.DataTree(
             one["initial"].to_dataset()[["initial"]].drop_attrs(),
-            children={"objects": xr.DataTree(one["objects"].to_dataset(inherit=False))},
+            children={"objects": xr.DataTree(one.children["objects"].to_dataset(inherit=False))},
         )
         for name, one in example.items()
     }

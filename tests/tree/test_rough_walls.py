@@ -1,0 +1,73 @@
+"""What a rough wall scatters towards another wall and back is no thing that stands between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import RANGE_CELL, build_tree, diffuse, radar_view, together
+
+from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
+from mirrorfold.detection.image_echoes import find_ridges
+
+ROUGH = np.array([0.2, 1.0]), np.array([1.0, 1.1])
+"""The wall that the radar looks at askew."""
+
+OTHER = np.array([0.6, 0.39]), np.array([1.5, 0.45])
+"""The wall before it, of which the radar sees the image only."""
+
+WEAKER = 0.3
+"""What is scattered twice, of what is scattered once."""
+
+REACH = 0.5 * RANGE_CELL
+
+
+def seen_in(wall, points):
+    return reflect(points, wall[0], segment_normal(*wall))
+
+
+def scattered(places):
+    """Where the image shows places of the rough wall once more, when the other wall has sent their waves back."""
+    distance = np.abs(signed_distance(places, OTHER[0], segment_normal(*OTHER)))
+    return places * (1.0 + distance / np.linalg.norm(places, axis=1))[:, None]
+
+
+def found(*parts, **settings):
+    """Nodes of the tree of a scene of both walls and more: the view, the rough wall, the other one in it."""
+    face, image = diffuse(*ROUGH, 0), diffuse(*(seen_in(ROUGH, end) for end in OTHER), 1)
+    view = radar_view(*together(face, image, *parts), noise=1e-3)
+    tree, _ = build_tree(find_ridges(view), view, opaque=False, **settings)
+    return list(tree.walk())
+
+
+def shown(nodes):
+    """Where the image shows all that is found, but the rough wall and the other one in it."""
+    assert [node.chain for node in nodes[:3]] == [(), (0,), (0, 0)]
+    points = [node.objects.position for node in nodes] + [node.face.position for node in nodes[3:]]
+    return np.concatenate(points)
+
+
+def near(points, places, reach=REACH):
+    """Which of the places have a point near them."""
+    return np.linalg.norm(points[:, None] - places, axis=-1).min(axis=0, initial=np.inf) < reach
+
+
+@pytest.fixture(scope="module")
+def twice():
+    """Places of the rough wall, whose waves the other wall sends back."""
+    places, amplitude = diffuse([0.6, 1.05], ROUGH[1], 0)
+    return scattered(places), WEAKER * np.abs(amplitude) * amplitude / np.sqrt(2.0)
+
+
+def test_it_is_seen_where_nothing_stands(twice):
+    assert near(shown(found(twice, rough_walls=False)), twice[0]).mean() > 0.5
+    assert near(shown(found(twice)), twice[0]).mean() < 0.05
+
+
+def test_what_stands_between_the_walls_stays(twice):
+    thing = seen_in(ROUGH, np.array([[0.8, 0.8], [1.0, 0.7]]))
+    assert near(shown(found(twice, (thing, np.full(2, 40.0 + 0j)))), thing).all()
+
+
+def test_it_is_no_wall_either(twice):
+    """As it lies in a row, it would pass for one."""
+    assert len(found(twice, rough_walls=False)) > len(found(twice)) == len(found()) == 3
