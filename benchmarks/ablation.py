@@ -27,6 +27,7 @@ from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion
+from mirrorfold.tree.half_shadows import Hems
 
 WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
     "(all parts)": ({}, {}),
@@ -37,6 +38,7 @@ WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
         {},
     ),
     "mixed paths and late echoes": ({"misplaced": lambda echoes, **named: np.full(len(echoes), "")}, {}),
+    "half-shadows": ({"half_shadows": lambda *given, **named: Hems.nothing()}, {}),
     "copies": ({}, {"copies": False}),
     "rough walls": ({}, {"rough_walls": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),

@@ -39,7 +39,7 @@ from mirrorfold.focusing.scans import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
-from mirrorfold.folding.earlier import initial_image, known_places, known_shares
+from mirrorfold.folding.earlier import initial_image, known_hems, known_places, known_shares
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.memory import fold_parts
 from mirrorfold.folding.pictures import Grid
@@ -50,8 +50,10 @@ from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarized
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.guessed import guess_transparent
+from mirrorfold.tree.half_shadows import Hems, half_shadows
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
+from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.rounds import agreed, find_tree
 from mirrorfold.tree.transparent import find_transparent
 
@@ -179,10 +181,12 @@ class FoldPlan:
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
         self._ghosts = known_places(image) if isinstance(image, xr.DataTree) and sweep is None else None
         self._shares = known_shares(image) if isinstance(image, xr.DataTree) and sweep is None else None
+        self._hems = known_hems(image) if isinstance(image, xr.DataTree) and sweep is None else None
         # One antenna hears an echo from where it sent it to.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
         self._tested: Known = {}
+        self._beside: dict[tuple[float, ...], float] = {}
         # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
@@ -262,17 +266,21 @@ class FoldPlan:
             echoes, walls = self._shown_walls(chosen, settings)
         elsewhere: Callable[[Echoes], Names] | None = None
         share: Callable[[Array, Array], Array] | None = None
+        beside: Callable[[Order, Echoes], Hems] | None = None
         if isinstance(view, ImageView) and not settings.published:
             if self._sweep is not None:
                 elsewhere = partial(misplaced, sweep=self._sweep, view=view, known=self._tested)
                 share = partial(confocal, sweep=self._sweep, view=view, known=self._tested)
-            elif self._ghosts is not None:
+                beside = partial(half_shadows, sweep=self._sweep, known=self._beside)
+            if self._hems is not None:
+                beside = partial(_as_known, self._hems)
+            if self._ghosts is not None:
                 elsewhere = partial(known_ghosts, view=view, places=self._ghosts[0], explanation=self._ghosts[1])
             if self._shares is not None:
                 share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere)
+        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere, beside=beside)
         if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
-            again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere)
+            again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere, beside=beside)
             found = find_transparent(found, view, self._both, echoes, again=again)
         if (
             settings.curved
@@ -286,11 +294,11 @@ class FoldPlan:
                 view,
                 heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
                 glance=partial(find_tree, view, settings=replace(settings, copies=False)),
-                again=partial(find_tree, view, settings=settings, explain=elsewhere),
+                again=partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside),
             )
         single = mirrors is None and not self._both and settings.transparent and settings.opaque
         if single and isinstance(view, ImageView):
-            again = partial(find_tree, view, settings=settings, explain=elsewhere)
+            again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside)
             found = guess_transparent(found, view, echoes, again=again)
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)
@@ -304,6 +312,11 @@ class FoldPlan:
 
 Seen = Callable[..., View]
 """The radar's view of an image, by its normalization."""
+
+
+def _as_known(hems: Hems, order: Order, echoes: Echoes) -> Hems:
+    """What an earlier reconstruction tells of the ends of mirrors, whatever their order."""
+    return hems
 
 
 def _find_echoes(seen: Seen, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:

@@ -32,10 +32,13 @@ class LineMirror(Mirror):
     length : float [m]
     direction : (2,) array
         Unit vector from start to end.
+    hem : tuple of two floats [m]
+        How far beyond start and end lines of sight meet it, see `mirrorfold.tree.half_shadows`.
     """
 
     start: Array
     end: Array
+    hem: tuple[float, float] = (0.0, 0.0)
     length: float = field(init=False)
     direction: Array = field(init=False)
 
@@ -74,14 +77,16 @@ class LineMirror(Mirror):
 
     def part(self, first: float, last: float) -> LineMirror:
         """The mirror from one position [m] along it to another."""
-        return replace(self, start=self.start + first * self.direction, end=self.start + last * self.direction)
+        hem = self.hem[0] if first <= 0.0 else 0.0, self.hem[1] if last >= self.length else 0.0
+        start, end = (self.start + place * self.direction for place in (first, last))
+        return replace(self, start=start, end=end, hem=hem)
 
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
         range_ = view.meets(self.normal, self.center)
         with np.errstate(invalid="ignore"):
             along = self.along(view.radar + range_[:, None] * view.sight)
-        return np.where((along >= 0.0) & (along <= self.length), range_, np.inf)
+        return np.where((along >= -self.hem[0]) & (along <= self.length + self.hem[1]), range_, np.inf)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
@@ -140,7 +145,8 @@ class LineMirror(Mirror):
         """Cut it where `before` changes: mirrors of at least the smallest length [m], and what is shorter."""
         position = self.along(view.points(self.crossing(view)[direction], direction))
         changes = np.flatnonzero(before[1:] != before[:-1])
-        cuts = sorted([0.0, self.length, *(0.5 * (position[changes] + position[changes + 1]))])
+        middle = np.clip(0.5 * (position[changes] + position[changes + 1]), 0.0, self.length)
+        cuts = sorted([0.0, self.length, *middle])
         parts = [self.part(first, last) for first, last in pairwise(cuts)]
         kept = [part for part in parts if part.length >= smallest]
         return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])

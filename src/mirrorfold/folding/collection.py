@@ -18,6 +18,7 @@ from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
+from mirrorfold.tree.half_shadows import HEMS
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.transparent import Window
 
@@ -136,6 +137,11 @@ def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
     return dict(zip(names, found, strict=True))
 
 
+def _hem(mirror: Mirror) -> tuple[float, float]:
+    """How far beyond its ends [m] lines of sight are known to meet a mirror."""
+    return getattr(mirror, "hem", (0.0, 0.0))
+
+
 def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -> xr.Dataset:
     """Every mirror in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
@@ -144,6 +150,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
+    any_hem = any(any(_hem(mirror)) for _, mirror in nodes)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
@@ -163,6 +170,8 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
+        if any_hem:
+            own |= dict(zip(HEMS, _hem(mirror), strict=True))
         if any(window.pane is not None for window in windows):
             own |= _pane(mirror, windows)
         return own_place(mirror, folds[()]) | true | place | own

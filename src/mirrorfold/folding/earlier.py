@@ -8,6 +8,7 @@ import xarray as xr
 from mirrorfold.common.types import Array, Names
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
+from mirrorfold.tree.half_shadows import HEMS, Hems
 from mirrorfold.tree.misplaced import MIXED
 
 
@@ -30,6 +31,15 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
         return None
     measured = objects.isel(point=np.isfinite(objects["confocal"].values))
     return np.column_stack([measured["x_initial"], measured["y_initial"]]), measured["confocal"].values.astype(float)
+
+
+def known_hems(reconstruction: xr.DataTree) -> Hems:
+    """How far beyond their ends the mirrors of a Reconstruction are met by lines of sight."""
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    if any(name not in mirrors for name in HEMS):
+        return Hems.nothing()
+    ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
+    return Hems(np.concatenate(ends), np.concatenate([mirrors[name].values for name in HEMS]))
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

@@ -152,6 +152,23 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
 
 
+def heard_by(
+    sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], heard: NDArray[np.bool_]
+) -> Array:
+    """Mean amplitude of echoes at ranges [m] and u, (n,) each, that some antennas hear of what some have sent, (n,).
+
+    `sent` (n, tx) and `heard` (n, rx) choose the antennas for each echo, whose signals are focused on it.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
+    level = _bistatic(sweep, view, range_, u[:, None], u[:, None], (sent, heard))[:, 0, 0]
+    tx, rx = (aperture.weight for aperture in _apertures(sweep))
+    return np.asarray(level / ((sent @ tx) * (heard @ rx)))
+
+
 def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
     """Share of the energy about echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
 
@@ -213,8 +230,17 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
     return 8.0 * cpu_count() * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
 
 
-def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, heard: Array) -> Array:
+def _bistatic(
+    sweep: xr.Dataset,
+    view: ImageView,
+    range_: Array,
+    sent: Array,
+    heard: Array,
+    only: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None,
+) -> Array:
     """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
+
+    `only` chooses transmitters (n, tx) and receivers (n, rx) for each.
 
     Raises
     ------
@@ -251,7 +277,11 @@ def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, he
         r = np.repeat(range_[part], sent.shape[1])
         # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
         path = cdist(tx.position, places(r, sent[part].ravel())) + r
-        send, turn = tx.weight[:, None].astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
+        sends, hears = (
+            side.weight[:, None] * (1.0 if only is None else np.repeat(only[i][part], sent.shape[1], axis=0).T)
+            for i, side in enumerate((tx, rx))
+        )
+        send, turn = sends.astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
         field = np.zeros((groups, len(rx.position), r.size), dtype=np.complex64)
         arrives = np.empty(field.shape[1:], dtype=np.complex64)
         for number, weight in enumerate(taper):
@@ -259,7 +289,7 @@ def _bistatic(sweep: xr.Dataset, view: ImageView, range_: Array, sent: Array, he
             arrives *= weight
             field[number // size] += arrives
             send *= turn
-        field *= rx.weight[:, None].astype(np.float32)
+        field *= hears.astype(np.float32)
         of_points = field.reshape(*field.shape[:2], -1, sent.shape[1])
         for point in range(of_points.shape[2]):
             r, directions = range_[first + point], heard[first + point]

@@ -49,7 +49,7 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
     walls = [fold(mirror.ends) for mirror, fold in zip(order.mirrors, before, strict=True)]
     for rough, fold in enumerate(before):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size:
+        if not face.size or order.mirrors[rough].curved:
             continue
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (through == rough) & np.isfinite(begin)

@@ -18,6 +18,7 @@ from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itsel
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import without_bent
+from mirrorfold.tree.half_shadows import Hems
 from mirrorfold.tree.ordering import Order, order_mirrors
 from mirrorfold.tree.rough_walls import SCATTERED, scattered
 
@@ -36,6 +37,7 @@ def find_tree(
     known: Array | None = None,
     walls: Mask | None = None,
     explain: Callable[[Echoes], Names] | None = None,
+    beside: Callable[[Order, Echoes], Hems] | None = None,
     arcs: Sequence[ArcMirror] = (),
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
@@ -53,16 +55,22 @@ def find_tree(
     explain : callable, optional
         Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
         one comes into view when it is left out, and is tested in its turn.
+    beside : callable, optional
+        Tells what the antennas see past the ends of the mirrors of an order, see `half_shadows`.
     arcs : sequence of ArcMirror
         Curved mirrors, besides the flat ones that are found.
     """
     every, index = echoes, np.arange(len(echoes))
     explanation = np.full(len(echoes), "", dtype=object)
     trusted = np.zeros(len(echoes), dtype=bool)
+    hems = Hems.nothing()
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
-        order, seen = agreed(view, echoes, settings, known, walls, arcs)
+        order, seen = agreed(view, echoes, settings, known, walls, arcs, hems)
+        if beside is not None and not (told := beside(order, seen)).same(hems):
+            hems = told
+            order, seen = agreed(view, echoes, settings, known, walls, arcs, hems)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
@@ -89,15 +97,18 @@ def agreed(
     known: Array | None = None,
     walls: Mask | None = None,
     arcs: Sequence[ArcMirror] = (),
+    hems: Hems | None = None,
 ) -> tuple[Order, Echoes]:
     """Mirrors and their order in turn, until both agree with what is visible.
 
     Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
     """
+    hems = Hems.nothing() if hems is None else hems
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
         mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
+        mirrors = hems.on(mirrors, view)
         order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
         if (
             known is None and settings.opaque and (own := order.itself()).any()
@@ -105,7 +116,7 @@ def agreed(
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = completed(mirrors, order, view, echoes, settings)
+            more = hems.on(completed(mirrors, order, view, echoes, settings), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *arcs], view, echoes, settings, walls)
             if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
