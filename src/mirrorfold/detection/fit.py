@@ -58,6 +58,10 @@ KINKS = 13
 """Places that are tried for a kink."""
 
 
+BREAKS, TRIED_BREAKS = (0.1, 0.9), 33
+"""Share of a row where it may fall into two, and places that are tried."""
+
+
 class Fit(NamedTuple):
     """A line or plane through points: normal and center (d,), how far [m] the points stray from it, robust, and the
     standard errors of its offset [m] and angle [degree].
@@ -117,27 +121,59 @@ def left_of_kink(along: Array, beside: Array, weight: Array) -> float:
 def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tuple[M, float]:
     """A mirror moved to the line or plane through the centres of power across it, and how far [m] these stray.
 
+    `reach`, `lobe` and `clip` are those of `centres`.
+    """
+    deviation = np.inf
+    for _ in range(ROUNDS):
+        points, weight = centres(mirror, view, reach, lobe, clip)
+        if len(points) < FEWEST_PLACES:
+            return mirror, np.inf
+        fit = robust(points, weight, mirror.independent(view))
+        mirror = mirror.moved(fit.normal, fit.center)
+        mirror, deviation = replace(mirror, angle_error=fit.angle_error, offset_error=fit.offset_error), fit.deviation
+        if not np.isfinite(mirror.places(view)).all():  # it has turned away from lines of sight that should meet it
+            return mirror, np.inf
+    return mirror, deviation
+
+
+def centres(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) -> tuple[Array, Array]:
+    """Centres of power across a mirror, (n, d) [m], and their weight, (n,).
+
     Profiles across the mirror are taken up to `reach` widths of the resolution cell to either side, their main lobes
     down to the amplitude `lobe` relative to their peaks. Places weigh with their power up to `clip` times the median.
     """
     base = mirror.places(view)
-    for _ in range(ROUNDS):
-        across = view.extent(base, mirror.normal)
-        depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
-        beyond, power = mirror.profiles(view, base, depth)
-        peak = power.max(axis=1)
-        power[power < lobe**2 * peak[:, None]] = 0.0
-        total = power.sum(axis=1)
-        lit = np.flatnonzero(total > 0.0)
-        if lit.size < FEWEST_PLACES:
-            return mirror, np.inf
-        power *= depth
-        centroid = power.sum(axis=1)[lit] / total[lit]
-        weight = np.minimum(peak[lit] / np.median(peak[lit]), clip) / across[lit] ** 2
-        fit = robust(base[lit] + centroid[:, None] * beyond[lit], weight, mirror.independent(view))
-        mirror = mirror.moved(fit.normal, fit.center)
-        mirror = replace(mirror, angle_error=fit.angle_error, offset_error=fit.offset_error)
-        base = mirror.places(view)
-        if not np.isfinite(base).all():  # it has turned away from lines of sight that should meet it
-            return mirror, np.inf
-    return mirror, fit.deviation
+    across = view.extent(base, mirror.normal)
+    depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
+    beyond, power = mirror.profiles(view, base, depth)
+    peak = power.max(axis=1)
+    power[power < lobe**2 * peak[:, None]] = 0.0
+    total = power.sum(axis=1)
+    lit = np.flatnonzero(total > 0.0)
+    if not lit.size:
+        return np.empty((0, view.dimensions)), np.empty(0)
+    power *= depth
+    centroid = power.sum(axis=1)[lit] / total[lit]
+    weight = np.minimum(peak[lit] / np.median(peak[lit]), clip) / across[lit] ** 2
+    return np.asarray(base[lit] + centroid[:, None] * beyond[lit]), weight
+
+
+def broken(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
+    """Where places (n,) along and beside a line are best taken for two lines that need not touch, and what these leave.
+
+    Returns the place between the two [m], and their weighted sum of squares relative to that of one line.
+    """
+    order = np.argsort(along)
+    along, beside, root = along[order], beside[order], np.sqrt(weight[order])
+
+    def left(some: slice) -> float:
+        design = root[some, None] * np.column_stack([np.ones_like(along[some]), along[some]])
+        slope = np.linalg.lstsq(design, root[some] * beside[some], rcond=None)[0]
+        return float(np.sum((root[some] * beside[some] - design @ slope) ** 2))
+
+    ends = np.searchsorted(along, along[0] + np.linspace(*BREAKS, TRIED_BREAKS) * (along[-1] - along[0]))
+    found = [(left(slice(end)) + left(slice(end, None)), end) for end in ends if 2 < end < len(along) - 2]
+    if not found:
+        return float(along[-1]), 1.0
+    least, end = min(found)
+    return float(0.5 * (along[end - 1] + along[end])), least / max(left(slice(None)), np.finfo(float).tiny)

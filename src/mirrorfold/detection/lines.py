@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import refined
+from mirrorfold.detection.fit import FEWEST_PLACES, broken, centres, refined
 from mirrorfold.detection.fronts import find_front
 from mirrorfold.detection.growing import NEAR, Search
 from mirrorfold.detection.image_view import ImageView
@@ -54,6 +54,10 @@ they stray by less than this share of it, the echo is drawn out alike all along:
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
 that are tried: over all of it, and between the neighbours of the best."""
+
+LEFT_OF_BREAK = 0.35
+"""A row is two if two lines that need not touch leave less than this share of the squares that one leaves: of the
+speckle of one wall, ten cells long or more, they leave half and more."""
 
 BEHIND = 2.0
 """Half-length, in cells across the wall, of the profiles that show what scatters behind its front."""
@@ -128,12 +132,27 @@ class _Lines(Search[LineMirror]):
         row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
         mirror, stray = refined(longer, self.view, *LOBE)
+        whole = self._unbroken(mirror)
+        if whole is not mirror:
+            mirror, stray = refined(whole, self.view, *LOBE)
         front = find_front(mirror, self.view)
         if stray < STRAY * front.depth:
             return mirror
         face = mirror.moved(mirror.normal, mirror.center - front.depth * mirror.inward(self.view))
         face = replace(face, offset_error=float(np.hypot(mirror.offset_error, front.error)))
         return _parallel_to_speckle(face, self.view) if front.depth > DEEP * self.view.range_cell else face
+
+    def _unbroken(self, mirror: LineMirror) -> LineMirror:
+        """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""
+        points, weight = centres(mirror, self.view, *LOBE)
+        if len(points) < FEWEST_PLACES:
+            return mirror
+        place, left = broken(mirror.along(points), mirror.beside(points), weight)
+        if left > LEFT_OF_BREAK:
+            return mirror
+        parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
+        longer = max(parts, key=lambda part: part.length)
+        return longer if longer.length >= self.shortest(longer) else mirror
 
 
 def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
