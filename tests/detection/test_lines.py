@@ -15,7 +15,7 @@ from synthetic import WAVELENGTH, diffuse, empty_view, envelope, radar_view, tog
 from mirrorfold.common.geometry import cross2
 from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import refined
+from mirrorfold.detection.fit import broken, refined
 from mirrorfold.detection.fronts import Front, find_front
 from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.line_mirror import LineMirror
@@ -416,3 +416,31 @@ def test_a_short_row_is_a_mirror_where_it_faces_a_long_array(incidence, count):
     noise = NOISE * np.abs(np.random.default_rng(2).standard_normal(seen.shape)) * view.range[:, None]
     view = replace(view, amplitude=seen + noise)
     assert len(find_mirrors(view, find_ridges(view))) == count
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_stands_at_the_end_of_a_wall_does_not_turn_it(seed, monkeypatch):
+    """A short piece, askew and less than a cell off the line, that goes on where the wall ends."""
+    start, end = wall_at(np.array([0.2, 1.2]), 50.0, 0.8)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([-along[1], along[0]])
+    begin = end + 0.02 * along - 0.012 * across
+    piece = diffuse(begin, begin + 0.25 * along + 0.04 * across, seed + 50, strength=2.0)
+    scene = together(diffuse(start, end, seed), piece)
+    mirror = look(*scene, seed)[2][0]
+    angle, offset = errors(mirror, start, end)
+    assert angle < 0.3
+    assert offset < 1.5
+    monkeypatch.setattr("mirrorfold.detection.lines.LEFT_OF_BREAK", 0.0)
+    assert errors(look(*scene, seed)[2][0], start, end)[0] > 2.0 * angle
+
+
+def test_two_lines_are_told_from_one():
+    random = np.random.default_rng(0)
+    along, noise = np.linspace(0.0, 1.0, 80), 1e-3 * random.standard_normal(80)
+    weight = np.ones(80)
+    assert broken(along, noise, weight)[1] > 0.8
+    place, left = broken(along, noise + np.where(along > 0.7, 0.01, 0.0), weight)
+    assert place == pytest.approx(0.7, abs=0.03)
+    assert left < 0.2
+    assert broken(along[:3], noise[:3], weight[:3]) == (along[2], 1.0)

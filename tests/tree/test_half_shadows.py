@@ -52,38 +52,44 @@ def screen():
     return *face, all_of_them(face[0])
 
 
-def chains(sweep, **given):
-    result = mf.fold(mf.focus(sweep), sweep=sweep, **given)
-    return result, sorted(result["mirrors"]["chain"].values.tolist())
+def chains(result):
+    return sorted(result["mirrors"]["chain"].values.tolist())
 
 
-def test_what_stands_behind_is_not_seen_in_the_mirror(screen, monkeypatch):
+@pytest.fixture(scope="module")
+def behind(screen):
+    """The wall where it stands: the sweep, its image, and what comes of them."""
     wall = diffuse(*WALL, 1, spacing=0.5e-3)
     sweep = sweep_of(screen, (*wall, ~meets(wall[0])))
-    result, found = chains(sweep)
-    assert found == ["0", "1"]  # two walls, both in line of sight
+    image = mf.focus(sweep)
+    return sweep, image, mf.fold(image, sweep=sweep)
+
+
+def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
+    sweep, image, result = behind
+    assert chains(result) == ["0", "1"]  # two walls, both in line of sight
     mirrors = result["mirrors"].to_dataset()
     beyond = np.minimum(mirrors["beyond_start"], mirrors["beyond_end"]).values
     assert (beyond < -0.005).tolist() == (np.abs(mirrors["y0"] - 0.165) < 0.03).values.tolist()
     monkeypatch.setattr("mirrorfold.reconstruction.half_shadows", lambda *given, **named: Hems.nothing())
-    assert any(len(chain) > 1 for chain in chains(sweep)[1])  # by the middle of the array alone
+    # By the middle of the array alone.
+    assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
+
+
+def test_what_is_known_of_the_ends_is_in_the_file(behind):
+    """So that the image is folded again without the sweep as it was."""
+    result = behind[2]
+    again = mf.fold(result)
+    assert chains(again) == chains(result)
+    for name in ("beyond_start", "beyond_end"):
+        np.testing.assert_allclose(again["mirrors"][name], result["mirrors"][name])
 
 
 def test_what_the_mirror_shows_is_seen_in_the_mirror(screen):
     """The same row, but shown by the screen: where its true wall stands, the array does not look."""
     image = diffuse(*WALL, 1, spacing=0.5e-3)
     sweep = sweep_of(screen, (*image, meets(image[0])))
-    assert chains(sweep)[1][:2] == ["0", "0/0"]
-
-
-def test_what_is_known_of_the_ends_is_in_the_file(screen):
-    """So that the image is folded again without the sweep as it was."""
-    wall = diffuse(*WALL, 1, spacing=0.5e-3)
-    result, found = chains(sweep_of(screen, (*wall, ~meets(wall[0]))))
-    again = mf.fold(result)
-    assert sorted(again["mirrors"]["chain"].values.tolist()) == found
-    for name in ("beyond_start", "beyond_end"):
-        np.testing.assert_allclose(again["mirrors"][name], result["mirrors"][name])
+    assert chains(mf.fold(mf.focus(sweep), sweep=sweep))[:2] == ["0", "0/0"]
 
 
 def test_the_hem_puts_the_fewest_echoes_on_the_wrong_side():

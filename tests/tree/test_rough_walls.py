@@ -71,3 +71,19 @@ def test_what_stands_between_the_walls_stays(twice):
 def test_it_is_no_wall_either(twice):
     """As it lies in a row, it would pass for one."""
     assert len(found(twice, rough_walls=False)) > len(found(twice)) == len(found()) == 3
+
+
+def test_a_bright_thing_is_not_seen_again_all_along_the_wall():
+    """Where the wall reflects it, it stays."""
+    corner = np.array([[0.95, 0.75]])
+    image, (rough, speckle) = seen_in(ROUGH, corner), diffuse(*ROUGH, 0)
+    away = np.linalg.norm(rough - corner, axis=1) / np.linalg.norm(rough, axis=1)
+    again = rough * (1.0 + away)[:, None], 0.3 * np.abs(speckle) * speckle
+    far = np.linalg.norm(again[0], axis=1) > np.linalg.norm(image) + 3.0 * RANGE_CELL
+    bright = image, np.array([150.0 + 0j])
+    far &= rough[:, 0] < 0.9  # not at the end of the wall, where a half of each beam passes it by
+    assert far.sum() > 30
+    assert near(shown(found(bright, again, rough_walls=False)), again[0][far]).mean() > 0.3
+    points = shown(found(bright, again))
+    assert near(points, again[0][far]).mean() < 0.05
+    assert near(points, image).all()

@@ -171,6 +171,12 @@ class View(ABC):
             return np.zeros(0, dtype=np.intp)
         return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
 
+    def brightest(self, points: Array, amplitude: Array) -> Index:
+        """The brightest of points (n, d) in each of the resolution cells that they fill, its number, (cells,)."""
+        cell = self.cell_numbers(points)
+        order = np.lexsort([-amplitude, cell])
+        return order[np.unique(cell[order], return_index=True)[1]]
+
     @property
     def dimensions(self) -> int:
         """2 for the floor plan, 3 for space."""

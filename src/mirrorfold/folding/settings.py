@@ -79,7 +79,7 @@ class FoldSettings(Settings):
     rough_walls: bool = setting(
         True,
         "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
-        "another wall and back.",
+        "another wall, or a bright thing, and back.",
         kind="bool",
         label="twice scattered echoes are left out",
     )

@@ -103,7 +103,9 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
     parent = np.append(order.sight.parent, [NOBODY, ROOT])
     through = order.sight.seen_through(echoes.range, echoes.direction)
     through = np.where(order.face == ROOT, through, parent[order.face])
-    asked = _brightest(view, echoes)
+    asked = np.zeros(len(echoes), dtype=bool)
+    told = np.flatnonzero(echoes.visible & echoes.strong)
+    asked[told[view.brightest(echoes.position[told], echoes.amplitude[told])]] = True
     ends, lengths = [hems.end], [hems.length]
     for index, mirror in enumerate(order.mirrors):
         if not isinstance(mirror, LineMirror):
@@ -119,16 +121,6 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
                 ends.append(end[None])
                 lengths.append(np.array([length]))
     return Hems(np.concatenate(ends), np.concatenate(lengths))
-
-
-def _brightest(view: ImageView, echoes: Echoes) -> Mask:
-    """The brightest strong echo in each resolution cell, (n,)."""
-    found = np.zeros(len(echoes), dtype=bool)
-    which = np.flatnonzero(echoes.visible & echoes.strong)
-    cell = view.cell_numbers(echoes.position[which])
-    ordered = which[np.lexsort([-echoes.amplitude[which], cell])]
-    found[ordered[np.unique(np.sort(cell), return_index=True)[1]]] = True
-    return found
 
 
 def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:

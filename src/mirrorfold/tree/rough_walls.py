@@ -1,9 +1,10 @@
-"""Echoes that a rough wall makes of another wall, where no mirror image of anything is.
+"""Echoes that a rough wall makes of things before it, where no mirror image of anything is.
 
 A wall that is not quite smooth scatters a little of the wave from each of its places, also square towards another wall
 before it. That one sends it straight back, and the same place scatters it once more. By the place of the rough wall at
 range r0, which is d away from the other wall, the echo stands at r0 + d: nearer than the mirror image of that other
-wall, which the same line of sight meets askew, and like a thing that is hidden between the two.
+wall, which the same line of sight meets askew, and like a thing that is hidden between the two. So does a bright thing
+at the distance d, a corner for one: all along the wall it is seen once more, faintly, and farther than its image.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
-from mirrorfold.common.types import Mask
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 
-SCATTERED = "was scattered by a rough wall towards another wall and back"
+SCATTERED = "was scattered by a rough wall on the way to something else and back"
 
 CELLS = 0.75
 """What stands at most so many range cells off was scattered so: it is seen half a cell off, and walls are, too."""
@@ -27,9 +28,13 @@ BRIGHT = 0.9
 """What is scattered twice is weaker than what the same wall scatters once: than this quantile of the echoes of its
 face, of which a few may be glints."""
 
+WEAKER_DB, APART_CELLS = -20.0, 2.0
+"""What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
+range cells farther than where the wall reflects that thing, which has neighbours there."""
+
 
 def scattered(order: Order, echoes: Echoes) -> Mask:
-    """Which echoes behind mirrors may be what these scatter towards other walls and back, (n,); in a volume none.
+    """Which echoes behind mirrors may be what these scatter towards other things and back, (n,); in a volume none.
 
     Those that would pass for a wall of their own, too.
 
@@ -47,9 +52,10 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
     through = np.where(order.face == ROOT, through, parent[order.face])
     before = [fold_of(order.way(int(parent)), view.dimensions) for parent in sight.parent]
     walls = [fold(mirror.ends) for mirror, fold in zip(order.mirrors, before, strict=True)]
+    things, level = _things(order, echoes)
     for rough, fold in enumerate(before):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size or order.mirrors[rough].curved:
+        if not face.size or any(mirror.curved for mirror in order.way(rough)):
             continue
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (through == rough) & np.isfinite(begin)
@@ -63,4 +69,33 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
                 beside = np.abs((place - 0.5 * (start + end)) @ unit(end - start))
                 near &= beside <= 0.5 * order.mirrors[other].size + view.cell(echoes.range[own])
                 found[own[near & (order.face[own] != other)]] = True
+        # A bright thing is seen nearest where the wall reflects it; all along the wall it is seen farther.
+        reflected = np.linalg.norm(_image(order, rough, things) - view.radar, axis=1)
+        away = np.linalg.norm(place[:, None] - things, axis=2)
+        near = np.abs(begin[:, None] + away - echoes.range[own, None]) <= CELLS * view.range_cell
+        apart = np.where(order.face[own] == ROOT, APART_CELLS * view.range_cell, 0.0)[:, None]
+        near &= echoes.range[own, None] >= reflected + apart
+        near &= echoes.amplitude[own, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
+        found[own[near.any(axis=1)]] = True
     return found
+
+
+def _image(order: Order, mirror: int, places: Array) -> Array:
+    """Where the image shows places (n, 2) [m] by way of a flat mirror, (n, 2)."""
+    for one in order.way(mirror):
+        places = one.reflection.inverse(places)
+    return places
+
+
+def _things(order: Order, echoes: Echoes) -> tuple[Array, Array]:
+    """Places (n, 2) [m] where objects stand, one in each resolution cell of the image, and their amplitudes (n,)."""
+    view = order.sight.view
+    objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
+    objects = objects.take(view.brightest(objects.position, objects.amplitude))
+    through = order.sight.seen_through(objects.range, objects.direction)
+    places, levels = [np.empty((0, view.dimensions))], [np.empty(0)]
+    for index in np.unique(through[through != NOBODY]):
+        seen = objects.take(through == index)
+        places.append(fold_of(order.way(int(index)), view.dimensions)(seen.position))
+        levels.append(seen.amplitude)
+    return np.concatenate(places), np.concatenate(levels)

@@ -158,9 +158,7 @@ def look_through(
 
 def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:
     """The brightest echo of each resolution cell, (m,), and the cell of each echo, (n,)."""
-    cell = view.cell_numbers(echoes.position)
-    order = np.lexsort([-echoes.amplitude, cell])
-    return order[np.unique(cell[order], return_index=True)[1]], cell
+    return view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
 
 
 def pairs_of(view: ImageView, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
