@@ -48,7 +48,7 @@ def all_of_them(places):
 
 @pytest.fixture(scope="module")
 def screen():
-    face = diffuse(*SCREEN, 0, spacing=0.5e-3)
+    face = diffuse(*SCREEN, 0, spacing=1e-3)
     return *face, all_of_them(face[0])
 
 
@@ -59,7 +59,7 @@ def chains(result):
 @pytest.fixture(scope="module")
 def behind(screen):
     """The wall where it stands: the sweep, its image, and what comes of them."""
-    wall = diffuse(*WALL, 1, spacing=0.5e-3)
+    wall = diffuse(*WALL, 1, spacing=1e-3)
     sweep = sweep_of(screen, (*wall, ~meets(wall[0])))
     image = mf.focus(sweep)
     return sweep, image, mf.fold(image, sweep=sweep)
@@ -87,7 +87,7 @@ def test_what_is_known_of_the_ends_is_in_the_file(behind):
 
 def test_what_the_mirror_shows_is_seen_in_the_mirror(screen):
     """The same row, but shown by the screen: where its true wall stands, the array does not look."""
-    image = diffuse(*WALL, 1, spacing=0.5e-3)
+    image = diffuse(*WALL, 1, spacing=1e-3)
     sweep = sweep_of(screen, (*image, meets(image[0])))
     assert chains(mf.fold(mf.focus(sweep), sweep=sweep))[:2] == ["0", "0/0"]
 
