@@ -21,6 +21,9 @@ ANTENNAS = np.column_stack([(np.arange(120) - 59.5) * 0.7e-3, np.zeros(120)])
 FREQUENCY = np.linspace(220e9, 240e9, 201)
 
 
+PIXELS = {"x": np.arange(-0.2, 0.7, 1.5e-3), "y": np.arange(0.08, 0.9, 1.5e-3)}
+
+
 def meets(places):
     """Which antennas' lines to places (n, 2) meet the screen, (n, antennas)."""
     found = []
@@ -61,7 +64,7 @@ def behind(screen):
     """The wall where it stands: the sweep, its image, and what comes of them."""
     wall = diffuse(*WALL, 1, spacing=1e-3)
     sweep = sweep_of(screen, (*wall, ~meets(wall[0])))
-    image = mf.focus(sweep)
+    image = mf.focus(sweep, **PIXELS)
     return sweep, image, mf.fold(image, sweep=sweep)
 
 
@@ -89,7 +92,7 @@ def test_what_the_mirror_shows_is_seen_in_the_mirror(screen):
     """The same row, but shown by the screen: where its true wall stands, the array does not look."""
     image = diffuse(*WALL, 1, spacing=1e-3)
     sweep = sweep_of(screen, (*image, meets(image[0])))
-    assert chains(mf.fold(mf.focus(sweep), sweep=sweep))[:2] == ["0", "0/0"]
+    assert chains(mf.fold(mf.focus(sweep, **PIXELS), sweep=sweep))[:2] == ["0", "0/0"]
 
 
 def test_the_hem_puts_the_fewest_echoes_on_the_wrong_side():

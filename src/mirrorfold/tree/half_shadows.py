@@ -142,12 +142,9 @@ def _told(
     where = [(*place, *np.rint(end / view.range_cell)) for place in zip(range_.tolist(), u.tolist(), strict=True)]
     new = np.array([i for i, place in enumerate(where) if place not in known], dtype=np.intp)
     if new.size:
+        looks = [side[half[new]] <= 0.0 for side in (tx, rx)]
         into, past = (
-            heard_by(sweep, view, range_[new], u[new], sent, heard)
-            for sent, heard in (
-                (tx[half][new] <= 0.0, rx[half][new] <= 0.0),
-                (tx[half][new] > 0.0, rx[half][new] > 0.0),
-            )
+            heard_by(sweep, view, range_[new], u[new], *sides) for sides in (looks, [~side for side in looks])
         )
         tiny = np.finfo(float).tiny
         known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}

@@ -51,8 +51,7 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
     through = sight.seen_through(echoes.range, echoes.direction)
     through = np.where(order.face == ROOT, through, parent[order.face])
     before = [fold_of(order.way(int(parent)), view.dimensions) for parent in sight.parent]
-    walls = [fold(mirror.ends) for mirror, fold in zip(order.mirrors, before, strict=True)]
-    things, level = _things(order, echoes)
+    things = _things(order, echoes)
     for rough, fold in enumerate(before):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
         if not face.size or any(mirror.curved for mirror in order.way(rough)):
@@ -60,24 +59,49 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (through == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        begin = begin[own]
-        place = fold(view.points(begin, echoes.direction[own]))
-        for other, (start, end) in enumerate(walls):
-            if other != rough and not order.mirrors[other].curved:
-                distance = np.abs(signed_distance(place, start, segment_normal(start, end)))
-                near = np.abs(begin + distance - echoes.range[own]) <= CELLS * view.range_cell
-                beside = np.abs((place - 0.5 * (start + end)) @ unit(end - start))
-                near &= beside <= 0.5 * order.mirrors[other].size + view.cell(echoes.range[own])
-                found[own[near & (order.face[own] != other)]] = True
-        # A bright thing is seen nearest where the wall reflects it; all along the wall it is seen farther.
-        reflected = np.linalg.norm(_image(order, rough, things) - view.radar, axis=1)
-        away = np.linalg.norm(place[:, None] - things, axis=2)
-        near = np.abs(begin[:, None] + away - echoes.range[own, None]) <= CELLS * view.range_cell
-        apart = np.where(order.face[own] == ROOT, APART_CELLS * view.range_cell, 0.0)[:, None]
-        near &= echoes.range[own, None] >= reflected + apart
-        near &= echoes.amplitude[own, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
-        found[own[near.any(axis=1)]] = True
+        seen, place = echoes.take(own), fold(view.points(begin[own], echoes.direction[own]))
+        way = seen.range - begin[own]
+        for other, wall in enumerate(order.mirrors):
+            if other != rough and not wall.curved:
+                sent_back = _square_to(before[other](wall.ends), view, seen, place, way)
+                found[own[sent_back & (order.face[own] != other)]] = True
+        found[own[_of_things(*things, order, rough, seen, order.face[own] == ROOT, place, way)]] = True
     return found
+
+
+def _square_to(wall: Array, view: ImageView, echoes: Echoes, place: Array, way: Array) -> Mask:
+    """Which echoes have come a `way` [m] behind places of a rough wall that is the distance of a wall before it, (n,).
+
+    Parameters
+    ----------
+    wall : (2, 2) array [m]
+        Its ends.
+    view : ImageView
+    echoes : Echoes
+    place : (n, 2) array [m]
+        Where the rough wall scatters each.
+    way : (n,) array [m]
+        From there to where each is seen.
+    """
+    start, end = wall
+    distance = np.abs(signed_distance(place, start, segment_normal(start, end)))
+    along = np.abs((place - 0.5 * (start + end)) @ unit(end - start))
+    met = along <= 0.5 * np.linalg.norm(end - start) + view.cell(echoes.range)
+    return np.asarray(met & (np.abs(distance - way) <= CELLS * view.range_cell))
+
+
+def _of_things(
+    things: Array, level: Array, order: Order, rough: int, echoes: Echoes, single: Mask, place: Array, way: Array
+) -> Mask:
+    """The same for bright things (m, 2) [m] of that level (m,), (n,); those that are `single` (n,) lie in no row."""
+    view = order.sight.view
+    # The wall reflects a thing where it is seen nearest; all along the wall it is seen farther.
+    nearest = np.linalg.norm(_image(order, rough, things) - view.radar, axis=1)
+    distance = np.linalg.norm(place[:, None] - things, axis=2)
+    found = np.abs(distance - way[:, None]) <= CELLS * view.range_cell
+    found &= echoes.range[:, None] >= nearest + np.where(single, APART_CELLS * view.range_cell, 0.0)[:, None]
+    found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
+    return np.asarray(found.any(axis=1))
 
 
 def _image(order: Order, mirror: int, places: Array) -> Array:

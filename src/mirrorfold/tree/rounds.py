@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.half_shadows import Hems
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order, order_mirrors
 from mirrorfold.tree.rough_walls import SCATTERED, scattered
 
@@ -75,8 +77,8 @@ def find_tree(
         clear = sight.clear(echoes)
         if repeated:
             explanation[index[clear & copies(order, seen)]] = COPY
-        if settings.rough_walls:
-            explanation[index[clear & scattered(order, seen)]] = SCATTERED
+        twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros(len(echoes), dtype=bool)
+        explanation[index[twice & (order.face != ROOT)]] = SCATTERED  # a row that is no wall shows nothing behind it
         new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
             explanation[index[new]] = explain(echoes.take(new))
@@ -84,6 +86,11 @@ def find_tree(
         if stays.all():
             if settings.opaque:  # it hides what is behind it, as any object does
                 explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
+            explanation[index[twice]] = SCATTERED
+            if twice.any():  # likewise
+                tree, sight = assign_echoes(
+                    replace(order, face=np.where(twice, NOBODY, order.face)), seen, opaque=settings.opaque
+                )
             left_out = explanation != ""
             return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
         index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
