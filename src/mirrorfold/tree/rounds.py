@@ -84,13 +84,13 @@ def find_tree(
             explanation[index[new]] = explain(echoes.take(new))
         stays = explanation[index] == ""
         if stays.all():
-            if settings.opaque:  # it hides what is behind it, as any object does
+            # Both hide what is behind them, as any object does.
+            if twice.any():
+                explanation[index[twice]] = SCATTERED
+                order = replace(order, face=np.where(twice, NOBODY, order.face))
+                tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
+            if settings.opaque:
                 explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
-            explanation[index[twice]] = SCATTERED
-            if twice.any():  # likewise
-                tree, sight = assign_echoes(
-                    replace(order, face=np.where(twice, NOBODY, order.face)), seen, opaque=settings.opaque
-                )
             left_out = explanation != ""
             return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
         index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
