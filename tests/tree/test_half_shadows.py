@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.constants import speed_of_light
 from synthetic import diffuse
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import crossing
+from mirrorfold.folding.earlier import known_hems
 from mirrorfold.tree.half_shadows import Hems, _hem
 
 SCREEN = np.array([0.07, 0.15]), np.array([0.21, 0.18])
@@ -86,6 +88,16 @@ def test_what_is_known_of_the_ends_is_in_the_file(behind):
     assert chains(again) == chains(result)
     for name in ("beyond_start", "beyond_end"):
         np.testing.assert_allclose(again["mirrors"][name], result["mirrors"][name])
+
+
+def test_a_frame_that_tells_of_no_half_shadow_is_folded_again_too(behind):
+    """In the table of a recording it has no number where another frame has one."""
+    result = behind[2].copy()
+    mirrors = result["mirrors"].to_dataset(inherit=False)
+    nothing = {name: mirrors[name] * np.nan for name in ("beyond_start", "beyond_end")}
+    result["/mirrors"] = xr.DataTree(mirrors.assign(nothing))
+    assert known_hems(result).length.tolist() == [0.0] * 4
+    assert "0" in chains(mf.fold(result))
 
 
 def test_what_the_mirror_shows_is_seen_in_the_mirror(screen):

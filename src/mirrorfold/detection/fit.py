@@ -164,16 +164,22 @@ def broken(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
     Returns the place between the two [m], and their weighted sum of squares relative to that of one line.
     """
     order = np.argsort(along)
-    along, beside, root = along[order], beside[order], np.sqrt(weight[order])
+    x, y, w = along[order] - along.mean(), beside[order] - beside.mean(), weight[order]
+    # Sums over all places before each, of which those of any part of the row follow.
+    before = np.cumsum(np.column_stack([w, w * x, w * y, w * x * x, w * x * y, w * y * y]), axis=0)
+    ends = np.unique(np.searchsorted(x, x[0] + np.linspace(*BREAKS, TRIED_BREAKS) * (x[-1] - x[0])))
+    ends = ends[(ends > 2) & (ends < len(x) - 2)]
+    if not ends.size:
+        return float(along.max()), 1.0
+    left = _left_of_line(before[ends - 1]) + _left_of_line(before[-1] - before[ends - 1])
+    least = int(np.argmin(left))
+    end = int(ends[least])
+    place = 0.5 * (x[end - 1] + x[end]) + along.mean()
+    return float(place), float(left[least] / max(float(_left_of_line(before[-1])), np.finfo(float).tiny))
 
-    def left(some: slice) -> float:
-        design = root[some, None] * np.column_stack([np.ones_like(along[some]), along[some]])
-        slope = np.linalg.lstsq(design, root[some] * beside[some], rcond=None)[0]
-        return float(np.sum((root[some] * beside[some] - design @ slope) ** 2))
 
-    ends = np.searchsorted(along, along[0] + np.linspace(*BREAKS, TRIED_BREAKS) * (along[-1] - along[0]))
-    found = [(left(slice(end)) + left(slice(end, None)), end) for end in ends if 2 < end < len(along) - 2]
-    if not found:
-        return float(along[-1]), 1.0
-    least, end = min(found)
-    return float(0.5 * (along[end - 1] + along[end])), least / max(left(slice(None)), np.finfo(float).tiny)
+def _left_of_line(sums: Array) -> Array:
+    """Weighted squares that the best straight line leaves, (...), from sums (..., 6) of w, wx, wy, wxx, wxy and wyy."""
+    w, x, y, xx, xy, yy = np.moveaxis(sums, -1, 0)
+    turn, lean = xx - x * x / w, xy - x * y / w
+    return np.asarray(np.maximum(yy - y * y / w - lean**2 / np.maximum(turn, np.finfo(float).tiny), 0.0))

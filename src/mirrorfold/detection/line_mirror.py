@@ -145,8 +145,8 @@ class LineMirror(Mirror):
         """Cut it where `before` changes: mirrors of at least the smallest length [m], and what is shorter."""
         position = self.along(view.points(self.crossing(view)[direction], direction))
         changes = np.flatnonzero(before[1:] != before[:-1])
-        middle = np.clip(0.5 * (position[changes] + position[changes + 1]), 0.0, self.length)
-        cuts = sorted([0.0, self.length, *middle])
+        middle = 0.5 * (position[changes] + position[changes + 1])
+        cuts = np.unique(np.clip([0.0, self.length, *middle], 0.0, self.length)).tolist()  # none beyond its ends
         parts = [self.part(first, last) for first, last in pairwise(cuts)]
         kept = [part for part in parts if part.length >= smallest]
         return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])

@@ -39,7 +39,8 @@ def known_hems(reconstruction: xr.DataTree) -> Hems:
     if any(name not in mirrors for name in HEMS):
         return Hems.nothing()
     ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
-    return Hems(np.concatenate(ends), np.concatenate([mirrors[name].values for name in HEMS]))
+    # Of a recording, frames that tell of none have no number.
+    return Hems(np.concatenate(ends), np.nan_to_num(np.concatenate([mirrors[name].values for name in HEMS])))
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
