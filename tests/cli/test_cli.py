@@ -15,6 +15,7 @@ import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, hidden_dask, main
+from mirrorfold.cli.schema import check
 
 NEEDED = {
     "demo": [],
@@ -289,6 +290,7 @@ def test_an_image_without_any_mirror_is_unfolded_with_a_remark(folder, capsys):
 @pytest.mark.slow
 def test_the_demonstration(folder, capsys):
     score = parsed(capsys, "demo", "--out", "shown")
+    check("demo", json.dumps(score))
     expected = ["before_after.png", "hidden_corner.toml", "reconstruction.nc", "report.html", "score.json", "sweep.nc"]
     assert sorted(path.name for path in (folder / "shown").iterdir()) == expected
     written = json.loads((folder / "shown" / "score.json").read_text())

@@ -239,11 +239,6 @@ def test_a_figure(folder, capsys):
     assert checked(capsys, "show", "reconstruction.nc", "-o", "f.png", "--dpi", "40").files == ["f.png"]
 
 
-@pytest.mark.slow
-def test_the_demonstration(folder, capsys):
-    assert checked(capsys, "demo", "--out", "shown").hidden.f_score_2cm > 0.9
-
-
 def test_options_have_the_same_names_everywhere(capsys):
     """What is written is -o, --output (of demo --out, a folder); all options are explained.
 

@@ -17,6 +17,7 @@ from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding import pictures
+from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import _place
 from mirrorfold.folding.pictures import BORDER_RADII, LARGEST_GROWTH, PIXEL_RADII, draw
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
@@ -142,6 +143,34 @@ def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin, axis):
     unknown = replace(sight, open=np.zeros(0))
     nowhere = replace(sight, open=np.zeros(len(view.sight)))
     assert_array_equal(draw(unknown, folds, margin, grid, blobs), draw(nowhere, folds, margin, grid, blobs))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@VIEWS
+def test_blocks_that_are_passed_over_show_nothing(view, seed, monkeypatch):
+    """A few bright places in an image that is dark elsewhere, of which some belong to somebody."""
+    random = np.random.default_rng(seed)
+    sight, blobs = random_sight(view, random, 0)
+    blobs = np.where(random.random(blobs.shape) < 0.02, blobs, NOBODY).astype(np.int16)
+    dark = np.where(random.random(view.amplitude.shape) < 0.1, view.amplitude, 1e-3 * view.amplitude)
+    sight = replace(sight, view=replace(view, amplitude=dark.astype(view.amplitude.dtype)))
+    first, second = (reflection(view.dimensions, *random.uniform((-40.0, 0.6), (40.0, 1.4))) for _ in range(2))
+    folds = {(0,): first, (0, 0): first @ second}
+    grid = np.linspace(-1.0, 1.2, 61), np.linspace(-1.0, 2.2, 53), np.linspace(-0.6, 0.7, 27)
+    given = folds, 0.1, grid[: view.dimensions], blobs
+    drawn, strongest = draw(sight, *given), draw(sight, *given, strongest=True)
+    passed_over = []
+
+    def all_of_them(*arguments):
+        found = blocks(*arguments)
+        passed_over.append(np.mean(found.bound == 0.0))
+        return found._replace(bound=np.full_like(found.bound, np.inf))
+
+    monkeypatch.setattr(pictures, "blocks", all_of_them)
+    assert_array_equal(drawn, draw(sight, *given))
+    assert_array_equal(strongest, draw(sight, *given, strongest=True))
+    assert np.count_nonzero(drawn) > 0
+    assert min(passed_over) > 0.2
 
 
 PILLAR = ArcMirror(middle=np.array([0.0, 1.3]), radius=0.3, first=np.pi, span=np.pi, radar=np.zeros(2))

@@ -10,7 +10,7 @@ from synthetic import diffuse, radar_image, together
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import volume_echoes
-from mirrorfold.folding import drawing, pictures
+from mirrorfold.folding import blocks, drawing, pictures
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree import lines_of_sight
 from mirrorfold.tree.lines_of_sight import hidden_at, through_at
@@ -31,6 +31,9 @@ def as_plain_python(monkeypatch):
     def change():
         for module, name in (
             (pictures, "draw_row"),
+            (blocks, "_fill"),
+            (blocks, "_passes"),
+            (blocks, "_span"),
             (drawing, "_place"),
             (drawing, "_shown"),
             (drawing, "through_at"),

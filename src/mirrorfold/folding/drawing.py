@@ -67,25 +67,32 @@ def _shown(  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
 def draw_row(  # type: ignore[no-untyped-def]
-    x, y, z, maps, number, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid,
-    out,
+    x, y, z, maps, number, bound, brightest, pixels, crossing, through, begin, level, empty, margin, blobs, amplitude,
+    gain, side, shape, grid, out,
 ):  # fmt: skip
     """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`.
 
     The first of the maps (n, 3, 4) is that without mirrors; all lead to the radar's own frame. The `grid` (3, 4) holds
     first value and step of the two angles and of range, and the limits of the angles' tangents, or of the sine of an
-    image, which has one row of directions.
+    image, which has one row of directions. Blocks of so many `pixels` (2,) along x and z show nothing that exceeds
+    their `bound` (n, x, z), and are taken from the `brightest` on. Where `out` is (x, 1), of all z the largest counts.
     """
+    columns = out.shape[1] == 1
     for w in range(number.size):
         for j in range(x.size):
-            for i in range(z.size):
-                a, e, k = _place(maps[w], x[j], y, z[i], grid, shape[1] == 1)
-                value = _shown(
-                    a, e, k, x[j], y, z[i], number[w], maps[0], crossing, through, begin, level, empty, margin, blobs,
-                    amplitude, gain, side, shape, grid, out[j, i],
-                )  # fmt: skip
-                if value > out[j, i]:
-                    out[j, i] = value
+            blocks, order = bound[w, j // pixels[0]], brightest[w, j // pixels[0]]
+            for block in order:
+                if blocks[block] <= (out[j, 0] if columns else 0.0):
+                    break
+                for i in range(block * pixels[1], min((block + 1) * pixels[1], z.size)):
+                    a, e, k = _place(maps[w], x[j], y, z[i], grid, shape[1] == 1)
+                    into = 0 if columns else i
+                    value = _shown(
+                        a, e, k, x[j], y, z[i], number[w], maps[0], crossing, through, begin, level, empty, margin,
+                        blobs, amplitude, gain, side, shape, grid, out[j, into],
+                    )  # fmt: skip
+                    if value > out[j, into]:
+                        out[j, into] = value
 
 
 @njit(nogil=True, error_model="numpy")

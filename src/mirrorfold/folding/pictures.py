@@ -18,6 +18,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Fold, WayFold, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import draw_bent_row, draw_row
 from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
@@ -118,7 +119,10 @@ def draw(
     table = amplitude, gain, view.beside_steps(view.range), shape, steps
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
-    out = np.zeros((y.size, x.size) if columns else (y.size, x.size, height.size), dtype=np.float32)
+    out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
+    samples = amplitude[:, : shape[1]].reshape(-1, view.range.size)
+    ahead = {index: back.inverse for index, back in mirrors.items()}
+    near = blocks(view, ahead, (x, y, height), blobs, samples, gain, (crossing, through, wall_margin))
     bent = [
         (index, way)
         for index, fold in chains.items()
@@ -126,15 +130,14 @@ def draw(
     ]
 
     def row(i: int) -> None:
-        voxels = np.zeros((x.size, height.size), dtype=np.float32) if columns else out[i]
-        draw_row(x, float(y[i]), height, maps, numbers, *seen, *table, voxels)
+        part = i // near.size[0]
+        nearby = near.bound[part], near.order[part], near.size[1:]
+        draw_row(x, float(y[i]), height, maps, numbers, *nearby, *seen, *table, out[i])
         for index, way in bent:
-            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *table, voxels)
-        if columns:
-            np.max(voxels, axis=1, out=out[i])
+            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *table, out[i])
 
     for_each(row, range(y.size))
-    return out if columns else np.moveaxis(out, -1, 0)
+    return out[..., 0] if columns else np.moveaxis(out, -1, 0)
 
 
 def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
