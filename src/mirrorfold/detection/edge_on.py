@@ -28,9 +28,10 @@ SMALLEST_TURN_DEG = 2.0
 SEEN_TWICE = 0.75
 """Share of a mirror's image that must lie on the wall itself, as far as the radar sees that, too."""
 
-CONTRAST = 5.0
-"""Median amplitude along the faint line over those of lines beside it. In full waves and in ray scenes it was 15 or
-more at such walls, and at most 2.3 on lines that halve the angle of two walls by chance."""
+CONTRAST = 2.7
+"""Median amplitude along the faint line over those of lines beside it. At such walls it was 60 or more in ray scenes,
+and 13 or more in full waves but once, 3.1, where wrapped echoes fill one side; on lines that halve the angle of two
+walls by chance it was at most 2.3."""
 
 ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
 """Where amplitudes are compared, in resolution cells across the line; on either side."""

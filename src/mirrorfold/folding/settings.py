@@ -79,7 +79,7 @@ class FoldSettings(Settings):
     rough_walls: bool = setting(
         True,
         "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
-        "another wall, or a bright thing, and back.",
+        "another wall, or a bright thing, and back; or to a bright thing that sends it back by mirrors.",
         kind="bool",
         label="twice scattered echoes are left out",
     )

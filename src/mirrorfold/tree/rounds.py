@@ -23,6 +23,7 @@ from mirrorfold.tree.half_shadows import Hems
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order, order_mirrors
 from mirrorfold.tree.rough_walls import SCATTERED, scattered
+from mirrorfold.tree.short_cuts import SHORT_CUT, short_cuts
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -77,8 +78,13 @@ def find_tree(
         clear = sight.clear(echoes)
         if repeated:
             explanation[index[clear & copies(order, seen)]] = COPY
-        twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros(len(echoes), dtype=bool)
-        explanation[index[twice & (order.face != ROOT)]] = SCATTERED  # a row that is no wall shows nothing behind it
+        twice = np.zeros(len(echoes), dtype=bool)
+        if settings.rough_walls:
+            twice = clear & scattered(order, seen)
+            explanation[index[twice & (order.face != ROOT)]] = (
+                SCATTERED  # a row that is no wall shows nothing behind it
+            )
+            explanation[index[clear & short_cuts(order, seen)]] = SHORT_CUT
         new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
             explanation[index[new]] = explain(echoes.take(new))
