@@ -38,17 +38,19 @@ from mirrorfold.folding.confidence import (
     judged,
     kinds,
     measured,
+    over_faces,
 )
 from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring import floor_plans
+from mirrorfold.tree.half_shadows import half_shadows
 from mirrorfold.tree.misplaced import confocal, misplaced
 
 BINS = 10
 
 
 class Points(NamedTuple):
-    """Points of one engine: their evidence (n, 5), kinds, mirrors on the way, confidence, and whether they are true."""
+    """Points of one engine: their evidence (n, 6), kinds, mirrors on the way, confidence, and whether they are true."""
 
     engine: str
     evidence: Array
@@ -65,14 +67,21 @@ def points_of(task: Task) -> Points:
     view = see(mf.focus(sweep, tolerance=1e-3))
     echoes = find_echoes(view)
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
-    found = find_tree(view, echoes, settings, explain=partial(misplaced, sweep=sweep, view=view, known={}))
+    told = partial(misplaced, sweep=sweep, view=view, known={})
+    found = find_tree(view, echoes, settings, explain=told, beside=partial(half_shadows, sweep=sweep, known={}))
     points = measured(fold_back(found.tree), partial(confocal, sweep=sweep, view=view, known={}))
     count = len(points.position)
     confidence = judged(points, found).confidence[:count]
     _, astray = errors(points, found.tree, view)
     cell = view.cell(np.linalg.norm(points.initial - view.radar, axis=1))
     distance = floor_plans.truth(scene).distances(points.position)[0] if count else np.zeros(0)
-    given = evidence(points, view, astray), kinds(points), points.bounces, confidence, distance <= TRUE_CELLS * cell
+    given = (
+        evidence(points, view, astray, over_faces(points, found.tree)),
+        kinds(points),
+        points.bounces,
+        confidence,
+        distance <= TRUE_CELLS * cell,
+    )
     return Points(task.family.engine, *given)
 
 

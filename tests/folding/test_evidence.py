@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
-from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.arc_mirror import ArcMirror, dimming
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.folding.confidence import (
     EXPLAINED,
+    LEAST_OVER_FACE_DB,
     LEAST_SHARE,
     MOST_ASTRAY,
     MOST_EXCESS_DB,
@@ -27,6 +28,7 @@ from mirrorfold.folding.confidence import (
     judged,
     measured,
     mirror_confidence,
+    over_faces,
 )
 from mirrorfold.folding.points import fold_back
 from mirrorfold.tree.assignment import Found
@@ -62,7 +64,7 @@ def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
     row = cells(view, (40, 0), (42, 0), (44, 0), (44.1, 0))
     points = fold_back(found_of(view, [*row, *cells(view, (60, LONE))], cells(view, (42, 1))).tree)
     points = replace(points, amplitude=np.array([1.0, 10.0, 0.05, 1.0, 100.0, 1.0]))
-    given = evidence(points, view, np.array([0.0, 1.0, 2.0, 3.0, 4.0, 9.0]))
+    given = evidence(points, view, np.array([0.0, 1.0, 2.0, 3.0, 4.0, 9.0]), np.linspace(-30.0, 20.0, 6))
     assert_array_equal(given[:, 0], 1.0)
     assert_allclose(given[:, 1], [20.0, MOST_EXCESS_DB, 0.0, 20.0, MOST_EXCESS_DB, 20.0])
     # From end to end are four cells: those see two, the middle one all three.
@@ -70,16 +72,17 @@ def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
     assert_allclose(2.0 ** given[:, 2], [2, 3, 2, 2, 1, 1])
     assert_allclose(given[:, 3], [0.0, 1.0, 2.0, 3.0, MOST_ASTRAY, MOST_ASTRAY])
     assert np.isnan(given[:, 4]).all()
+    assert_allclose(given[:, 5], [-20.0, -20.0, -10.0, 0.0, 10.0, 10.0])
 
 
 def test_shares_are_averaged_over_cells_in_which_they_are_known(view):
     """The mean of each cell first, so that a cell with many echoes counts no more than others."""
     points = fold_back(found_of(view, cells(view, (40, 0), (40.1, 0), (42, 0), (44, 0), (70, 0)), mirror=None).tree)
     points = replace(points, confocal=np.array([0.9, 0.7, 1.0, np.nan, 0.1]))
-    given = evidence(points, view, np.zeros(5))
+    given = evidence(points, view, np.zeros(5), np.zeros(5))
     assert_allclose(given[:, 4], [0.9, 0.9, 0.9, 1.0, LEAST_SHARE])
     alone = replace(points, confocal=np.array([np.nan, np.nan, np.nan, np.nan, 0.8]))
-    assert_array_equal(np.isnan(evidence(alone, view, np.zeros(5))[:, 4]), [True] * 4 + [False])
+    assert_array_equal(np.isnan(evidence(alone, view, np.zeros(5), np.zeros(5))[:, 4]), [True] * 4 + [False])
 
 
 def test_shares_are_measured_of_objects_alone(view):
@@ -89,6 +92,25 @@ def test_shares_are_measured_of_objects_alone(view):
     assert_array_equal(measured(points, shares).confocal, [0.5, 0.6, np.nan])
     assert_array_equal(asked[0][0], points.initial[:2])
     assert asked[0][1].shape == (2,)
+
+
+def test_what_a_mirror_shows_is_compared_with_its_face(view):
+    """Of a mirror of which no face is seen, and of what no mirror shows, nothing can be said."""
+    points = fold_back(found_of(view, cells(view, (40, 0)), cells(view, (50, 0), (55, 0)), cells(view, (33, 0))).tree)
+    points = replace(points, amplitude=np.array([9.0, 0.2, 20.0, 2.0]))
+    tree = found_of(view, [], cells(view, (50, 0))).tree
+    assert_allclose(over_faces(points, tree), [0.0, -20.0, 20.0, 0.0], atol=1e-9)
+    faceless = points.take(np.array([0, 1, 2]))
+    assert_array_equal(over_faces(faceless, tree), 0.0)
+
+
+def test_what_a_pillar_spreads_is_no_loss(view):
+    pillar = ArcMirror(middle=np.array([0.0, 1.3]), radius=0.3, first=np.pi, span=np.pi, radar=np.zeros(2))
+    found = found_of(view, [], cells(view, (50, 0)), cells(view, (30, 0)), mirror=pillar)
+    points = fold_back(found.tree)
+    expected = 20.0 * np.log10(dimming((pillar,), points.initial[points.mirror == ""]))
+    assert expected > 3.0
+    assert_allclose(over_faces(points, found.tree)[points.mirror == ""], expected)
 
 
 def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
@@ -114,10 +136,11 @@ def test_what_speaks_for_a_point_makes_it_likelier(weights):
     """A lone echo at the threshold is doubted, eight cells in a row at 20 dB are believed, whatever was measured."""
     for name, (base, *slopes) in weights.items():
         directions = np.sign(slopes)
-        assert (directions * [1, 1, -1, 1][: len(slopes)] >= 0).all()
+        assert (directions * [1, 1, -1, 1, 1][: len(slopes)] >= 0).all()
         share = slopes[3:]  # of the energy that came back as it went
-        weak, strong = (base + np.dot(slopes, [level, count, 0.0, came][: len(slopes)])
-                        for level, count, came in ((0.0, 0.0, LEAST_SHARE), (20.0, 3.0, 1.0)))  # fmt: skip
+        weak, strong = (base + np.dot(slopes, [level, count, 0.0, came, over][: len(slopes)])
+                        for level, count, came, over in ((0.0, 0.0, LEAST_SHARE, LEAST_OVER_FACE_DB),
+                                                         (20.0, 3.0, 1.0, 0.0)))  # fmt: skip
         assert expit(strong) > 0.95
         assert expit(weak) < 0.15 or name == "on mirrors"
         assert not share or share[0] > 0.0 or name == "on mirrors"

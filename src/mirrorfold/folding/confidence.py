@@ -1,7 +1,8 @@
 """How likely it is that something stands where a point says, and how well its place is known.
 
-An echo of multiple scattering is weak and lonely, and of its energy not all comes back the way it went; and what was
-folded by mirrors that are not known well enough lands somewhere else. How much each of these says was fitted to scenes
+An echo of multiple scattering is weak and lonely, dimmer than the face of the mirror that seems to show it, and of its
+energy not all comes back the way it went; and what was folded by mirrors that are not known well enough lands somewhere
+else. How much each of these says was fitted to scenes
 whose truth is known (logistic regression: Cox, J. R. Stat. Soc. B 20, 1958).
 """
 
@@ -17,6 +18,7 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.arc_mirror import dimming
 from mirrorfold.detection.mirror import turns
 from mirrorfold.detection.view import View
 from mirrorfold.folding.points import Points, joined
@@ -32,6 +34,9 @@ NEIGHBOUR_CELLS = 2.5
 MOST_EXCESS_DB, MOST_ASTRAY = 20.0, 4.0
 """More than this level over the threshold, or this many cells astray, say no more."""
 
+LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB = -20.0, 10.0
+"""What is weaker, or stronger, than the mirror's own face by more than this says no more."""
+
 LEAST_SHARE = 0.7
 """A smaller share of energy that came back the way it went says no more: what arrives from elsewhere at the same range
 lowers that of a true echo, too."""
@@ -46,9 +51,9 @@ faces of mirrors: of these none was false in ray scenes, and one in fifty is all
 `benchmarks/confidence.py`, where ray scenes, of four radars, and full waves weigh alike."""
 
 WEIGHTS_MEASURED = {
-    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1),
-    "behind mirrors": (-18.6, 0.09, 1.31, -2.9, 19.9),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0),
+    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0),
+    "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11),
+    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0),
 }
 """The same where the sweep has told how much of the energy came back the way it went."""
 
@@ -79,11 +84,11 @@ def judged(points: Points, found: Found, shares: Shares | None = None) -> Points
     if shares is not None:
         points = measured(points, shares)
     error, astray = errors(points, found.tree, view)
-    given = evidence(points, view, astray)
-    known = np.isfinite(given[:, -1])
+    given = evidence(points, view, astray, over_faces(points, found.tree))
     kind = kinds(points)
     seen, with_share = (np.array(list(weights.values()))[kind] for weights in (WEIGHTS, WEIGHTS_MEASURED))
-    odds = np.where(known, np.sum(np.nan_to_num(given) * with_share, axis=1), np.sum(given[:, :-1] * seen, axis=1))
+    alone = np.sum(given[:, : seen.shape[1]] * seen, axis=1)
+    odds = np.where(np.isfinite(given[:, 4]), np.sum(np.nan_to_num(given) * with_share, axis=1), alone)
     points = replace(points, error=error, confidence=expit(odds))
     # What is seen in a mirror is no likelier than the mirror.
     for node in found.tree.walk():
@@ -115,12 +120,29 @@ def mirror_confidence(points: Points, mirror: str) -> float:
     return float(own.mean()) if own.size else 1.0
 
 
-def evidence(points: Points, view: View, astray: Array) -> Array:
-    """What speaks for and against each point, (n, 5).
+def over_faces(points: Points, tree: MirrorTree) -> Array:
+    """By how much objects are brighter than the face of the mirror that shows them, by its median, (n,) [dB].
+
+    What rough walls scatter twice is about as much weaker than what they scatter once. Zero for all that no mirror
+    shows, or one without a face; what a curved mirror spreads is no loss.
+    """
+    level = np.zeros(len(points.initial))
+    for chain, way in tree.ways().items():
+        name = chain_name(chain)
+        face, own = points.amplitude[points.mirror == name], (points.chain == name) & (points.mirror == "")
+        if way and face.size and own.any():
+            gain = dimming(way, points.initial[own]) if any(mirror.curved for mirror in way) else 1.0
+            level[own] = to_db(gain * points.amplitude[own] / np.median(face))
+    return level
+
+
+def evidence(points: Points, view: View, astray: Array, over_face: Array) -> Array:
+    """What speaks for and against each point, (n, 6).
 
     One; the level over what had to be exceeded [dB]; the logarithm to base 2 of the number of resolution cells nearby
-    in which others of the same kind stand; how far astray mirrors may have led it, in resolution cells; and the share
-    of the energy in those cells that came back the way it went, NaN where that is not known.
+    in which others of the same kind stand; how far astray mirrors may have led it, in resolution cells; the share of
+    the energy in those cells that came back the way it went, NaN where that is not known; and how much brighter it is
+    than the face of the mirror that shows it [dB].
     """
     cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
@@ -130,7 +152,7 @@ def evidence(points: Points, view: View, astray: Array) -> Array:
     excess = to_db(points.amplitude / np.maximum(points.exceeded, np.finfo(float).tiny))
     return np.column_stack([
         np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count), np.minimum(astray, MOST_ASTRAY),
-        np.maximum(share, LEAST_SHARE),
+        np.maximum(share, LEAST_SHARE), np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
     ])  # fmt: skip
 
 

@@ -31,6 +31,9 @@ MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 """Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another one is that
 cannot be told from it."""
 
+BAND_SAMPLES = 9
+"""Frequencies at which lobes are looked at."""
+
 OFFSETS = np.arange(-3, 4)
 """Directions around an echo in which its energy leaves and arrives, in resolution cells."""
 
@@ -127,6 +130,18 @@ def grating_lobe(sweep: xr.Dataset) -> float:
     level = aperture.beam(k, np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length))
     lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
     return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
+
+
+def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
+    """Amplitude of the beams of both apertures together at so much of u beside their direction, (n,), relative to it.
+
+    The largest of the band, for grating lobes wander with the wavelength; zero within the main lobe.
+    """
+    sides, k = _apertures(sweep), wavenumber(sweep)
+    some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
+    level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
+    longest = max(float(np.ptp(side.along)) for side in sides) * some[0] / (2.0 * np.pi)
+    return np.where(np.abs(sine) * longest > MAIN_LOBE, level, 0.0)
 
 
 def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:

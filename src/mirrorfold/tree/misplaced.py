@@ -13,6 +13,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.view import View
 from mirrorfold.tree.directions import confocal_share, direction_ratio, grating_lobe
+from mirrorfold.tree.lobes import LOBE, lobes
 from mirrorfold.tree.wrapped import wrapping_ratio
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
@@ -38,12 +39,13 @@ def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known |
     `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
     """
     known = {} if known is None else known
+    beside = lobes(echoes, sweep, view)
     late = _once_a_cell(wrapping_ratio, *_seen(echoes), sweep, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
-    rest = echoes.take(~late)
+    rest = echoes.take(~(late | beside))
     least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(sweep))
-    mixed[~late] = _once_a_cell(direction_ratio, *_seen(rest), sweep, view, known) < least
-    return np.where(late, LATE, np.where(mixed, MIXED, ""))
+    mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), sweep, view, known) < least
+    return np.select([beside, late, mixed], [LOBE, LATE, MIXED], "")
 
 
 def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:

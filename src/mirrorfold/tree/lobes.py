@@ -1,0 +1,47 @@
+"""Echoes that are grating lobes of brighter ones at the same range: of arrays whose antennas stand too far apart.
+
+What a lobe of the transmitters and one of the receivers show together is as far below the echo as both are below their
+main lobes. Of a full array that is nothing; where every third antenna is missing, it is 12 dB.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import maximum_filter1d
+
+from mirrorfold.common.types import Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.view import in_pieces
+from mirrorfold.tree.directions import beside_main_lobe
+
+LOBE = "is a grating lobe of a brighter one"
+
+MARGIN_DB = 3.0
+"""An echo may be so much stronger than the strongest lobe at its place: two of them, of different echoes, add."""
+
+
+def lobes(echoes: Echoes, sweep: xr.Dataset, view: ImageView) -> Mask:
+    """Which echoes do not exceed the lobes of what the view shows at the same range, (n,).
+
+    Parameters
+    ----------
+    echoes : Echoes
+    sweep : xarray.Dataset
+        Of several transmitters and receivers.
+    view : ImageView
+    """
+    found = np.zeros(len(echoes), dtype=bool)
+    cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
+    level = maximum_filter1d(beside_main_lobe(sweep, view.u - view.u[0]), cell)
+    weakest = echoes.amplitude.min(initial=np.inf) / 10.0 ** (MARGIN_DB / 20.0)
+    if level.max() * view.amplitude.max() < weakest:
+        return found
+    brightest = maximum_filter1d(view.amplitude, cell, axis=0)
+    row = np.clip(np.rint((echoes.range - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
+    beside = np.arange(view.u.size)
+    for some in in_pieces(len(echoes)):
+        shown = level[np.abs(echoes.direction[some, None] - beside)] * brightest[row[some]]
+        found[some] = echoes.amplitude[some] <= 10.0 ** (MARGIN_DB / 20.0) * shown.max(axis=1)
+    return found
