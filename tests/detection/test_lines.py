@@ -15,11 +15,12 @@ from synthetic import WAVELENGTH, diffuse, empty_view, envelope, radar_view, tog
 from mirrorfold.common.geometry import cross2
 from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import broken, refined
+from mirrorfold.detection.fit import bowed, broken, refined
 from mirrorfold.detection.fronts import Front, find_front
+from mirrorfold.detection.growing import lies_on
 from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.lines import DEEP, LOBE
+from mirrorfold.detection.lines import DEEP, LOBE, NO_BOW, _Lines
 
 NOISE = 0.01
 
@@ -432,6 +433,40 @@ def test_what_stands_at_the_end_of_a_wall_does_not_turn_it(monkeypatch):
     assert offset < 1.5
     monkeypatch.setattr("mirrorfold.detection.lines.LEFT_OF_BREAK", 0.0)
     assert errors(look(*scene)[2][0], start, end)[0] > 2.0 * angle
+
+
+def test_a_wall_with_something_at_its_end_that_makes_its_row_bulge_is_found(monkeypatch):
+    """The row as a whole is bent, and no wall."""
+    start, end = wall_at(np.array([0.0, 1.3]), 20.0, 0.7)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([-along[1], along[0]])
+    things = [
+        diffuse(end + 0.02 * along + bend * across, end + 0.3 * along + 3.0 * bend * across, 50) for bend in (0.016,)
+    ]
+    scene = together(diffuse(start, end, 0), *things)
+    found = look(*scene)[2]
+    assert any(errors(mirror, start, end)[0] < 0.5 and 0.6 < mirror.length < 0.9 for mirror in found)
+    monkeypatch.setattr(_Lines, "straight_part", lambda *arguments: None)
+    assert not any(errors(mirror, start, end)[0] < 0.5 for mirror in look(*scene)[2])
+
+
+def test_two_lines_fit_a_bow_no_better_than_a_bow():
+    """But what breaks off they fit much better."""
+    random = np.random.default_rng(0)
+    along, weight = np.sort(random.uniform(0.0, 1.0, 200)), random.uniform(0.5, 2.0, 200)
+    noise = 1e-3 * random.standard_normal(200)
+    bow, kink = 0.02 * along**2 + noise, 0.03 * np.maximum(along - 0.8, 0.0) + noise
+    assert broken(along, bow, weight)[1] > NO_BOW * bowed(along, bow, weight)
+    assert broken(along, kink, weight)[1] < NO_BOW * bowed(along, kink, weight)
+
+
+def test_a_row_of_side_lobes_on_a_wall_is_the_wall():
+    view = empty_view()
+    wall = LineMirror(np.array([-0.4, 1.2]), np.array([0.5, 1.3]))
+    assert lies_on(wall.part(0.1, 0.6), wall, view)
+    assert lies_on(wall.part(-0.1, wall.length), wall, view)
+    assert not lies_on(wall, wall.part(0.0, 0.3), view)  # its middle lies beyond
+    assert not lies_on(wall.moved(wall.normal, wall.center + 0.1 * wall.normal), wall, view)
 
 
 def test_two_lines_are_told_from_one():

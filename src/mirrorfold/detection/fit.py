@@ -178,6 +178,16 @@ def broken(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
     return float(place), float(left[least] / max(float(_left_of_line(before[-1])), np.finfo(float).tiny))
 
 
+def bowed(along: Array, beside: Array, weight: Array) -> float:
+    """What the best parabola leaves of places (n,) along and beside a line, relative to what the best line leaves."""
+    x, root = (along - along.mean()) / max(float(np.ptp(along)), np.finfo(float).tiny), np.sqrt(weight)
+    design, left = np.vander(x, 3, increasing=True), []
+    for terms in (2, 3):
+        fit = np.linalg.lstsq(root[:, None] * design[:, :terms], root * beside, rcond=None)[0]
+        left.append(float(np.sum(weight * (beside - design[:, :terms] @ fit) ** 2)))
+    return left[1] / max(left[0], float(np.finfo(float).tiny))
+
+
 def _left_of_line(sums: Array) -> Array:
     """Weighted squares that the best straight line leaves, (...), from sums (..., 6) of w, wx, wy, wxx, wxy and wyy."""
     w, x, y, xx, xy, yy = np.moveaxis(sums, -1, 0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from itertools import product
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -87,6 +88,10 @@ class Search(ABC, Generic[M]):
     def passes(self, mirror: M) -> bool:
         """Whether a large and flat mirror passes the tests of its kind, too."""
 
+    def straight_part(self, mirror: M, member: Index) -> tuple[M, Index] | None:
+        """A flat mirror in one that bulges, and the echoes on it; None if there is none."""
+        return None
+
     @abstractmethod
     def refined(self, mirror: M) -> M | None:
         """The mirror fitted to the image or volume itself; None if it is no mirror there."""
@@ -101,7 +106,8 @@ class Search(ABC, Generic[M]):
             if votes < enough:
                 break
             mirror, taken = self._grown(normal, center, free)
-            if mirror is not None:
+            # What side lobes of a glint leave beside a wall is the wall once more.
+            if mirror is not None and not any(lies_on(mirror, other, self.view) for other in found):
                 found.append(mirror)
             missed = 0 if mirror is not None else missed + 1
             if not free[taken].any():
@@ -142,8 +148,16 @@ class Search(ABC, Generic[M]):
         on_it = self.echoes.take(member)
         mirror = replace(mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         if self.tested:
-            bulge = sagitta(mirror, on_it.position)
-            if bulge > self.sagitta * self.view.cell_at(mirror.center) or not self.passes(mirror):
+            if sagitta(mirror, on_it.position) > self.sagitta * self.view.cell_at(mirror.center):
+                straight = self.straight_part(mirror, member)
+                if straight is None:
+                    return None, member
+                mirror, member = straight
+                on_it = self.echoes.take(member)
+                mirror = replace(
+                    mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude))
+                )
+            if not self.passes(mirror):
                 return None, member
             fitted = self.refined(mirror)
             if fitted is None:
@@ -158,6 +172,14 @@ class Search(ABC, Generic[M]):
 def evidence(echoes: Echoes, view: View) -> Echoes:
     """What can prove a mirror: visible echoes; of an image only the strong ones, for faint ones form rows by chance."""
     return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
+
+
+def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:
+    """Whether a mirror lies on another one, within a resolution cell."""
+    corners = mirror.center + np.array(list(product(*mirror.sides))) @ mirror.tangents
+    beside = np.abs(other.beside(corners)) <= view.extent(corners, other.normal)
+    place = (mirror.center - other.center) @ other.tangents.T
+    return bool(beside.all() and (place >= other.sides[:, 0]).all() and (place <= other.sides[:, 1]).all())
 
 
 def sagitta(mirror: Mirror, points: Array) -> float:

@@ -10,9 +10,9 @@ from scipy.ndimage import uniform_filter1d
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import FEWEST_PLACES, broken, centres, refined
+from mirrorfold.detection.fit import FEWEST_PLACES, bowed, broken, centres, flat, refined
 from mirrorfold.detection.fronts import find_front
-from mirrorfold.detection.growing import NEAR, Search
+from mirrorfold.detection.growing import NEAR, Search, sagitta
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
 
@@ -58,6 +58,10 @@ that are tried: over all of it, and between the neighbours of the best."""
 LEFT_OF_BREAK = 0.35
 """A row is two if two lines that need not touch leave less than this share of the squares that one leaves: of the
 speckle of one wall, ten cells long or more, they leave half and more."""
+
+NO_BOW = 0.9
+"""A row that bulges is a wall and something at its end if two lines leave less than this share of the squares that a
+bow leaves. Of rows of arcs they leave 0.96 and more, of the row of a wall between two round things they left 0.82."""
 
 BEHIND = 2.0
 """Half-length, in cells across the wall, of the profiles that show what scatters behind its front."""
@@ -109,6 +113,23 @@ class _Lines(Search[LineMirror]):
         glint, foot = GLINT * self.view.glint, float(mirror.along(self.view.radar))
         told = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
         return min(self.minimum_length, glint) if told and 0.0 <= foot <= mirror.length else self.minimum_length
+
+    def straight_part(self, mirror: LineMirror, member: Index) -> tuple[LineMirror, Index] | None:
+        """A wall, at whose ends something stands almost on the same line; no part of a bow."""
+        for _ in range(2):  # something may stand at either end
+            points = self.echoes.position[member]
+            along, beside = mirror.along(points), mirror.beside(points)
+            weight = self.weight[member] / self.square(mirror.normal, member)
+            place, left = broken(along, beside, weight)
+            longer = (along <= place) == (place >= 0.5 * mirror.length)
+            if left > NO_BOW * bowed(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
+                return None
+            mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
+            if mirror.length < self.shortest(mirror):
+                return None
+            if sagitta(mirror, self.echoes.position[member]) <= self.sagitta * self.view.cell_at(mirror.center):
+                return mirror, member
+        return None
 
     def passes(self, mirror: LineMirror) -> bool:
         """Whether its echoes fill it and outweigh those in a band of the same width in front of it."""
