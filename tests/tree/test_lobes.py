@@ -16,14 +16,14 @@ FREQUENCY = np.linspace(285e9, 295e9, 101)
 BRIGHT = np.array([0.3, 0.8, 0.0])
 
 
-def made(missing, *points):
+def made(missing, *points, pitch=0.5):
     """The view, its echoes and which of them are lobes: of points (x, y, z) [m] with amplitudes, and every
     third antenna missing, or none.
     """
     wavelength = speed_of_light / FREQUENCY.mean()
     number = np.arange(96)
     some = number[number % missing != 1] if missing else number
-    elements = 0.5 * wavelength * (some[:, None] - 47.5) * [1.0, 0.0, 0.0]
+    elements = pitch * wavelength * (some[:, None] - 47.5) * [1.0, 0.0, 0.0]
     k = 2.0 * np.pi * FREQUENCY[:, None, None] / speed_of_light
     s = np.zeros((FREQUENCY.size, len(elements), len(elements)), dtype=complex)
     for amplitude, place in points:
@@ -70,3 +70,14 @@ def test_what_stands_there_must_outshine_the_lobe(amplitude, stays):
     assert there.any()
     assert (~found[there]).any() == stays
     assert not found[near(view, echoes, BRIGHT)].any()
+
+
+def test_of_lobes_as_high_as_the_main_one_nobody_is_accused():
+    """Of antennas a wavelength apart, nothing tells an echo from its ghost."""
+    view, echoes, found = made(None, (1.0, BRIGHT), pitch=1.0)
+    distance, u = np.linalg.norm(BRIGHT), BRIGHT[0] / np.linalg.norm(BRIGHT) - 1.0
+    twin = distance * np.array([u, np.sqrt(1.0 - u**2), 0.0])
+    for place in (BRIGHT, twin):
+        there = near(view, echoes, place)
+        assert there.any()
+        assert not found[there & (echoes.amplitude > 0.5 * echoes.amplitude[there].max())].any()

@@ -31,8 +31,9 @@ MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 """Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another one is that
 cannot be told from it."""
 
-BAND_SAMPLES = 9
-"""Frequencies at which lobes are looked at."""
+BAND_SAMPLES, ABOVE_FULL = 9, 2.0
+"""Frequencies at which lobes are looked at; and how much higher than the side lobes of a full aperture, which are
+allowed for where echoes are found, a lobe must be to be told."""
 
 OFFSETS = np.arange(-3, 4)
 """Directions around an echo in which its energy leaves and arrives, in resolution cells."""
@@ -133,15 +134,18 @@ def grating_lobe(sweep: xr.Dataset) -> float:
 
 
 def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
-    """Amplitude of the beams of both apertures together at so much of u beside their direction, (n,), relative to it.
+    """Amplitude at which an image shows an echo once more, so much of u beside its direction, (n,), relative to it.
 
-    The largest of the band, for grating lobes wander with the wavelength; zero within the main lobe.
+    All antennas count alike in an image, so that this is the product of the beams of both apertures. The largest of the
+    band, for grating lobes wander with the wavelength; zero where it is not well above the side lobes of full apertures
+    of the same lengths L, ``1 / (pi L u)`` of each, L in wavelengths.
     """
-    sides, k = _apertures(sweep), wavenumber(sweep)
+    sides, k = [side._replace(weight=np.ones(len(side.position))) for side in _apertures(sweep)], wavenumber(sweep)
     some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
     level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
-    longest = max(float(np.ptp(side.along)) for side in sides) * some[0] / (2.0 * np.pi)
-    return np.where(np.abs(sine) * longest > MAIN_LOBE, level, 0.0)
+    lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]
+    full = np.prod([1.0 / np.maximum(np.pi * length * np.abs(sine), 1.0) for length in lengths], axis=0)
+    return np.where(level > ABOVE_FULL * full, level, 0.0)
 
 
 def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import label, maximum, maximum_filter1d
 
 from mirrorfold.common.types import Mask
 from mirrorfold.detection.echoes import Echoes
@@ -20,6 +20,9 @@ LOBE = "is a grating lobe of a brighter one"
 
 MARGIN_DB = 3.0
 """An echo may be so much stronger than the strongest lobe at its place: two of them, of different echoes, add."""
+
+HIGHEST = 0.5
+"""A lobe as high as this accuses nobody: of an echo and its ghost, each would pass for the other's."""
 
 
 def lobes(echoes: Echoes, sweep: xr.Dataset, view: ImageView) -> Mask:
@@ -34,7 +37,11 @@ def lobes(echoes: Echoes, sweep: xr.Dataset, view: ImageView) -> Mask:
     """
     found = np.zeros(len(echoes), dtype=bool)
     cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
-    level = maximum_filter1d(beside_main_lobe(sweep, view.u - view.u[0]), cell)
+    level = beside_main_lobe(sweep, view.u - view.u[0])
+    each, count = label(level > 0.0)
+    height = np.asarray(maximum(level, each, np.arange(count + 1)))
+    level[height[each] >= HIGHEST] = 0.0
+    level = maximum_filter1d(level, cell)
     weakest = echoes.amplitude.min(initial=np.inf) / 10.0 ** (MARGIN_DB / 20.0)
     if level.max() * view.amplitude.max() < weakest:
         return found

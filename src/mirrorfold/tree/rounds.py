@@ -81,9 +81,8 @@ def find_tree(
         twice = np.zeros(len(echoes), dtype=bool)
         if settings.rough_walls:
             twice = clear & scattered(order, seen)
-            explanation[index[twice & (order.face != ROOT)]] = (
-                SCATTERED  # a row that is no wall shows nothing behind it
-            )
+            # A row that is no wall shows nothing behind it.
+            explanation[index[twice & (order.face != ROOT)]] = SCATTERED
             explanation[index[clear & short_cuts(order, seen)]] = SHORT_CUT
         new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
