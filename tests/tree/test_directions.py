@@ -14,6 +14,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions
 from mirrorfold.tree.directions import PHASE_SPREAD, _Aperture, confocal_share, direction_ratio, grating_lobe
+from mirrorfold.tree.lobes import lobe_level
 from mirrorfold.tree.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
 from mirrorfold.tree.wrapped import wrapping_ratio
 
@@ -151,7 +152,8 @@ def test_two_echoes_at_one_range_are_told_apart():
     known: Known = {}
     assert_array_equal(misplaced(echoes, sweep, view, known), ["", MIXED])
     measured = [(direction_ratio, RANGE, -0.4), (direction_ratio, RANGE, float(u[1]))]
-    assert set(known) == {*measured, *((wrapping_ratio, *place[1:]) for place in measured)}
+    others = (lobe_level, wrapping_ratio)
+    assert set(known) == {*measured, *((measure, *place[1:]) for place in measured for measure in others)}
     known[measured[0]] = 0.1  # a ratio that is known is not measured again
     assert_array_equal(misplaced(echoes, sweep, view, known), [MIXED, MIXED])
 

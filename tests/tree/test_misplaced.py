@@ -9,7 +9,7 @@ from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
 from mirrorfold.tree import misplaced as module
 from mirrorfold.tree.directions import direction_ratio
-from mirrorfold.tree.lobes import LOBE
+from mirrorfold.tree.lobes import LOBE, lobe_level
 from mirrorfold.tree.misplaced import (
     ABOVE_LOBES,
     GHOST_CELLS,
@@ -39,14 +39,14 @@ def cells(view, range_, u):
 def test_verdicts_follow_from_the_ratios(view, monkeypatch, lobe):
     """Lobes and late echoes first; of the others those whose ratio is no larger than that of a ghost in a lobe."""
     monkeypatch.setattr(module, "grating_lobe", lambda sweep: lobe)
-    monkeypatch.setattr(module, "lobes", lambda echoes, sweep, view: np.arange(len(echoes)) == 5)
+    lobes = np.append(np.full(5, 0.5), 1.0)  # of echoes of amplitude one
     echoes = echoes_at(view, cells(view, np.full(6, 40.2), [0.2, 10.2, 20.2, 30.2, -10.2, -20.2]))
     least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * lobe)
     wrapping = [0.5, LARGEST_WRAPPING_RATIO, 1.01 * LARGEST_WRAPPING_RATIO, 1.0, 1.0, 1.0]
     direction = [1.0, least, np.nan, 0.99 * least, 1.01 * least, np.nan]
     range_, u = view.to_polar(echoes.position)
     known = {(measure, float(r), float(sine)): value
-             for measure, values in ((wrapping_ratio, wrapping), (direction_ratio, direction))
+             for measure, values in ((lobe_level, lobes), (wrapping_ratio, wrapping), (direction_ratio, direction))
              for r, sine, value in zip(range_, u, values, strict=True) if np.isfinite(value)}  # fmt: skip
     assert_array_equal(misplaced(echoes, None, view, known), ["", "", LATE, MIXED, "", LOBE])
     assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), None, view).size

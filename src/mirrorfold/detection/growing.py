@@ -88,6 +88,10 @@ class Search(ABC, Generic[M]):
     def passes(self, mirror: M) -> bool:
         """Whether a large and flat mirror passes the tests of its kind, too."""
 
+    def bulges(self, mirror: M, member: Index) -> bool:
+        """Whether the echoes on a mirror are those of a curved object."""
+        return sagitta(mirror, self.echoes.position[member]) > self.sagitta * self.view.cell_at(mirror.center)
+
     def straight_part(self, mirror: M, member: Index) -> tuple[M, Index] | None:
         """A flat mirror in one that bulges, and the echoes on it; None if there is none."""
         return None
@@ -145,18 +149,14 @@ class Search(ABC, Generic[M]):
                 normal, center = flat(points[member], self.weight[member] / square[member])
         if np.ptp(mirror.sides, axis=1).min() < self.shortest(mirror):
             return None, member
+        if self.tested and self.bulges(mirror, member):
+            straight = self.straight_part(mirror, member)
+            if straight is None:
+                return None, member
+            mirror, member = straight
         on_it = self.echoes.take(member)
         mirror = replace(mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         if self.tested:
-            if sagitta(mirror, on_it.position) > self.sagitta * self.view.cell_at(mirror.center):
-                straight = self.straight_part(mirror, member)
-                if straight is None:
-                    return None, member
-                mirror, member = straight
-                on_it = self.echoes.take(member)
-                mirror = replace(
-                    mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude))
-                )
             if not self.passes(mirror):
                 return None, member
             fitted = self.refined(mirror)

@@ -12,7 +12,7 @@ from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import FEWEST_PLACES, bowed, broken, centres, flat, refined
 from mirrorfold.detection.fronts import find_front
-from mirrorfold.detection.growing import NEAR, Search, sagitta
+from mirrorfold.detection.growing import NEAR, Search
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
 
@@ -127,7 +127,7 @@ class _Lines(Search[LineMirror]):
             mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
             if mirror.length < self.shortest(mirror):
                 return None
-            if sagitta(mirror, self.echoes.position[member]) <= self.sagitta * self.view.cell_at(mirror.center):
+            if not self.bulges(mirror, member):
                 return mirror, member
         return None
 

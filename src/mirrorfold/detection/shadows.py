@@ -14,7 +14,7 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.growing import NEAR
+from mirrorfold.detection.growing import NEAR, lies_on
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.lines import GAP_CELLS
@@ -70,7 +70,7 @@ def joined(
     """
     found: list[LineMirror] = []
     for row in sorted(rows, key=lambda row: -row.length):
-        if any(_lies_on(row, mirror, view) for mirror in found):
+        if any(lies_on(row, mirror, view) for mirror in found):
             continue
         longer = beyond_shadows(row, view, echoes, clear)
         points = echoes.position[echoes.visible]
@@ -83,12 +83,6 @@ def joined(
             if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest:
                 found.append(_through(row, beyond, longer, view))
     return found
-
-
-def _lies_on(row: LineMirror, mirror: LineMirror, view: ImageView) -> bool:
-    """Whether a row is part of a mirror."""
-    beside = abs(float(mirror.beside(row.center))) <= float(view.extent(row.center[None], mirror.normal)[0])
-    return beside and 0.0 <= float(mirror.along(row.center)) <= mirror.length
 
 
 def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView) -> LineMirror:

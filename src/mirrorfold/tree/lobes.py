@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import label, maximum, maximum_filter1d
 
-from mirrorfold.common.types import Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
 from mirrorfold.detection.view import in_pieces
 from mirrorfold.tree.directions import beside_main_lobe
@@ -25,30 +24,21 @@ HIGHEST = 0.5
 """A lobe as high as this accuses nobody: of an echo and its ghost, each would pass for the other's."""
 
 
-def lobes(echoes: Echoes, sweep: xr.Dataset, view: ImageView) -> Mask:
-    """Which echoes do not exceed the lobes of what the view shows at the same range, (n,).
+def lobe_level(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """Amplitude of the strongest lobe of what the view shows at ranges [m] and u, (n,) each; zero where there is none.
 
-    Parameters
-    ----------
-    echoes : Echoes
-    sweep : xarray.Dataset
-        Of several transmitters and receivers.
-    view : ImageView
+    `sweep` is that of several transmitters and receivers.
     """
-    found = np.zeros(len(echoes), dtype=bool)
     cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
     level = beside_main_lobe(sweep, view.u - view.u[0])
     each, count = label(level > 0.0)
     height = np.asarray(maximum(level, each, np.arange(count + 1)))
     level[height[each] >= HIGHEST] = 0.0
     level = maximum_filter1d(level, cell)
-    weakest = echoes.amplitude.min(initial=np.inf) / 10.0 ** (MARGIN_DB / 20.0)
-    if level.max() * view.amplitude.max() < weakest:
-        return found
     brightest = maximum_filter1d(view.amplitude, cell, axis=0)
-    row = np.clip(np.rint((echoes.range - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
-    beside = np.arange(view.u.size)
-    for some in in_pieces(len(echoes)):
-        shown = level[np.abs(echoes.direction[some, None] - beside)] * brightest[row[some]]
-        found[some] = echoes.amplitude[some] <= 10.0 ** (MARGIN_DB / 20.0) * shown.max(axis=1)
+    row = np.clip(np.rint((range_ - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
+    beside, found = np.arange(view.u.size), np.empty(range_.size)
+    for some in in_pieces(range_.size):
+        column = view.column(u[some])
+        found[some] = (level[np.abs(column[:, None] - beside)] * brightest[row[some]]).max(axis=1)
     return found

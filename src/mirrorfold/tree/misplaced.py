@@ -13,7 +13,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.view import View
 from mirrorfold.tree.directions import confocal_share, direction_ratio, grating_lobe
-from mirrorfold.tree.lobes import LOBE, lobes
+from mirrorfold.tree.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.wrapped import wrapping_ratio
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
@@ -39,7 +39,8 @@ def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known |
     `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
     """
     known = {} if known is None else known
-    beside = lobes(echoes, sweep, view)
+    claimed = 10.0 ** (MARGIN_DB / 20.0) * _once_a_cell(lobe_level, *_seen(echoes), sweep, view, known)
+    beside = echoes.amplitude <= claimed
     late = _once_a_cell(wrapping_ratio, *_seen(echoes), sweep, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
     rest = echoes.take(~(late | beside))
