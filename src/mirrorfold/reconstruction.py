@@ -55,6 +55,8 @@ from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.rounds import agreed, find_tree
+from mirrorfold.tree.short_rows import find_short
+from mirrorfold.tree.showing import Row, Steps
 from mirrorfold.tree.transparent import find_transparent
 
 
@@ -282,20 +284,17 @@ class FoldPlan:
         if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
             again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere, beside=beside)
             found = find_transparent(found, view, self._both, echoes, again=again)
-        if (
-            settings.curved
-            and not found.windows
-            and mirrors is None
-            and not settings.published
-            and isinstance(view, ImageView)
-        ):
-            found = find_curved(
-                found,
-                view,
+        if isinstance(view, ImageView) and not settings.published and mirrors is None and not found.windows:
+            steps = Steps(
                 heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
                 glance=partial(find_tree, view, settings=replace(settings, copies=False)),
                 again=partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside),
             )
+            arcs = list[Row]()
+            if settings.curved:
+                found, arcs = find_curved(found, view, steps)
+            if chosen.minimum_length is None:
+                found = find_short(found, view, steps, minimum_length=settings.minimum_length or 0.0, besides=arcs)
         single = mirrors is None and not self._both and settings.transparent and settings.opaque
         if single and isinstance(view, ImageView):
             again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside)

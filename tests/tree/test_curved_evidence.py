@@ -10,29 +10,19 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, together
 
-from mirrorfold.detection.arc_mirror import ArcMirror, dimming, overlap
+from mirrorfold.detection.arc_mirror import ArcMirror, dimming, gains, overlap
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.image_view import OPAQUE_CELLS
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree import curved
+from mirrorfold.tree import curved, showing
 from mirrorfold.tree.assignment import Found, assign_echoes
-from mirrorfold.tree.curved import (
-    KNOWN_CELLS,
-    Evidence,
-    behind,
-    candidates,
-    evidence,
-    filled_cells,
-    find_curved,
-    gains,
-    known_places,
-    without_bent,
-)
+from mirrorfold.tree.curved import candidates, find_curved, shows_new, without_bent
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import order_mirrors
 from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.showing import KNOWN_CELLS, Evidence, Steps, behind, evidence, filled_cells, known_places
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 
@@ -59,13 +49,14 @@ def found_with(view, mirrors, places, amplitude=1.0, opened=0.0):
 @pytest.mark.parametrize(
     ("cells", "new", "empty", "tells", "enough"),
     [
-        (3, 2, 0.3, True, True), (2, 2, 0.0, False, False), (3, 1, 0.0, False, False), (3, 2, 0.31, True, False),
+        (3, 2, 0.3, True, True), (3, 1, 0.0, False, False), (3, 2, 0.31, True, False),
         (15, 3, 0.0, True, True), (16, 3, 0.0, False, False), (16, 4, 0.0, True, True),
     ],
 )  # fmt: skip
 def test_a_mirror_shows_enough_that_is_new_and_little_that_cannot_be(cells, new, empty, tells, enough):
-    assert Evidence(cells, new, empty).tells == tells
-    assert Evidence(cells, new, empty).enough == enough
+    seen = Evidence(cells, new, empty)
+    assert shows_new(seen) == tells
+    assert (shows_new(seen) and seen.possible) == enough
 
 
 def test_behind_an_arc_is_what_is_strong_and_deeper_than_an_object(view):
@@ -107,8 +98,8 @@ SHALLOW = ArcMirror(middle=np.array([0.0, 5.3]), radius=4.0, first=1.5 * np.pi -
 )  # fmt: skip
 def test_a_flat_mirror_is_a_piece_of_an_arc_if_two_fifths_of_it_lie_on_it(view, first, last, aside, piece):
     ends = SHALLOW.at(np.array([first, last])) + np.array([0.0, aside])
-    assert curved._along(LineMirror(*ends), SHALLOW, view) == piece
-    assert not curved._along(SHALLOW, SHALLOW, view)
+    assert showing._along(LineMirror(*ends), SHALLOW, view) == piece
+    assert not showing._along(SHALLOW, SHALLOW, view)
 
 
 def test_known_is_all_but_what_flat_pieces_of_the_arc_place(view):
@@ -183,7 +174,7 @@ def test_what_curved_mirrors_show_is_no_row_of_another(view, monkeypatch):
     assert own.tolist() == [NOBODY, NOBODY, NOBODY, ROOT, ROOT, ROOT]
 
 
-class Steps:
+class Tried:
     """Steps 2 to 4 of the same echoes, whatever arcs are tried; what was asked."""
 
     def __init__(self, view, places):
@@ -193,21 +184,21 @@ class Steps:
         self.gains.append(gain)
         return echoes_at(self.view, self.places)
 
-    def glance(self, *, echoes, arcs):
-        self.glanced.append(list(arcs))
-        return found_with(self.view, list(arcs), echoes.position)
+    def glance(self, *, echoes, besides):
+        self.glanced.append(list(besides))
+        return found_with(self.view, list(besides), echoes.position)
 
-    def again(self, *, echoes, arcs):
-        self.tried.append(list(arcs))
-        return found_with(self.view, list(arcs), echoes.position)
+    def again(self, *, echoes, besides):
+        self.tried.append(list(besides))
+        return found_with(self.view, list(besides), echoes.position)
 
 
 def curved_of(view, monkeypatch, places, *proposed):
     """What is found where those arcs are proposed in turn."""
-    steps, rounds = Steps(view, places), iter(proposed)
+    steps, rounds = Tried(view, places), iter(proposed)
     monkeypatch.setattr(curved, "candidates", lambda found, view: next(rounds))
     first = found_with(view, [], places)
-    return find_curved(first, view, heard=steps.heard, glance=steps.glance, again=steps.again), first, steps
+    return find_curved(first, view, Steps(steps.heard, steps.glance, steps.again))[0], first, steps
 
 
 ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
@@ -233,12 +224,12 @@ def test_nothing_changes_where_no_arc_is_a_mirror(view, monkeypatch):
 
 def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_out(view, monkeypatch):
     monkeypatch.setattr(curved, "candidates", lambda found, view: [PILLAR])
-    steps, first = Steps(view, SHOWN), found_with(view, [], SHOWN)
+    steps, first = Tried(view, SHOWN), found_with(view, [], SHOWN)
 
-    def again(*, echoes, arcs):
-        return found_with(view, list(arcs), echoes.position[:2])
+    def again(*, echoes, besides):
+        return found_with(view, list(besides), echoes.position[:2])
 
-    assert find_curved(first, view, heard=steps.heard, glance=steps.glance, again=again) is first
+    assert find_curved(first, view, Steps(steps.heard, steps.glance, again))[0] is first
     assert steps.glanced == [[PILLAR]]
 
 
@@ -275,7 +266,7 @@ def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch
         (arc,) = candidates(flat, view)
         assert abs(arc.radius - 0.3) < 0.02
         again = partial(find_tree, view, settings=settings)
-        found = find_curved(flat, view, heard=partial(find_echoes, view), glance=again, again=again)
+        found = find_curved(flat, view, Steps(partial(find_echoes, view), again, again))[0]
         assert [node.line.curved for node in found.tree.walk() if node.line is not None] == [True] * bent
         # It is proposed once more, and no row of what it shows is.
         assert all(overlap(one, arc) for one in candidates(found, view))

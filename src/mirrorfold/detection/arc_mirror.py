@@ -16,7 +16,7 @@ import numpy as np
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import SPACING
+from mirrorfold.detection.line_mirror import SPACING, LineMirror
 from mirrorfold.detection.mirror import Mirror
 
 END_CELLS = 0.5
@@ -249,16 +249,31 @@ def dimming(way: Sequence[Mirror], points: Array) -> Array:
     return np.clip(np.abs(spread_over(way, points)[0]), 1.0, LARGEST_DIMMING)
 
 
-def on_arcs(arcs: Sequence[ArcMirror], view: ImageView, echoes: Echoes) -> Mask:
-    """Which echoes lie on one of the arcs, (n,)."""
+def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
+    """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
+    gain = np.ones((view.range.size, view.u.size))
+    for arc in mirrors:
+        if not isinstance(arc, ArcMirror):
+            continue
+        crossing = arc.crossing(view)
+        met = np.flatnonzero(np.isfinite(crossing))
+        places = view.to_points(view.range[:, None], view.u[None, met])
+        behind = view.range[:, None] > crossing[met]
+        own = dimming([arc], places.reshape(-1, 2)).reshape(behind.shape)
+        gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
+    return gain
+
+
+def on_rows(rows: Sequence[Mirror], view: ImageView, echoes: Echoes) -> Mask:
+    """Which echoes lie on one of the rows, (n,)."""
     found = np.zeros(len(echoes), dtype=bool)
-    for arc in arcs:
-        _, own, across = arc.near(view, echoes)
-        found |= own & (np.abs(arc.beside(echoes.position)) <= across)
+    for row in rows:
+        _, own, across = row.near(view, echoes)
+        found |= own & (np.abs(row.beside(echoes.position)) <= across)
     return found
 
 
-def overlap(arc: ArcMirror, other: ArcMirror) -> bool:
-    """Whether the middle of one arc lies on the other, within a tenth of its length."""
-    along = float(other.along(arc.center))
-    return abs(float(other.beside(arc.center))) <= 0.1 * other.length and 0.0 <= along <= other.length
+def overlap(row: Mirror, other: ArcMirror | LineMirror) -> bool:
+    """Whether the middle of one row lies on the other, within a tenth of its length."""
+    along = float(other.along(row.center))
+    return abs(float(other.beside(row.center))) <= 0.1 * other.length and 0.0 <= along <= other.length

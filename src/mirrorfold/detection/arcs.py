@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from mirrorfold.common.arcs import circle_through
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
+from mirrorfold.detection.arc_mirror import ArcMirror, on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side, left_of_kink
 from mirrorfold.detection.growing import CLIP
@@ -144,7 +144,7 @@ class _Arcs:
 
     def _search(self, found: list[ArcMirror]) -> None:
         """Add arcs among the echoes that lie on none yet."""
-        free, missed = self.echoes.strong & ~on_arcs(found, self.view, self.echoes), 0
+        free, missed = self.echoes.strong & ~on_rows(found, self.view, self.echoes), 0
         while np.count_nonzero(free) >= FEWEST and missed <= MISSES and len(found) < MOST_ARCS:
             arc = self._proposed(np.flatnonzero(free))
             if arc is None:
@@ -160,7 +160,7 @@ class _Arcs:
                 continue
             missed = 0
             found.append(fitted)
-            free &= ~on_arcs([fitted], self.view, self.echoes)
+            free &= ~on_rows([fitted], self.view, self.echoes)
 
     def _parted(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
         """Arcs that pass into each other, cut in the middle of what they share and fitted to what is left of each."""

@@ -32,9 +32,9 @@ class FoldSettings(Settings):
     )
     minimum_length: float | None = setting(
         None,
-        "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of "
-        "the nearest echoes in images, 7.5 of the middle ones in volumes. A mirror that faces an array of 4.4 cells or "
-        "more may be nine tenths of it.",
+        "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of the nearest "
+        "echoes in images, five where what stands behind outshines the mirror, 7.5 of the middle ones in volumes. A "
+        "mirror that faces an array of 4.4 cells or more may be nine tenths of it.",
         kind="float",
         unit="m",
         above=0.0,

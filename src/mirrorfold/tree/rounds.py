@@ -10,10 +10,11 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
-from mirrorfold.detection.arc_mirror import ArcMirror, on_arcs
+from mirrorfold.detection.arc_mirror import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
@@ -41,7 +42,7 @@ def find_tree(
     walls: Mask | None = None,
     explain: Callable[[Echoes], Names] | None = None,
     beside: Callable[[Order, Echoes], Hems] | None = None,
-    arcs: Sequence[ArcMirror] = (),
+    besides: Sequence[Mirror] = (),
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -60,8 +61,8 @@ def find_tree(
         one comes into view when it is left out, and is tested in its turn.
     beside : callable, optional
         Tells what the antennas see past the ends of the mirrors of an order, see `half_shadows`.
-    arcs : sequence of ArcMirror
-        Curved mirrors, besides the flat ones that are found.
+    besides : sequence of Mirror
+        Mirrors besides those that are found, see `mirrorfold.tree.showing`.
     """
     every, index = echoes, np.arange(len(echoes))
     explanation = np.full(len(echoes), "", dtype=object)
@@ -70,10 +71,10 @@ def find_tree(
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
-        order, seen = agreed(view, echoes, settings, known, walls, arcs, hems)
+        order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
         if beside is not None and not (told := beside(order, seen)).same(hems):
             hems = told
-            order, seen = agreed(view, echoes, settings, known, walls, arcs, hems)
+            order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
@@ -108,7 +109,7 @@ def agreed(
     settings: FoldSettings,
     known: Array | None = None,
     walls: Mask | None = None,
-    arcs: Sequence[ArcMirror] = (),
+    besides: Sequence[Mirror] = (),
     hems: Hems | None = None,
 ) -> tuple[Order, Echoes]:
     """Mirrors and their order in turn, until both agree with what is visible.
@@ -118,10 +119,10 @@ def agreed(
     hems = Hems.nothing() if hems is None else hems
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
-        rows = echoes.take(~on_arcs(arcs, view, echoes)) if arcs and isinstance(view, ImageView) else echoes
+        rows = echoes.take(~on_rows(besides, view, echoes)) if besides and isinstance(view, ImageView) else echoes
         mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
         mirrors = hems.on(mirrors, view)
-        order = order_mirrors([*mirrors, *arcs], view, echoes, settings, walls)
+        order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         if (
             known is None and settings.opaque and (own := order.itself()).any()
         ):  # the antennas are opaque, but no mirror of the scene
@@ -130,7 +131,7 @@ def agreed(
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
             more = hems.on(completed(mirrors, order, view, echoes, settings), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
-                order = order_mirrors([*more, *arcs], view, echoes, settings, walls)
+                order = order_mirrors([*more, *besides], view, echoes, settings, walls)
             if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
                 order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes

@@ -1,0 +1,88 @@
+"""Which rows of echoes are mirrors that are too short to be told by themselves.
+
+Half of a wall is often hidden, by what stands before it or by the end of the mirror that shows it. What is left says
+less about its direction than a wall must, and flat sides of things are as long. But a mirror is smoother than what it
+shows: echoes behind it outshine those of its own face, which multiple scattering behind a thing never does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from mirrorfold.common.types import Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.lines import MINIMUM_CELLS, find_lines
+from mirrorfold.detection.mirror import faces
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.showing import Row, Steps, behind, with_rows
+
+SHORTEST_CELLS = 5.0
+"""Of such a row, in resolution cells, about as of an arc: where `MINIMUM_CELLS` are asked of others."""
+
+SMALLEST_FILL = 0.7
+"""Share of its length that its echoes must fill, as of an arc."""
+
+FEWEST = 2
+"""Echoes that outshine a row, farther apart than a resolution cell: one may stand beside it, and show past its end."""
+
+OUTSHINES = 10.0 ** (6.0 / 20.0)
+"""By how much echoes must exceed the median of a row to outshine it: the brightest of ten speckles exceeds their
+median by 5 dB."""
+
+
+def find_short(
+    found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Row] = ()
+) -> Found:
+    """Steps 2 to 4 once more with the short mirrors that the image tells, see `with_rows`.
+
+    Parameters
+    ----------
+    found : Found
+        With all other mirrors.
+    view : ImageView
+    steps : Steps
+    minimum_length : float [m]
+        Of mirrors that are told by themselves.
+    besides : sequence of ArcMirror or LineMirror
+        Mirrors in it that steps 2 to 4 do not find by themselves.
+    """
+    return with_rows(
+        found,
+        view,
+        steps,
+        proposed=lambda known: short_rows(known, view, SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
+        shown=partial(outshining, view),
+        fewest=FEWEST,
+        besides=besides,
+    )[0]
+
+
+def outshining(view: ImageView, echoes: Echoes, row: Row) -> Mask:
+    """Echoes behind a row that outshine it, the brightest of those in a resolution cell to all sides of it, (n,)."""
+    which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > OUTSHINES * row.strength))
+    which = which[np.argsort(-echoes.amplitude[which])]
+    place, found = view.in_cells(echoes.position[which]), np.zeros(len(echoes), dtype=bool)
+    while which.size:
+        found[which[0]] = True
+        apart = np.abs(place - place[0]).max(axis=1) > 1.0
+        which, place = which[apart], place[apart]
+    return found
+
+
+def short_rows(found: Found, view: ImageView, shortest: float) -> list[Row]:
+    """Straight rows, each of echoes that are seen by one way and lie on no mirror that is known."""
+    sight, echoes = found.sight, found.echoes
+    ways = found.tree.ways()
+    known = [ways[chain][-1] for chain in sight.chain if chain]
+    loose = faces(known, view, echoes, 0.0, nobody=NOBODY, root=ROOT) == ROOT
+    own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), NOBODY)
+    rows = list[Row]()
+    for way in np.unique(own[own >= ROOT]):
+        if way == ROOT or not any(mirror.curved for mirror in ways[sight.chain[way]]):
+            rows += find_lines(echoes.take(own == way), view, minimum_length=shortest)
+    return [row for row in rows if row.fill >= SMALLEST_FILL]

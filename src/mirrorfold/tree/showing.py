@@ -1,0 +1,209 @@
+"""Rows of echoes that are mirrors by what the image shows behind them, and by nothing else: curved and short ones.
+
+Behind an opaque thing a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and each
+echo of it folds to a place that the radar does not see to be empty. So a row is tried as a mirror, and what is then
+seen by way of it is the evidence. Which rows are tried, and what is enough, is told by `mirrorfold.tree.curved` and
+`mirrorfold.tree.short_rows`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.arc_mirror import ArcMirror, gains, overlap, spread_over
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror, fold_of
+from mirrorfold.tree.assignment import Found
+
+Row = ArcMirror | LineMirror
+"""What is tried as a mirror."""
+
+KNOWN_CELLS = 1.5
+"""What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that.
+Range alone would tell it more sharply, but then multiple scattering behind round objects shows as much that is new."""
+
+SAMPLES, PIECE = 9, 0.4
+"""Places along a flat mirror, and the share of them that lie on an arc if it is a piece of it: of an S-shaped wall that
+was taken for straight, half of it lies on either arc."""
+
+MOST_EMPTY = 0.3
+"""Share of these cells that may fold to where the radar sees nothing."""
+
+
+class Heard(Protocol):
+    """The echoes of the image; where known mirrors dim what they show, down to thresholds lower by so much."""
+
+    def __call__(self, *, gain: Array) -> Echoes: ...  # noqa: D102
+
+
+class Again(Protocol):
+    """Steps 2 to 4 with echoes and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
+
+    def __call__(self, *, echoes: Echoes, besides: Sequence[Row]) -> Found: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What stands behind a row.
+
+    Attributes
+    ----------
+    cells : int
+        Resolution cells of the image with strong echoes in them.
+    new : int
+        Those of them that fold to places where nothing was known to be.
+    empty : float
+        Share of all that fold to where the radar sees nothing.
+    """
+
+    cells: int
+    new: int
+    empty: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether little of it cannot be."""
+        return self.empty <= MOST_EMPTY
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How rows are tried as mirrors.
+
+    Attributes
+    ----------
+    heard, glance, again : callable
+        See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere, and takes a tenth of
+        the time. As these seem new behind an arc, one that shows too little new at a glance is no mirror: of 70 arcs of
+        random scenes 16 were, and none of them had turned out to be one.
+    """
+
+    heard: Heard
+    glance: Again
+    again: Again
+
+
+def with_rows(
+    found: Found,
+    view: ImageView,
+    steps: Steps,
+    *,
+    proposed: Callable[[Found], Sequence[Row]],
+    shown: Callable[[Echoes, Row], Mask],
+    fewest: int,
+    tells: Callable[[Evidence], bool] = lambda seen: True,
+    besides: Sequence[Row] = (),
+) -> tuple[Found, list[Row]]:
+    """Steps 2 to 4 once more, with the rows that are mirrors by what they show; as before where there are none.
+
+    Those in line of sight are looked for first, then those that known mirrors show.
+
+    Parameters
+    ----------
+    found : Found
+        Without them.
+    view : ImageView
+    steps : Steps
+    proposed : callable
+        Rows that may be mirrors, by what is found so far.
+    shown : callable
+        Which echoes behind a row count, see `behind`.
+    fewest : int
+        Resolution cells behind a row with such echoes in them, at least.
+    tells : callable
+        Whether so many are evidence enough.
+    besides : sequence of ArcMirror or LineMirror
+        Rows that are known to be mirrors.
+    """
+    known, first = list(besides), found
+    for _ in range(2):
+        trial = [*known, *(row for row in proposed(found) if not any(overlap(row, other) for other in known))]
+        tried = found
+        while len(trial) > len(known):
+            echoes = steps.heard(gain=gains(view, trial))
+            count = [filled_cells(view, echoes.take(shown(echoes, row))) for row in trial]
+            kept = [row for row, cells in zip(trial, count, strict=True) if cells >= fewest or row in besides]
+            places = known_places(first, view, trial)
+            for step, whole in ((steps.glance, False), (steps.again, True)):
+                if len(kept) < len(trial):
+                    break
+                tried = step(echoes=echoes, besides=trial)
+                told = [(row, evidence(tried, view, row, places, shown)) for row in trial]
+                told = [(row, seen) for row, seen in told if (seen.cells >= fewest and tells(seen)) or row in besides]
+                kept = [row for row, seen in told if seen.possible or not whole or row in besides]
+            if len(kept) == len(trial):
+                break
+            trial = kept
+        if len(trial) <= len(known):
+            break
+        known, found = trial, tried
+    return found, known
+
+
+def behind(view: ImageView, echoes: Echoes, row: Row) -> Mask:
+    """Strong echoes behind a row, deeper than an object is, (n,)."""
+    crossing = row.crossing(view)[echoes.direction]
+    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
+
+
+def filled_cells(view: ImageView, echoes: Echoes) -> int:
+    """Resolution cells of the image in which echoes stand."""
+    return int(view.cell_numbers(echoes.position).max(initial=-1)) + 1
+
+
+def known_places(found: Found, view: ImageView, rows: Sequence[Row]) -> Array:
+    """Where all stands that was found without flat pieces along those rows, (n, 2) [m]: they place it wrongly."""
+    folds, ways = found.tree.folds(), found.tree.ways()
+    parts = [np.empty((0, 2))]
+    for node in found.tree.walk():
+        for way, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
+            if not any(_along(mirror, row, view) for mirror in ways[way] for row in rows):
+                parts.append(folds[way](echoes.position))
+    return np.concatenate(parts)
+
+
+def _along(mirror: Mirror, row: Row, view: ImageView) -> bool:
+    """Whether a flat mirror is a piece of a row, or a chord of it."""
+    places = mirror.ends[0] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (mirror.ends[1] - mirror.ends[0])
+    cell, along = view.cell_at(row.center), row.along(places)
+    near = (np.abs(row.beside(places)) <= cell) & (along >= -cell) & (along <= row.length + cell)
+    return not mirror.curved and bool(near.mean() >= PIECE)
+
+
+def evidence(
+    found: Found, view: ImageView, row: Row, known: Array, shown: Callable[[Echoes, Row], Mask] | None = None
+) -> Evidence:
+    """What is seen by way of a row that was tried as a mirror, besides known places (n, 2) [m]."""
+    sight, echoes = found.sight, found.echoes
+    ways = found.tree.ways()
+    own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
+    cells, fresh, empty = 0, 0, 0
+    tree = cKDTree(known)
+    through = sight.seen_through(echoes.range, echoes.direction)
+    counted = echoes.visible & (behind(view, echoes, row) if shown is None else shown(echoes, row))
+    for index, way in own:
+        seen = echoes.take(counted & (through == index))
+        if not len(seen):
+            continue
+        place = fold_of(way, view.dimensions)(seen.position)
+        range_, direction, inside = view.locate(place)
+        contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(seen), bool)
+        across = np.abs(spread_over([row], seen.position)[0]) * view.cross_cell(seen.position)
+        near = tree.query(place)[0] <= KNOWN_CELLS * np.hypot(view.range_cell, across)
+        cells += filled_cells(view, seen)
+        fresh += filled_cells(view, seen.take(~near & ~contradicted))
+        empty += filled_cells(view, seen.take(contradicted))
+    return Evidence(cells, fresh, empty / max(cells, 1))
+
+
+def _part_of(mirror: Mirror, row: Row) -> bool:
+    """Whether a mirror is what was left of a row when it was cut."""
+    return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0)

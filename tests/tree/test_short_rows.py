@@ -1,0 +1,116 @@
+"""Which short rows are mirrors: a piece of a wall, with things of several strengths behind it."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from synthetic import diffuse, radar_view, together
+
+import mirrorfold as mf
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.finding import find_echoes, usual_settings
+from mirrorfold.detection.lines import MINIMUM_CELLS
+from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.short_rows import SHORTEST_CELLS, find_short, short_rows
+from mirrorfold.tree.showing import Steps
+
+CELL = 0.0318
+"""Diagonal of the resolution cell at the wall, a metre away [m]."""
+
+MIDDLE, ALONG = np.array([0.15, 1.0]), np.array([0.94, 0.34])
+
+
+def wall(cells, seed=1):
+    """A rough wall of so many resolution cells."""
+    return diffuse(MIDDLE - 0.5 * cells * CELL * ALONG, MIDDLE + 0.5 * cells * CELL * ALONG, seed)
+
+
+def things(level, count=4, half=0.03):
+    """Diffuse rows behind the wall, in a line of sight through its middle, so much [dB] above it; half their width."""
+    sight = MIDDLE / np.linalg.norm(MIDDLE)
+    places = [sight * distance for distance in np.linspace(1.4, 2.3, count)]
+    strength = 10.0 ** (level / 20.0)
+    aside = np.array([half, 0.01])
+    return [diffuse(at - aside, at + aside, 10 + i, strength) for i, at in enumerate(places)]
+
+
+def steps_2_to_4(*parts):
+    """What is found at first, and with short rows."""
+    view = radar_view(*together(*parts), noise=1e-3)
+    echoes = find_echoes(view)
+    settings = FoldSettings().completed(**usual_settings(view, echoes))
+    again = partial(find_tree, view, settings=settings)
+    steps = Steps(partial(find_echoes, view), again, again)
+    first = find_tree(view, echoes, settings)
+    return first, find_short(first, view, steps, minimum_length=settings.minimum_length), view, settings, steps
+
+
+def mirrors_of(found):
+    return [node.line for node in found.tree.walk() if node.line is not None]
+
+
+def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
+    """Six cells of wall: too short by itself; a thing if what stands behind it is weaker, or one point."""
+    for level, count, half, is_mirror in ((12.0, 4, 0.03, True), (-12.0, 4, 0.03, False), (9.0, 1, 0.001, False)):
+        first, found, *_ = steps_2_to_4(wall(6.0), *things(level, count, half))
+        assert not mirrors_of(first)
+        assert len(mirrors_of(found)) == is_mirror
+        assert (found is first) == (not is_mirror)
+        if is_mirror:
+            (mirror,) = mirrors_of(found)
+            assert abs(float(mirror.beside(MIDDLE))) < 0.003
+            assert np.degrees(np.arccos(abs(mirror.direction @ ALONG) / np.linalg.norm(ALONG))) < 3.0
+            assert len(found.tree.mirrors[0].objects) > 0
+
+
+def test_a_row_that_is_shorter_still_is_none():
+    _, found, view, settings, _ = steps_2_to_4(wall(3.5), *things(12.0))
+    assert not mirrors_of(found)
+    assert_allclose(settings.minimum_length, MINIMUM_CELLS * CELL, rtol=0.02)
+    assert not short_rows(found, view, SHORTEST_CELLS * CELL)
+
+
+def test_a_long_wall_is_no_short_row_and_what_curved_mirrors_show_neither():
+    first, found, view, *_ = steps_2_to_4(wall(14.0), *things(12.0))
+    assert found is first
+    assert not short_rows(found, view, SHORTEST_CELLS * CELL)
+    pillar = ArcMirror(middle=np.array([0.0, 0.8]), radius=0.2, first=np.pi, span=np.pi, radar=np.zeros(2))
+    view = radar_view(*wall(7.0), noise=1e-3)
+    echoes = find_echoes(view)
+    settings = FoldSettings().completed(**usual_settings(view, echoes))
+    assert len(short_rows(find_tree(view, echoes, settings), view, SHORTEST_CELLS * CELL)) == 1
+    bent = find_tree(view, echoes, settings, besides=[pillar])
+    assert [line.curved for line in mirrors_of(bent)] == [True]
+    assert not short_rows(bent, view, SHORTEST_CELLS * CELL)
+
+
+def test_what_would_fold_to_where_the_radar_sees_nothing_is_no_evidence():
+    """A wall farther away, in line of sight beside the short row: all between the radar and it is empty."""
+    facing = diffuse([0.15 - 3.0 * CELL, 1.0], [0.15 + 3.0 * CELL, 1.0], 1)
+    behind = [diffuse([0.2 + at, 1.5 + 2.0 * at], [0.25 + at, 1.5 + 2.0 * at], 20 + i, 10.0)
+              for i, at in enumerate((0.0, 0.1, 0.2))]  # fmt: skip
+    around = diffuse([-0.9, 1.6], [-0.2, 1.6], 3), diffuse([0.5, 1.3], [0.9, 1.1], 4)
+    _, found, *_ = steps_2_to_4(facing, *behind, *around)
+    assert not [mirror for mirror in mirrors_of(found) if abs(float(mirror.beside(MIDDLE))) < 0.02]
+
+
+def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
+    """`minimum_length` switches short rows off; without it the same image has the mirror."""
+    image = hidden_behind_short_wall
+    found = mf.fold(image)
+    assert found["mirrors"].sizes["mirror"] == 1
+    again = mf.fold(image, minimum_length=float(found.attrs["fold_minimum_length"]))
+    assert again["mirrors"].sizes["mirror"] == 0
+    assert mf.fold(image, preset="published", minimum_length=1.0)["mirrors"].sizes["mirror"] == 0
+
+
+@pytest.fixture(scope="module")
+def hidden_behind_short_wall():
+    from synthetic import radar_image
+
+    places, amplitude = together(wall(6.0), *things(12.0))
+    return radar_image(places, amplitude, np.arange(-1.2, 1.2, 0.01), np.arange(0.5, 2.8, 0.01))
