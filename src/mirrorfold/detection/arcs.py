@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.spatial.distance import cdist
 
 from mirrorfold.common.arcs import circle_through
 from mirrorfold.common.geometry import unit
@@ -219,7 +220,7 @@ class _Arcs:
         points, weight = self.echoes.position[judge], self.weight[judge]
         cell = float(np.median(self.view.cell(self.echoes.range[judge])))
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
-        distance = np.linalg.norm(points[seeds][:, None] - points[None], axis=2)
+        distance = cdist(points[seeds], points)
         near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
         a, b = (np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(2))
         middle, radius = circle_through(points[seeds], points[a], points[b])
@@ -233,7 +234,7 @@ class _Arcs:
         if not sound.any():
             return None
         middle, radius, seeds = middle[sound], radius[sound], seeds[sound]
-        beside = np.linalg.norm(points[None] - middle[:, None], axis=2) - radius[:, None]
+        beside = cdist(middle, points) - radius[:, None]
         on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[sound] < 2.0 * REACH_CELLS * cell)
         best = int(np.argmax(on_it @ weight))
         return self._arc(middle[best], float(radius[best]), points[on_it[best]])

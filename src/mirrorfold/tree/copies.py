@@ -8,7 +8,7 @@ delay is a copy and no thing of its own; what follows one of them alone may well
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import label, maximum_filter
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
@@ -86,7 +86,7 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
     level = np.zeros(len(amplitude))
     at = np.zeros(amplitude.shape, dtype=bool)
     at[row, column] = True
-    group = label(binary_dilation(at, np.ones((2 * SAMPLES_PER_CELL + 1,) * 2)))[0][row, column]
+    group = label(maximum_filter(at, size=2 * SAMPLES_PER_CELL + 1, mode="constant"))[0][row, column]
     groups = [np.flatnonzero(group == number) for number in np.unique(group)]
     if len(groups) < FEWEST:
         return level
