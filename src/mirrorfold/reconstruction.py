@@ -284,20 +284,21 @@ class FoldPlan:
         if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
             again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere, beside=beside)
             found = find_transparent(found, view, self._both, echoes, again=again)
+        rows = list[Row]()
         if isinstance(view, ImageView) and not settings.published and mirrors is None and not found.windows:
             steps = Steps(
                 heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
                 glance=partial(find_tree, view, settings=replace(settings, copies=False)),
                 again=partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside),
             )
-            arcs = list[Row]()
             if settings.curved:
-                found, arcs = find_curved(found, view, steps)
+                found, rows = find_curved(found, view, steps)
             if chosen.minimum_length is None:
-                found = find_short(found, view, steps, minimum_length=settings.minimum_length or 0.0, besides=arcs)
+                shortest = settings.minimum_length or 0.0
+                found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
         single = mirrors is None and not self._both and settings.transparent and settings.opaque
         if single and isinstance(view, ImageView):
-            again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside)
+            again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside, besides=rows)
             found = guess_transparent(found, view, echoes, again=again)
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from synthetic import diffuse, radar_view, together
 
 import mirrorfold as mf
+from mirrorfold import reconstruction
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.lines import MINIMUM_CELLS
@@ -46,7 +47,8 @@ def steps_2_to_4(*parts):
     again = partial(find_tree, view, settings=settings)
     steps = Steps(partial(find_echoes, view), again, again)
     first = find_tree(view, echoes, settings)
-    return first, find_short(first, view, steps, minimum_length=settings.minimum_length), view, settings, steps
+    found, _ = find_short(first, view, steps, minimum_length=settings.minimum_length)
+    return first, found, view, settings, steps
 
 
 def mirrors_of(found):
@@ -106,6 +108,12 @@ def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
     again = mf.fold(image, minimum_length=float(found.attrs["fold_minimum_length"]))
     assert again["mirrors"].sizes["mirror"] == 0
     assert mf.fold(image, preset="published", minimum_length=1.0)["mirrors"].sizes["mirror"] == 0
+
+
+def test_short_mirrors_stay_when_steps_2_to_4_are_done_again(hidden_behind_short_wall, monkeypatch):
+    """As they are without what passed through walls."""
+    monkeypatch.setattr(reconstruction, "guess_transparent", lambda found, view, every, again: again(echoes=every))
+    assert mf.fold(hidden_behind_short_wall)["mirrors"].sizes["mirror"] == 1
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,6 @@ shows a coarser picture at best, and multiple scattering behind round objects fo
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from mirrorfold.detection.arc_mirror import ArcMirror
@@ -18,7 +16,7 @@ from mirrorfold.detection.mirror import Mirror, faces
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
-from mirrorfold.tree.showing import Evidence, Row, Steps, behind, with_rows
+from mirrorfold.tree.showing import Evidence, Row, Steps, with_rows
 
 FEWEST_CELLS = 3
 """Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one."""
@@ -35,8 +33,7 @@ def find_curved(found: Found, view: ImageView, steps: Steps) -> tuple[Found, lis
         found,
         view,
         steps,
-        proposed=lambda known: candidates(known, view),
-        shown=partial(behind, view),
+        proposed=lambda known, view: candidates(known, view),
         fewest=FEWEST_CELLS,
         tells=shows_new,
     )

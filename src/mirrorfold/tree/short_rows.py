@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from mirrorfold.common.types import Mask
+from mirrorfold.detection.arcs import SMALLEST_FILL
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.lines import MINIMUM_CELLS, find_lines
@@ -24,9 +25,6 @@ from mirrorfold.tree.showing import Row, Steps, behind, with_rows
 SHORTEST_CELLS = 5.0
 """Of such a row, in resolution cells, about as of an arc: where `MINIMUM_CELLS` are asked of others."""
 
-SMALLEST_FILL = 0.7
-"""Share of its length that its echoes must fill, as of an arc."""
-
 FEWEST = 2
 """Echoes that outshine a row, farther apart than a resolution cell: one may stand beside it, and show past its end."""
 
@@ -37,8 +35,8 @@ median by 5 dB."""
 
 def find_short(
     found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Row] = ()
-) -> Found:
-    """Steps 2 to 4 once more with the short mirrors that the image tells, see `with_rows`.
+) -> tuple[Found, list[Row]]:
+    """Steps 2 to 4 once more with the short mirrors that the image tells, and these, see `with_rows`.
 
     Parameters
     ----------
@@ -55,11 +53,11 @@ def find_short(
         found,
         view,
         steps,
-        proposed=lambda known: short_rows(known, view, SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
-        shown=partial(outshining, view),
+        proposed=partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
         fewest=FEWEST,
+        shown=outshining,
         besides=besides,
-    )[0]
+    )
 
 
 def outshining(view: ImageView, echoes: Echoes, row: Row) -> Mask:

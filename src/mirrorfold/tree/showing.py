@@ -34,8 +34,15 @@ SAMPLES, PIECE = 9, 0.4
 """Places along a flat mirror, and the share of them that lie on an arc if it is a piece of it: of an S-shaped wall that
 was taken for straight, half of it lies on either arc."""
 
+ROUNDING = 1e-9
+"""What lies no farther beside a row, in its lengths, is a part of it."""
+
 MOST_EMPTY = 0.3
 """Share of these cells that may fold to where the radar sees nothing."""
+
+
+Shown = Callable[[ImageView, Echoes, Row], Mask]
+"""Which echoes are evidence for a row, (n,)."""
 
 
 class Heard(Protocol):
@@ -96,9 +103,9 @@ def with_rows(
     view: ImageView,
     steps: Steps,
     *,
-    proposed: Callable[[Found], Sequence[Row]],
-    shown: Callable[[Echoes, Row], Mask],
+    proposed: Callable[[Found, ImageView], Sequence[Row]],
     fewest: int,
+    shown: Shown | None = None,
     tells: Callable[[Evidence], bool] = lambda seen: True,
     besides: Sequence[Row] = (),
 ) -> tuple[Found, list[Row]]:
@@ -114,38 +121,44 @@ def with_rows(
     steps : Steps
     proposed : callable
         Rows that may be mirrors, by what is found so far.
-    shown : callable
-        Which echoes behind a row count, see `behind`.
     fewest : int
-        Resolution cells behind a row with such echoes in them, at least.
+        Resolution cells behind a row with echoes in them that count, at least.
+    shown : callable, optional
+        Which echoes count, `behind` by default.
     tells : callable
         Whether so many are evidence enough.
     besides : sequence of ArcMirror or LineMirror
         Rows that are known to be mirrors.
+
+    Returns
+    -------
+    Found, list of ArcMirror or LineMirror
+        The latter with those of `besides`.
     """
-    known, first = list(besides), found
+    told, first, shown = list[Row](), found, shown or behind
     for _ in range(2):
-        trial = [*known, *(row for row in proposed(found) if not any(overlap(row, other) for other in known))]
+        known = [*besides, *told]
+        trial = [*told, *(row for row in proposed(found, view) if not any(overlap(row, other) for other in known))]
         tried = found
-        while len(trial) > len(known):
-            echoes = steps.heard(gain=gains(view, trial))
-            count = [filled_cells(view, echoes.take(shown(echoes, row))) for row in trial]
-            kept = [row for row, cells in zip(trial, count, strict=True) if cells >= fewest or row in besides]
-            places = known_places(first, view, trial)
+        while len(trial) > len(told):
+            every = [*besides, *trial]
+            echoes = steps.heard(gain=gains(view, every))
+            kept = [row for row in trial if filled_cells(view, echoes.take(shown(view, echoes, row))) >= fewest]
+            places = known_places(first, view, every)
             for step, whole in ((steps.glance, False), (steps.again, True)):
                 if len(kept) < len(trial):
                     break
-                tried = step(echoes=echoes, besides=trial)
-                told = [(row, evidence(tried, view, row, places, shown)) for row in trial]
-                told = [(row, seen) for row, seen in told if (seen.cells >= fewest and tells(seen)) or row in besides]
-                kept = [row for row, seen in told if seen.possible or not whole or row in besides]
+                tried = step(echoes=echoes, besides=every)
+                seen = [(row, evidence(tried, view, row, places, shown)) for row in trial]
+                seen = [(row, what) for row, what in seen if what.cells >= fewest and tells(what)]
+                kept = [row for row, what in seen if what.possible or not whole]
             if len(kept) == len(trial):
                 break
             trial = kept
-        if len(trial) <= len(known):
+        if len(trial) <= len(told):
             break
-        known, found = trial, tried
-    return found, known
+        told, found = trial, tried
+    return found, [*besides, *told]
 
 
 def behind(view: ImageView, echoes: Echoes, row: Row) -> Mask:
@@ -178,9 +191,7 @@ def _along(mirror: Mirror, row: Row, view: ImageView) -> bool:
     return not mirror.curved and bool(near.mean() >= PIECE)
 
 
-def evidence(
-    found: Found, view: ImageView, row: Row, known: Array, shown: Callable[[Echoes, Row], Mask] | None = None
-) -> Evidence:
+def evidence(found: Found, view: ImageView, row: Row, known: Array, shown: Shown = behind) -> Evidence:
     """What is seen by way of a row that was tried as a mirror, besides known places (n, 2) [m]."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
@@ -188,9 +199,9 @@ def evidence(
     cells, fresh, empty = 0, 0, 0
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
-    counted = echoes.visible & (behind(view, echoes, row) if shown is None else shown(echoes, row))
     for index, way in own:
-        seen = echoes.take(counted & (through == index))
+        seen = echoes.take(echoes.visible & (through == index))
+        seen = seen.take(shown(view, seen, row))
         if not len(seen):
             continue
         place = fold_of(way, view.dimensions)(seen.position)
@@ -206,4 +217,4 @@ def evidence(
 
 def _part_of(mirror: Mirror, row: Row) -> bool:
     """Whether a mirror is what was left of a row when it was cut."""
-    return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0)
+    return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0, atol=ROUNDING * row.length)
