@@ -18,12 +18,12 @@ SIDE = np.array([[-0.24, 0.4], [-0.31, 0.8]])
 SHORTEST = 0.15
 
 
-def scene(*more, side_level=0.02):
+def scene(*more, side_level=0.02, far=FAR, first=0.3):
     """The radar's view of the far wall, of its image in the side wall, and of the side wall itself, hardly visible."""
     normal = segment_normal(*SIDE)
-    image = [reflect(np.array([place]), SIDE[0], normal)[0] for place in (FAR[0] + 0.3 * (FAR[1] - FAR[0]), FAR[1])]
+    image = [reflect(np.array([place]), SIDE[0], normal)[0] for place in (far[0] + first * (far[1] - far[0]), far[1])]
     position, amplitude = diffuse(*SIDE, seed=3)
-    parts = diffuse(*FAR, seed=1), diffuse(*image, seed=2), (position, side_level * np.asarray(amplitude)), *more
+    parts = diffuse(*far, seed=1), diffuse(*image, seed=2), (position, side_level * np.asarray(amplitude)), *more
     view = see(radar_image(*together(*parts), np.linspace(-1.4, 1.0, 241), np.linspace(0.25, 1.9, 166)))
     echoes = find_echoes(view)
     return view, echoes, find_mirrors(view, echoes, minimum_length=SHORTEST)
@@ -37,7 +37,7 @@ def angle_deg(mirror, true):
 def test_a_side_wall_is_found_by_the_image_in_it():
     view, echoes, mirrors = scene()
     assert all(angle_deg(mirror, SIDE) > 5.0 for mirror in mirrors)  # its own echoes are too faint
-    (found,) = edge_on(mirrors, view, echoes, SHORTEST)
+    (found,) = edge_on(mirrors, [], view, echoes, SHORTEST)
     assert angle_deg(found, SIDE) < 0.15
     assert abs(found.beside(SIDE.mean(axis=0))) < 2e-3
     # It is as long as the directions in which it shows the far wall.
@@ -46,15 +46,39 @@ def test_a_side_wall_is_found_by_the_image_in_it():
     assert 0.0 < found.offset_error < 2e-3
 
 
+def test_the_faint_line_tells_where_the_side_wall_is_if_wall_and_image_are_nearly_parallel():
+    """Their crossing is then known to a resolution cell alone."""
+    normal = segment_normal(*SIDE)
+    turn = np.radians(2.0)
+    across = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ normal
+    far = np.array([-0.32, 1.45]) + np.outer([0.0, 1.0], 0.9 * across * np.sign(across[0]))
+    view, echoes, mirrors = scene(far=far, first=0.0)
+    (found,) = edge_on(mirrors, [], view, echoes, SHORTEST)
+    assert angle_deg(found, SIDE) < 0.15
+    assert abs(found.beside(SIDE.mean(axis=0))) < 2e-3
+    assert found.offset_error < 2e-3
+
+
+def test_a_row_too_short_for_a_mirror_may_be_an_image():
+    view, echoes, mirrors = scene()
+    wall, image = sorted(mirrors, key=lambda mirror: -mirror.length)[:2]
+    if angle_deg(wall, FAR) > angle_deg(image, FAR):
+        wall, image = image, wall
+    short = image.part(0.1 * image.length, 0.5 * image.length)
+    assert edge_on([wall], [], view, echoes, SHORTEST) == []
+    (found,) = edge_on([wall], [short], view, echoes, SHORTEST)
+    assert angle_deg(found, SIDE) < 0.3
+
+
 def test_where_no_faint_line_halves_the_angle_of_two_walls_there_is_no_mirror():
     """They may well be the two walls of a room's corner."""
     view, echoes, mirrors = scene(side_level=0.0)
     assert len(mirrors) == 2
-    assert edge_on(mirrors, view, echoes, SHORTEST) == []
+    assert edge_on(mirrors, [], view, echoes, SHORTEST) == []
 
 
 def test_one_wall_has_no_image():
     view, echoes, mirrors = scene()
-    assert edge_on(mirrors[:1], view, echoes, SHORTEST) == []
+    assert edge_on(mirrors[:1], [], view, echoes, SHORTEST) == []
     parallel = LineMirror(*(mirrors[0].ends + np.array([0.0, 0.1])))
-    assert edge_on([mirrors[0], parallel], view, echoes, SHORTEST) == []
+    assert edge_on([mirrors[0], parallel], [], view, echoes, SHORTEST) == []

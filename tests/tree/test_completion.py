@@ -55,7 +55,7 @@ def test_arcs_stay_as_they_are(seen):
 def test_walls_edge_on_are_looked_for_between_mirrors_in_line_of_sight(monkeypatch, seen):
     """Not between those that another shows, nor between arcs."""
     asked = []
-    monkeypatch.setattr(completion, "edge_on", lambda mirrors, view, echoes, shortest: asked.append(mirrors) or [])
+    monkeypatch.setattr(completion, "edge_on", lambda mirrors, *others: asked.append(mirrors) or [])
     near, far = LineMirror(*np.array(OBJECT)), LineMirror(np.array([-0.1, 1.8]), np.array([0.1, 1.8]))
     arc = ArcMirror(middle=np.array([0.8, 1.4]), radius=0.2, first=np.pi, span=1.0, radar=np.zeros(2))
     complete(seen, [near, far, arc], 0.1)

@@ -16,8 +16,10 @@ import numpy as np
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.fit import refined
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import SPACING, LineMirror
+from mirrorfold.detection.lines import LOBE
 
 LARGEST_GRAZING_DEG = 45.0
 """Walls that all lines of sight meet at less than this. What faces the radar more is found by itself."""
@@ -36,17 +38,25 @@ walls by chance it was at most 2.3."""
 ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
 """Where amplitudes are compared, in resolution cells across the line; on either side."""
 
+ASTRAY, STEPS = 3.0, 8
+"""The line is looked for so many standard errors, and cells at most, from where the two walls say it is, in so many
+steps a cell: where these are nearly parallel, their crossing is known to a cell or so."""
+
 SAMPLES = 32
 """Lines of sight to a mirror."""
 
 
-def edge_on(mirrors: Sequence[LineMirror], view: ImageView, echoes: Echoes, shortest: float) -> list[LineMirror]:
-    """Mirrors seen edge-on that make one of the mirrors an image of another.
+def edge_on(
+    mirrors: Sequence[LineMirror], rows: Sequence[LineMirror], view: ImageView, echoes: Echoes, shortest: float
+) -> list[LineMirror]:
+    """Mirrors seen edge-on that make a mirror, or a row of echoes, an image of another mirror.
 
     Parameters
     ----------
     mirrors : sequence of LineMirror
         Those in line of sight.
+    rows : sequence of LineMirror
+        Rows of echoes in line of sight that are too short for mirrors.
     view : ImageView
     echoes : Echoes
     shortest : float [m]
@@ -58,12 +68,12 @@ def edge_on(mirrors: Sequence[LineMirror], view: ImageView, echoes: Echoes, shor
         As long as what they show tells, at most one for each image, that on the clearest line.
     """
     found: list[LineMirror] = []
-    for image in mirrors:
+    for image in (*mirrors, *rows):
         tried: list[tuple[float, LineMirror | None]] = [
             (_contrast(between, view), between)
             for wall in mirrors
             if wall is not image
-            for between in _between(wall, image, view)
+            for between in (_on_faint_line(line, view) for line in _between(wall, image, view))
             if between.length >= shortest
         ]
         contrast, best = max(tried, key=itemgetter(0), default=(0.0, None))
@@ -111,6 +121,20 @@ def _judged(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: A
     turned = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
     strength = float(np.median(_levels(mirror, view, ON_LINE)))
     return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, turned)), strength=strength)
+
+
+def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
+    """The mirror, moved towards the line that the image holds, as far as that is better known than where it is."""
+    across = float(view.extent(mirror.center[None], mirror.normal)[0])
+    count = int(np.ceil(ASTRAY * min(mirror.offset_error / across, 1.0) * STEPS))
+    cells = (np.arange(-count, count + 1) / STEPS).tolist()
+    brightest = across * cells[np.argmax(np.median(_levels(mirror, view, cells), axis=0))]
+    line, _ = refined(mirror.moved(mirror.normal, mirror.center + brightest * mirror.normal), view, *LOBE)
+    both = float(np.hypot(mirror.offset_error, line.offset_error))
+    towards = (mirror.offset_error / both) ** 2 * mirror.beside(line.center) * mirror.normal
+    moved = mirror.moved(mirror.normal, mirror.center + towards)
+    level = float(np.median(_levels(moved, view, ON_LINE)))
+    return replace(moved, offset_error=mirror.offset_error * line.offset_error / both, strength=level)
 
 
 def _contrast(mirror: LineMirror, view: ImageView) -> float:

@@ -10,10 +10,12 @@ from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.lines import MINIMUM_CELLS
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.shadows import beyond_shadows, joined
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
+from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -28,8 +30,10 @@ def completed(
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
     shortest = settings.minimum_length or 0.0
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
-    halves = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
-    whole = joined([row for row in halves if isinstance(row, LineMirror)], view, sighted, clear, shortest)
+    found = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
+    halves = [row for row in found if isinstance(row, LineMirror)]
+    whole = joined(halves, view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
-    return [*longer, *whole, *edge_on(seen, view, echoes, shortest)]
+    rows = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
+    return [*longer, *whole, *edge_on(seen, rows, view, echoes, shortest)]
