@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
-from synthetic import diffuse, radar_image, together
+from synthetic import RANGE_CELL, diffuse, radar_image, together
 
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.detection.edge_on import edge_on
+from mirrorfold.detection.edge_on import _between, edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see
 from mirrorfold.detection.line_mirror import LineMirror
 
@@ -40,8 +42,11 @@ def test_a_side_wall_is_found_by_the_image_in_it():
     (found,) = edge_on(mirrors, [], view, echoes, SHORTEST)
     assert angle_deg(found, SIDE) < 0.15
     assert abs(found.beside(SIDE.mean(axis=0))) < 2e-3
-    # It is as long as the directions in which it shows the far wall.
-    assert found.length == pytest.approx(np.linalg.norm(SIDE[1] - SIDE[0]), abs=0.1)
+    # It is as long as the directions in which it shows the far wall, but no longer than the side wall itself.
+    (shown,) = (line for image, wall in permutations(mirrors, 2) for line in _between(wall, image, view))
+    assert shown.ends[:, 1].min() < SIDE[0, 1] - 0.1
+    assert found.ends[:, 1].max() == pytest.approx(shown.ends[:, 1].max(), abs=0.02)
+    assert found.ends[:, 1].min() == pytest.approx(SIDE[0, 1], abs=2.0 * RANGE_CELL)
     assert found.angle_error < 0.2
     assert 0.0 < found.offset_error < 2e-3
 
@@ -64,7 +69,7 @@ def test_a_row_too_short_for_a_mirror_may_be_an_image():
     wall, image = sorted(mirrors, key=lambda mirror: -mirror.length)[:2]
     if angle_deg(wall, FAR) > angle_deg(image, FAR):
         wall, image = image, wall
-    short = image.part(0.1 * image.length, 0.5 * image.length)
+    short = image.part(0.0, 0.5 * image.length)
     assert edge_on([wall], [], view, echoes, SHORTEST) == []
     (found,) = edge_on([wall], [short], view, echoes, SHORTEST)
     assert angle_deg(found, SIDE) < 0.3

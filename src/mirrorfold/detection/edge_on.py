@@ -19,7 +19,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import refined
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import SPACING, LineMirror
-from mirrorfold.detection.lines import LOBE
+from mirrorfold.detection.lines import GAP_CELLS, LOBE
 
 LARGEST_GRAZING_DEG = 45.0
 """Walls that all lines of sight meet at less than this. What faces the radar more is found by itself."""
@@ -41,6 +41,9 @@ ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
 ASTRAY, STEPS = 3.0, 8
 """The line is looked for so many standard errors, and cells at most, from where the two walls say it is, in so many
 steps a cell: where these are nearly parallel, their crossing is known to a cell or so."""
+
+BEYOND = 0.5
+"""How far towards the radar the line is followed beyond what the image tells, in such lengths."""
 
 SAMPLES = 32
 """Lines of sight to a mirror."""
@@ -65,7 +68,7 @@ def edge_on(
     Returns
     -------
     list of LineMirror
-        As long as what they show tells, at most one for each image, that on the clearest line.
+        As long as what they show tells and the line stands out, at most one for each image, that on the clearest line.
     """
     found: list[LineMirror] = []
     for image in (*mirrors, *rows):
@@ -78,6 +81,7 @@ def edge_on(
         ]
         contrast, best = max(tried, key=itemgetter(0), default=(0.0, None))
         if best is not None and contrast >= CONTRAST:
+            best = _as_far_as_lit(best, view)
             _, own, across = best.near(view, echoes)
             on_it = echoes.take(own & (np.abs(best.beside(echoes.position)) <= across))
             found.append(replace(best, fill=best.filled(view, on_it)))
@@ -137,10 +141,33 @@ def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
     return replace(moved, offset_error=mirror.offset_error * line.offset_error / both, strength=level)
 
 
+def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
+    """The longest part of the mirror where the line stands out: its image may go on in another row on the same line.
+
+    Towards the radar, it may be longer: there its own echoes are brightest, and hide what it shows.
+    """
+    near, far = sorted(mirror.ends, key=lambda end: float(np.linalg.norm(end - view.radar)))
+    longer = replace(mirror, start=near + BEYOND * (near - far), end=far)
+    on_it = np.median(_levels(longer, view, ON_LINE), axis=1)
+    lit = np.flatnonzero(on_it > CONTRAST * _beside(longer, view, axis=1))
+    if not lit.size:
+        return mirror
+    place = longer.length * lit / (len(on_it) - 1)
+    gap = GAP_CELLS * float(view.extent(mirror.center[None], mirror.direction)[0])
+    longest = max(np.split(place, np.flatnonzero(np.diff(place) > gap) + 1), key=np.ptp)
+    part = longer.part(float(longest[0]), float(longest[-1]))
+    return replace(part, strength=float(np.median(_levels(part, view, ON_LINE)))) if part.length else mirror
+
+
 def _contrast(mirror: LineMirror, view: ImageView) -> float:
     """The median amplitude along a line over that beside it, on its brighter side."""
-    beside = [float(np.median(_levels(mirror, view, [side * cells for cells in BESIDE]))) for side in (-1.0, 1.0)]
-    return mirror.strength / max([*beside, float(np.finfo(float).tiny)])
+    return mirror.strength / max(float(_beside(mirror, view)), float(np.finfo(float).tiny))
+
+
+def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Array:
+    """The median amplitude beside a line, on its brighter side; place by place along `axis` 1."""
+    sides = [np.median(_levels(mirror, view, [side * cells for cells in BESIDE]), axis=axis) for side in (-1.0, 1.0)]
+    return np.max(sides, axis=0)
 
 
 def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
