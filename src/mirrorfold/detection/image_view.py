@@ -63,6 +63,8 @@ class ImageView(View):
     aperture_tx, aperture_rx : float
         Lengths of the arrays in mean wavelengths; what makes the side lobes in u. Of one antenna that both sends and
         hears, twice its way, and zero.
+    ambiguous : float [m]
+        Range from which on echoes stand nearer by as much; infinite where that is not known, and far away.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -80,6 +82,7 @@ class ImageView(View):
     aperture_rx: float
     normalization: str = "r"
     wavelength: float = np.inf
+    ambiguous: float = np.inf
 
     @property
     def axes(self) -> tuple[Array, ...]:
@@ -239,7 +242,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     farthest = float(np.linalg.norm(corners, axis=1).max())
     points = int(attrs.get("frequency_points", 0))
     aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
-    wavelength = np.inf
+    wavelength = ambiguous = np.inf
     if points > 1 and aperture.min() > 0.0:
         low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
@@ -277,7 +280,8 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength)  # fmt: skip
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
+                     ambiguous if nearest < ambiguous else np.inf)  # fmt: skip
     return view, (x, y), height
 
 

@@ -21,7 +21,9 @@ from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.half_shadows import Hems
+from mirrorfold.tree.late_walls import from_late_walls
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.misplaced import LATE
 from mirrorfold.tree.ordering import Order, order_mirrors
 from mirrorfold.tree.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.short_cuts import SHORT_CUT, short_cuts
@@ -85,6 +87,7 @@ def find_tree(
             # A row that is no wall shows nothing behind it.
             explanation[index[twice & (order.face != ROOT)]] = SCATTERED
             explanation[index[clear & short_cuts(order, seen)]] = SHORT_CUT
+            explanation[index[clear & (order.face == ROOT) & from_late_walls(order, seen)]] = LATE
         new = ~trusted & clear & (explanation[index] == "")
         if explain is not None and new.any():
             explanation[index[new]] = explain(echoes.take(new))
