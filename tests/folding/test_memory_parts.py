@@ -50,7 +50,8 @@ def test_an_image_is_held_with_its_view_and_the_pictures():
 
 def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypatch):
     """On each core phasors of the transmitters, what receivers hear of one frequency, and of groups of a half radian:
-    40 mm of 10 GHz are 8.4.
+    40 mm of 10 GHz are 8.4. Two copies of a window of range: 140 mm of paths are 4.7 cells, with edges 26.7, a tenth
+    more of bins, 31 whole ones, fast length 32. And the profiles of all pairs, 567 for 510 frequencies.
     """
     monkeypatch.setattr(directions, "cpu_count", lambda: 3)
     tx, rx = np.zeros((60, 3)), np.zeros((80, 3))
@@ -65,7 +66,8 @@ def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypa
     coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
     parts = fold_parts(coarse, sweep)
     assert parts["samples"] == 8.0 * 510 * 60 * 80
-    assert parts["directions of echoes"] == 3.0 * 8.0 * CHUNK * (3 * 60 + 18 * 80)
+    profiles, window = 8.0 * 567 * 60 * 80, 2.0 * 8.0 * 32 * 60 * 80
+    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 60 + 18 * 80) + window) + profiles
 
 
 def test_of_a_recording_one_frame_is_looked_at_and_all_are_held():

@@ -304,3 +304,31 @@ class TestConfocalShare:
         near = 3.0 * float(np.ptp(self.tx[:, 0]))
         sweep = sweep_of(self.tx, self.rx, (at(0.1, near), at(0.1, near)))
         assert np.isnan(confocal_share(sweep, view_of(self.tx, self.rx), np.array([near]), np.array([0.1]))).all()
+
+
+@pytest.mark.nojit
+def test_what_receivers_hear_from_a_place_is_the_sum_over_groups_of_frequencies():
+    rng = np.random.default_rng(0)
+    receivers, places, r = rng.normal(size=(7, 3)), rng.normal(size=(4, 3)), 0.7
+    turns = np.array([900.0, 1.5])  # of the first group, and from one to the next, for each metre
+    field = rng.normal(size=(2, 5, 2, 7)).astype(np.float32)
+    heard = np.empty((4, 2))
+    directions._hear(places, receivers, r, turns, field, heard)
+    phase = 2.0 * np.pi * (turns[0] + np.arange(5)[:, None, None] * turns[1]) * (cdist(places, receivers) - r)
+    expected = np.einsum("gnx,mgx->nm", np.exp(1j * phase), field[:, :, 0] + 1j * field[:, :, 1])
+    assert_allclose(heard, np.abs(expected), rtol=1e-4)
+
+
+def test_directions_are_the_same_from_windows_of_range_as_from_all_frequencies(monkeypatch):
+    tx = rx = line(41)
+    frequency = np.linspace(290e9, 300e9, 401)
+    k = 2.0 * np.pi * frequency[:, None, None] / speed_of_light
+    places = np.array([at(sine, range_) for sine, range_ in ((0.1, 0.8), (-0.4, 1.3), (0.3, 2.2), (0.3, 2.5))])
+    out = np.exp(-1j * k * cdist(tx, places))
+    sweep = make_sweep(out @ out.swapaxes(1, 2), frequency=frequency, tx_position=tx, rx_position=rx)
+    view, u = view_of(tx, rx), np.repeat([0.1, -0.4, 0.31, 0.2], 10)
+    range_ = np.repeat([0.8, 1.3, 2.2, 2.5], 10) + np.tile(np.linspace(-5e-3, 5e-3, 10), 4)
+    found = direction_ratio(sweep, view, range_, u), confocal_share(sweep, view, range_, u)
+    monkeypatch.setattr(directions, "WORTH_WINDOWS", np.inf)
+    assert_allclose(found[0], direction_ratio(sweep, view, range_, u), atol=2e-3)
+    assert_allclose(found[1], confocal_share(sweep, view, range_, u), atol=2e-3)

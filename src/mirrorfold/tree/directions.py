@@ -15,10 +15,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
+from mirrorfold.focusing.phasor import unit_phasor
+from mirrorfold.focusing.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
 PHASE_SPREAD = 0.5
@@ -54,6 +57,10 @@ LARGEST_OWN = 0.6
 
 CHUNK, LOBE_SAMPLES = 64, 1_000_000
 """Points, and phases of lobes, treated at once; bounds the memory."""
+
+WORTH_WINDOWS = 32
+"""Points from which on it pays to cut the sweep into windows of range: profiles over range take as long as ten or
+twenty points take without."""
 
 
 def _phasors(phase: Array) -> NDArray[np.complex64]:
@@ -235,18 +242,63 @@ def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
     return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
 
 
-def _group_size(k: Array, rx: Array, radar: Array) -> int:
-    """Frequencies of a group, by wavenumbers [1/m], receivers (n, 3) and the radar's middle (3,) [m]."""
+def _group_size(k: Array, spread: float) -> int:
+    """Frequencies of a group, by wavenumbers [1/m] and the largest distance of a receiver from the radar [m]."""
     # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
-    spread = float(np.linalg.norm(rx - radar, axis=1).max())
     return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
 
 
+def _windows(sweep: xr.Dataset) -> RangeWindows:
+    """The samples of a sweep (frequency, tx, rx), to be gated to the ranges of echoes under a Hann taper."""
+    k = wavenumber(sweep)
+    return RangeWindows(k, sweep["s"].values, np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2)
+
+
 def bytes_at_once(sweep: xr.Dataset) -> float:
-    """Memory [bytes] of the beams that all cores together work on: phasors of transmitters, what receivers hear."""
+    """Memory [bytes] of all that directions take.
+
+    Profiles over range, and what all cores together work on: windows of them, phasors of transmitters, what receivers
+    hear.
+    """
     k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
-    groups = np.ceil(k.size / _group_size(k, rx, 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))))
-    return 8.0 * cpu_count() * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
+    radar, windows = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), _windows(sweep)
+    reach = [float(np.linalg.norm(side - radar, axis=1).max()) for side in (tx, rx)]
+    groups = np.ceil(k.size / _group_size(k, reach[1]))
+    count = windows.frequencies(0.0, 2.0 * sum(reach))
+    cut = 2.0 * 8.0 * count * len(tx) * len(rx) if count < k.size else 0.0
+    beams = 8.0 * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
+    return cpu_count() * (cut + beams) + (windows.profile_bytes if cut else 0.0)
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
+    """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
+
+    The field (m, groups, 2, receivers) holds real and imaginary parts; the sum over groups is taken by Horner's rule.
+    """
+    beams, groups, _, count = field.shape
+    cos, sin, re, im = np.empty((4, count), np.float32)
+    step_cos, step_sin = np.empty((2, count), np.float32)
+    for n in range(places.shape[0]):
+        px, py, pz = places[n]
+        for x in range(count):
+            dx, dy, dz = px - receivers[x, 0], py - receivers[x, 1], pz - receivers[x, 2]
+            path = np.sqrt(dx * dx + dy * dy + dz * dz) - r
+            cos[x], sin[x] = unit_phasor(turns[0] * path)
+            step_cos[x], step_sin[x] = unit_phasor(turns[1] * path)
+        for m in range(beams):
+            re[:], im[:] = field[m, groups - 1, 0], field[m, groups - 1, 1]
+            for g in range(groups - 2, -1, -1):
+                real, imaginary = field[m, g, 0], field[m, g, 1]
+                for x in range(count):
+                    turned = re[x] * step_cos[x] - im[x] * step_sin[x]
+                    im[x] = re[x] * step_sin[x] + im[x] * step_cos[x] + imaginary[x]
+                    re[x] = turned + real[x]
+            total_re, total_im = np.float32(0.0), np.float32(0.0)
+            for x in range(count):
+                total_re += re[x] * cos[x] - im[x] * sin[x]
+                total_im += re[x] * sin[x] + im[x] * cos[x]
+            out[n, m] = np.sqrt(total_re * total_re + total_im * total_im)
 
 
 def _bistatic(
@@ -270,15 +322,13 @@ def _bistatic(
     if data.dims != ("frequency", "tx", "rx"):
         wanted = "expected (frequency, tx, rx); choose one frame or polarization"
         raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
-    k = wavenumber(sweep)
     tx, rx = _apertures(sweep)
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
-    taper = (np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2).astype(np.float32)
-    size = _group_size(k, rx.position, radar)
-    groups = -(-k.size // size)  # with what is left over
-    dk = float(k[-1] - k[0]) / max(k.size - 1, 1)
-    signal = data.values.swapaxes(1, 2)
+    spread = [float(np.linalg.norm(side.position - radar, axis=1).max()) for side in (tx, rx)]
+    windows = _windows(sweep)
+    if range_.size * sent.shape[1] >= WORTH_WINDOWS:
+        windows.transform()
 
     def places(range_: Array, u: Array) -> Array:
         """Positions (..., 3) [m] at the radar's height."""
@@ -286,13 +336,15 @@ def _bistatic(
         return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
 
     level = np.empty((range_.size, heard.shape[1], sent.shape[1]))
-    # Each group counts with its middle frequency.
-    k_middle = float(k[0]) + 0.5 * (size - 1) * dk
+    near_first = np.argsort(range_, kind="stable")  # neighbours in range share a window
     at_once = max(CHUNK // sent.shape[1], 1)
 
     def listen(first: int) -> None:
         """|sum over transmitters, receivers and frequencies| for some points."""
-        part = slice(first, first + at_once)
+        part = near_first[first : first + at_once]
+        paths = 2.0 * range_[part]
+        k, samples, taper = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
+        dk, size = float(k[-1] - k[0]) / max(k.size - 1, 1), _group_size(k, spread[1])
         r = np.repeat(range_[part], sent.shape[1])
         # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
         path = cdist(tx.position, places(r, sent[part].ravel())) + r
@@ -301,23 +353,21 @@ def _bistatic(
             for i, side in enumerate((tx, rx))
         )
         send, turn = sends.astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
-        field = np.zeros((groups, len(rx.position), r.size), dtype=np.complex64)
+        # With what is left over for the last group.
+        field = np.zeros((-(-k.size // size), len(rx.position), r.size), dtype=np.complex64)
         arrives = np.empty(field.shape[1:], dtype=np.complex64)
         for number, weight in enumerate(taper):
-            np.matmul(signal[number], send, out=arrives)
+            np.matmul(samples[number].T, send, out=arrives)
             arrives *= weight
             field[number // size] += arrives
             send *= turn
         field *= hears.astype(np.float32)
-        of_points = field.reshape(*field.shape[:2], -1, sent.shape[1])
-        for point in range(of_points.shape[2]):
-            r, directions = range_[first + point], heard[first + point]
-            path = cdist(places(np.full(directions.size, r), directions), rx.position) - r
-            value, turn, total = _phasors(k_middle * path), _phasors(size * dk * path), 0.0
-            for group in of_points[:, :, point]:
-                total = total + value @ group
-                value *= turn
-            level[first + point] = np.abs(total)
+        of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
+        turns = np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)  # a group's middle frequency counts
+        for point, beams in zip(part, of_points, strict=True):
+            r, directions = float(range_[point]), heard[point]
+            split = np.ascontiguousarray(np.stack([beams.real, beams.imag], axis=2))
+            _hear(places(np.full(directions.size, r), directions), rx.position, r, turns, split, level[point])
 
     with one_thread():
         for_each(listen, range(0, range_.size, at_once))
