@@ -14,7 +14,6 @@ share of true ones among those kept.
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,11 +39,10 @@ from mirrorfold.folding.confidence import (
     measured,
     over_faces,
 )
-from mirrorfold.reconstruction import find_tree
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring import floor_plans
-from mirrorfold.tree.half_shadows import half_shadows
-from mirrorfold.tree.misplaced import confocal, misplaced
+from mirrorfold.tree.measured import told_by_sweep
+from mirrorfold.tree.rounds import find_tree
 
 BINS = 10
 
@@ -67,9 +65,9 @@ def points_of(task: Task) -> Points:
     view = see(mf.focus(sweep, tolerance=1e-3))
     echoes = find_echoes(view)
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
-    told = partial(misplaced, sweep=sweep, view=view, known={})
-    found = find_tree(view, echoes, settings, explain=told, beside=partial(half_shadows, sweep=sweep, known={}))
-    points = measured(fold_back(found.tree), partial(confocal, sweep=sweep, view=view, known={}))
+    told = told_by_sweep(sweep)(view)
+    found = find_tree(view, echoes, settings, measured=told)
+    points = measured(fold_back(found.tree), told.share)
     count = len(points.position)
     confidence = judged(points, found).confidence[:count]
     _, astray = errors(points, found.tree, view)

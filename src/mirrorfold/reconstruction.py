@@ -26,7 +26,7 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
-from mirrorfold.common.types import Array, Mask, Names, Progress
+from mirrorfold.common.types import Mask, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.image_view import ImageView
@@ -39,7 +39,7 @@ from mirrorfold.focusing.scans import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
-from mirrorfold.folding.earlier import initial_image, known_hems, known_places, known_shares
+from mirrorfold.folding.earlier import initial_image, told_before
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.memory import fold_parts
 from mirrorfold.folding.pictures import Grid
@@ -48,16 +48,10 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarized
-from mirrorfold.tree.curved import find_curved
-from mirrorfold.tree.guessed import guess_transparent
-from mirrorfold.tree.half_shadows import Hems, half_shadows
+from mirrorfold.tree.kinds import find_every_kind
 from mirrorfold.tree.lines_of_sight import ROOT
-from mirrorfold.tree.misplaced import Known, confocal, known_confocal, known_ghosts, misplaced
-from mirrorfold.tree.ordering import Order
-from mirrorfold.tree.rounds import agreed, find_tree
-from mirrorfold.tree.short_rows import find_short
-from mirrorfold.tree.showing import Row, Steps
-from mirrorfold.tree.transparent import find_transparent
+from mirrorfold.tree.measured import Measured, Teller, nothing_measured, told_by_sweep
+from mirrorfold.tree.rounds import agreed
 
 
 @takes(FocusSettings, FoldSettings)
@@ -180,15 +174,15 @@ class FoldPlan:
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         # What is folded is the first polarization; both together tell what passed through walls.
         self._both, image, sweep = polarized(image, sweep)
+        self._told: Teller = (
+            told_before(image) if isinstance(image, xr.DataTree) and sweep is None else nothing_measured
+        )
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
-        self._ghosts = known_places(image) if isinstance(image, xr.DataTree) and sweep is None else None
-        self._shares = known_shares(image) if isinstance(image, xr.DataTree) and sweep is None else None
-        self._hems = known_hems(image) if isinstance(image, xr.DataTree) and sweep is None else None
         # One antenna hears an echo from where it sent it to.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
-        self._tested: Known = {}
-        self._beside: dict[tuple[float, ...], float] = {}
+        if self._sweep is not None:
+            self._told = told_by_sweep(self._sweep)
         # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
@@ -266,44 +260,16 @@ class FoldPlan:
             mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
         if mirrors is not None and settings.opaque:
             echoes, walls = self._shown_walls(chosen, settings)
-        elsewhere: Callable[[Echoes], Names] | None = None
-        share: Callable[[Array, Array], Array] | None = None
-        beside: Callable[[Order, Echoes], Hems] | None = None
-        if isinstance(view, ImageView) and not settings.published:
-            if self._sweep is not None:
-                elsewhere = partial(misplaced, sweep=self._sweep, view=view, known=self._tested)
-                share = partial(confocal, sweep=self._sweep, view=view, known=self._tested)
-                beside = partial(half_shadows, sweep=self._sweep, known=self._beside)
-            if self._hems is not None:
-                beside = partial(_as_known, self._hems)
-            if self._ghosts is not None:
-                elsewhere = partial(known_ghosts, view=view, places=self._ghosts[0], explanation=self._ghosts[1])
-            if self._shares is not None:
-                share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere, beside=beside)
-        if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
-            again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere, beside=beside)
-            found = find_transparent(found, view, self._both, echoes, again=again)
-        rows = list[Row]()
-        if isinstance(view, ImageView) and not settings.published and mirrors is None and not found.windows:
-            steps = Steps(
-                heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
-                glance=partial(find_tree, view, settings=replace(settings, copies=False)),
-                again=partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside),
-            )
-            if settings.curved:
-                found, rows = find_curved(found, view, steps)
-            if chosen.minimum_length is None:
-                shortest = settings.minimum_length or 0.0
-                found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        single = mirrors is None and not self._both and settings.transparent and settings.opaque
-        if single and isinstance(view, ImageView):
-            again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside, besides=rows)
-            found = guess_transparent(found, view, echoes, again=again)
+        told = self._told if not settings.published else nothing_measured
+        measured = told(view) if isinstance(view, ImageView) else Measured()
+        found = find_every_kind(
+            *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._both,
+            short=chosen.minimum_length is None,
+        )  # fmt: skip
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)
         if not settings.published:
-            points = judged(points, found, share)
+            points = judged(points, found, measured.share)
         result = collect(self.image, found, points, settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
@@ -312,11 +278,6 @@ class FoldPlan:
 
 Seen = Callable[..., View]
 """The radar's view of an image, by its normalization."""
-
-
-def _as_known(hems: Hems, order: Order, echoes: Echoes) -> Hems:
-    """What an earlier reconstruction tells of the ends of mirrors, whatever their order."""
-    return hems
 
 
 def _find_echoes(seen: Seen, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:

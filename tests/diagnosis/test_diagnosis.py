@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -70,14 +71,19 @@ def named(sweep):
     return tuple(sorted(finding.name for finding in diagnose(sweep)[0]))
 
 
+DISPLACED_OR_NOT = [(seed, mistake) for seed in range(2) for mistake in MISTAKES if (seed, mistake) != (1, "exchanged")]
+"""Of seed 1 transmitters and receivers stand at the same places, and can be exchanged."""
+
+
+@lru_cache(1)
+def one_of_them(seed):
+    return scene(seed, displaced=seed % 2 == 0, turned=0.4 * seed, elements=61 if seed % 2 == 0 else 121)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("mistake", MISTAKES)
+@pytest.mark.parametrize(("seed", "mistake"), [*DISPLACED_OR_NOT, (2, "none"), (3, "none"), (2, "cable"), (3, "cable")])
 def test_each_mistake_is_named_and_good_sweeps_are_not_blamed(seed, mistake):
-    if mistake == "exchanged" and seed % 2:
-        pytest.skip("transmitters and receivers stand at the same places")
-    sweep = scene(seed, displaced=seed % 2 == 0, turned=0.4 * seed, elements=61 if seed % 2 == 0 else 121)
-    assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
+    assert named(wrong(one_of_them(seed), mistake)) == MISTAKES[mistake]
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
     mirrors = result["mirrors"].to_dataset()
     beyond = np.minimum(mirrors["beyond_start"], mirrors["beyond_end"]).values
     assert (beyond < -0.005).tolist() == (np.abs(mirrors["y0"] - 0.165) < 0.03).values.tolist()
-    monkeypatch.setattr("mirrorfold.reconstruction.half_shadows", lambda *given, **named: Hems.nothing())
+    monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Hems.nothing())
     # By the middle of the array alone.
     assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
 

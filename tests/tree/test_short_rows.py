@@ -10,11 +10,11 @@ from numpy.testing import assert_allclose
 from synthetic import diffuse, radar_view, together
 
 import mirrorfold as mf
-from mirrorfold import reconstruction
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.lines import MINIMUM_CELLS
 from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.tree import kinds
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import SHORTEST_CELLS, find_short, short_rows
 from mirrorfold.tree.showing import Steps
@@ -112,7 +112,7 @@ def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
 
 def test_short_mirrors_stay_when_steps_2_to_4_are_done_again(hidden_behind_short_wall, monkeypatch):
     """As they are without what passed through walls."""
-    monkeypatch.setattr(reconstruction, "guess_transparent", lambda found, view, every, again: again(echoes=every))
+    monkeypatch.setattr(kinds, "guess_transparent", lambda found, view, every, again: again(echoes=every))
     assert mf.fold(hidden_behind_short_wall)["mirrors"].sizes["mirror"] == 1
 
 

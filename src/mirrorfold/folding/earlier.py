@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import xarray as xr
 
 from mirrorfold.common.types import Array, Names
+from mirrorfold.detection.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
 from mirrorfold.tree.half_shadows import HEMS, Hems
-from mirrorfold.tree.misplaced import MIXED
+from mirrorfold.tree.measured import Measured, Teller
+from mirrorfold.tree.misplaced import MIXED, known_confocal, known_ghosts
+
+
+def told_before(reconstruction: xr.DataTree) -> Teller:
+    """What a Reconstruction has kept of what its sweep told."""
+    places, shares, hems = known_places(reconstruction), known_shares(reconstruction), known_hems(reconstruction)
+
+    def told(view: ImageView) -> Measured:
+        return Measured(
+            explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
+            beside=lambda order, echoes: hems,  # whatever the order
+            share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
+        )
+
+    return told
 
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:

@@ -365,9 +365,10 @@ def _bistatic(
         of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
         turns = np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)  # a group's middle frequency counts
         for point, beams in zip(part, of_points, strict=True):
-            r, directions = float(range_[point]), heard[point]
+            beyond, directions = float(range_[point]), heard[point]
+            at = places(np.full(directions.size, beyond), directions)
             split = np.ascontiguousarray(np.stack([beams.real, beams.imag], axis=2))
-            _hear(places(np.full(directions.size, r), directions), rx.position, r, turns, split, level[point])
+            _hear(at, rx.position, beyond, turns, split, level[point])
 
     with one_thread():
         for_each(listen, range(0, range_.size, at_once))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import Array, Mask, Names
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.arc_mirror import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_mirrors
@@ -23,6 +23,7 @@ from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.half_shadows import Hems
 from mirrorfold.tree.late_walls import from_late_walls
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.misplaced import LATE
 from mirrorfold.tree.ordering import Order, order_mirrors
 from mirrorfold.tree.rough_walls import SCATTERED, scattered
@@ -42,8 +43,7 @@ def find_tree(
     *,
     known: Array | None = None,
     walls: Mask | None = None,
-    explain: Callable[[Echoes], Names] | None = None,
-    beside: Callable[[Order, Echoes], Hems] | None = None,
+    measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
@@ -58,14 +58,14 @@ def find_tree(
         Mirrors in the place of those found, see `find_mirrors`.
     walls : (n,) bool array, optional
         With known mirrors: which echoes are those of walls.
-    explain : callable, optional
-        Explains echoes that come from elsewhere, by mixed paths or from beyond the ambiguous range. What stands behind
-        one comes into view when it is left out, and is tested in its turn.
-    beside : callable, optional
-        Tells what the antennas see past the ends of the mirrors of an order, see `half_shadows`.
+    measured : Measured, optional
+        What the sweep tells. What stands behind an echo from elsewhere comes into view when that is left out, and is
+        tested in its turn.
     besides : sequence of Mirror
         Mirrors besides those that are found, see `mirrorfold.tree.showing`.
     """
+    measured = measured or Measured()
+    explain, beside = measured.explain, measured.beside
     every, index = echoes, np.arange(len(echoes))
     explanation = np.full(len(echoes), "", dtype=object)
     trusted = np.zeros(len(echoes), dtype=bool)

@@ -1,0 +1,83 @@
+"""Steps 2 to 4 for mirrors of every kind: those told by themselves first, then those told by what they show.
+
+Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. That a wall lets waves pass, that a
+curved or a short row of echoes is a mirror, is told by what stands behind it; then steps 2 to 4 are done once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.finding import find_echoes
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.curved import find_curved
+from mirrorfold.tree.guessed import guess_transparent
+from mirrorfold.tree.measured import Measured
+from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.short_rows import find_short
+from mirrorfold.tree.showing import Row, Steps
+from mirrorfold.tree.transparent import find_transparent
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
+
+
+def find_every_kind(
+    view: View,
+    echoes: Echoes,
+    settings: FoldSettings,
+    *,
+    measured: Measured,
+    known: Array | None = None,
+    walls: Mask | None = None,
+    polarizations: Mapping[str, xr.DataArray] | None = None,
+    short: bool = True,
+) -> Found:
+    """Mirrors of every kind, their order, and the echoes seen through each.
+
+    Parameters
+    ----------
+    view : View
+        Of a volume, or by the published algorithm, all mirrors are flat and opaque.
+    echoes : Echoes
+    settings : FoldSettings
+    measured : Measured
+    known, walls : optional
+        Mirrors in the place of those found, see `find_tree`.
+    polarizations : mapping of str to DataArray, optional
+        Complex images by polarization, "TE" and "TM", which tell what passed through walls.
+    short : bool
+        Whether mirrors may be shorter than what tells them by themselves.
+    """
+    found = find_tree(view, echoes, settings, known=known, walls=walls, measured=measured)
+    if not isinstance(view, ImageView):
+        return found
+    passable = settings.transparent and settings.opaque
+    if polarizations and passable:
+        again = partial(find_tree, view, settings=settings, known=known, measured=measured)
+        found = find_transparent(found, view, polarizations, echoes, again=again)
+    rows = list[Row]()
+    if known is None and not (settings.published or found.windows):
+        steps = Steps(
+            heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
+            glance=partial(find_tree, view, settings=replace(settings, copies=False)),
+            again=partial(find_tree, view, settings=settings, measured=measured),
+        )
+        if settings.curved:
+            found, rows = find_curved(found, view, steps)
+        if short:
+            shortest = settings.minimum_length or 0.0
+            found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
+    if known is None and not polarizations and passable:
+        again = partial(find_tree, view, settings=settings, measured=measured, besides=rows)
+        found = guess_transparent(found, view, echoes, again=again)
+    return found
