@@ -76,7 +76,7 @@ def test_what_ends_the_program_leaves_nothing(tmp_path, number, code):
             assert process.poll() is None
         assert len(os.listdir(out)) == 2
         process.send_signal(getattr(signal, number))
-        said = process.communicate(timeout=30)[1]
+        said = process.communicate(timeout=120)[1]
     assert process.returncode == code
     if number == "SIGKILL":
         assert len(os.listdir(out)) == 2

@@ -200,7 +200,7 @@ def test_a_closed_terminal_ends_all_processes_without_a_word_too_many(scene_file
         while process.poll() is None and len(list(results.glob("*.npy"))) < 2:
             time.sleep(0.01)
         os.killpg(process.pid, signal.SIGHUP)
-        said = process.communicate(timeout=60)[1]
+        said = process.communicate(timeout=120)[1]
     assert process.returncode == 129
     assert said == f"mirrorfold: interrupted; what is done is kept in {results}, --resume goes on\n"
     assert len(list(results.glob("*.npy"))) >= 2

@@ -29,7 +29,7 @@ def server(tmp_path_factory):
 def ask(server, method, path, body=b"", **headers):
     """Status, headers and text of a request; a header that is None is left out."""
     own = {TOKEN_HEADER: server.token, "Cookie": server.cookie, "Content-Length": str(len(body))}
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=120)
     connection.putrequest(method, path)
     for name, value in (own | headers).items():
         if value is not None:

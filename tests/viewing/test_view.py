@@ -42,7 +42,7 @@ def call(server, path, body=None, **headers):
     sent = {"Content-Type": "application/json", TOKEN_HEADER: server.token, "Cookie": server.cookie, **headers}
     request = urllib.request.Request(server.address.rstrip("/") + path, data=data, headers=sent)
     try:
-        with urllib.request.urlopen(request, timeout=30) as response:
+        with urllib.request.urlopen(request, timeout=120) as response:
             return response.status, json.loads(response.read())
     except urllib.error.HTTPError as error:
         return error.code, json.loads(error.read())
