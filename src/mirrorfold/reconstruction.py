@@ -48,8 +48,8 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarized
-from mirrorfold.tree.behind_walls import without_hidden
 from mirrorfold.tree.curved import find_curved
+from mirrorfold.tree.doubted import without_doubted
 from mirrorfold.tree.guessed import guess_transparent
 from mirrorfold.tree.half_shadows import Hems, half_shadows
 from mirrorfold.tree.lines_of_sight import ROOT
@@ -302,7 +302,7 @@ class FoldPlan:
             again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside, besides=rows)
             found = guess_transparent(found, view, echoes, again=again)
         if settings.opaque and not (by_hand or settings.published or found.windows):
-            found = without_hidden(found, view)
+            found = without_doubted(found, view)
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)
         if not settings.published:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,9 @@ class Echoes:
 
     def joined(self, *others: Echoes) -> Echoes:
         """With those of other nodes of the same tree after them."""
-        every = {name: np.concatenate([getattr(one, name) for one in (self, *others)]) for name in _OF_EACH}
+        every: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name) for one in (self, *others)]) for name in _OF_EACH
+        }
         return replace(self, **every)
 
 
