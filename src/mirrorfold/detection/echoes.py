@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -94,8 +95,17 @@ class Echoes:
 
     def take(self, which: Mask | Index) -> Echoes:
         """Some of the echoes, by mask or index."""
-        names = ("position", "range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit")
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        return replace(self, **{name: getattr(self, name)[which] for name in _OF_EACH})
+
+    def joined(self, *others: Echoes) -> Echoes:
+        """With those of other nodes of the same tree after them."""
+        every: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name) for one in (self, *others)]) for name in _OF_EACH
+        }
+        return replace(self, **every)
+
+
+_OF_EACH = "position", "range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit"
 
 
 def noise_limit(sigma: float, samples: int) -> float:

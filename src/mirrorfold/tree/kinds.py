@@ -20,6 +20,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
+from mirrorfold.tree.doubted import without_doubted
 from mirrorfold.tree.guessed import guess_transparent
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.rounds import find_tree
@@ -58,26 +59,24 @@ def find_every_kind(
     short : bool
         Whether mirrors may be shorter than what tells them by themselves.
     """
-    found = find_tree(view, echoes, settings, known=known, walls=walls, measured=measured)
-    if not isinstance(view, ImageView):
-        return found
+    again = partial(find_tree, view, settings=settings, measured=measured)
+    found, rows = again(echoes=echoes, known=known, walls=walls), list[Row]()
     passable = settings.transparent and settings.opaque
-    if polarizations and passable:
-        again = partial(find_tree, view, settings=settings, known=known, measured=measured)
-        found = find_transparent(found, view, polarizations, echoes, again=again)
-    rows = list[Row]()
-    if known is None and not (settings.published or found.windows):
+    if polarizations and passable and isinstance(view, ImageView):
+        found = find_transparent(found, view, polarizations, echoes, again=partial(again, known=known))
+    if known is not None or settings.published:
+        return found
+    if isinstance(view, ImageView) and not found.windows:
         steps = Steps(
             heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
             glance=partial(find_tree, view, settings=replace(settings, copies=False)),
-            again=partial(find_tree, view, settings=settings, measured=measured),
+            again=again,
         )
         if settings.curved:
             found, rows = find_curved(found, view, steps)
         if short:
             shortest = settings.minimum_length or 0.0
             found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-    if known is None and not polarizations and passable:
-        again = partial(find_tree, view, settings=settings, measured=measured, besides=rows)
-        found = guess_transparent(found, view, echoes, again=again)
-    return found
+    if passable and not polarizations and isinstance(view, ImageView):
+        found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
+    return found if found.windows or not settings.opaque else without_doubted(found, view)

@@ -1,0 +1,103 @@
+"""Echoes that would stand behind a wall that is known, where no wave comes.
+
+A line of sight ends at the next wall that it meets: what the image shows farther on went by way of that wall, too.
+Where it shows that wall as a mirror, it is folded by it. But the image of a wall in a mirror may be too faint to be
+told, as of one that is hidden there or lies askew, while the wall itself is known from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirror import Mirror, fold_of
+from mirrorfold.detection.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.lines_of_sight import LinesOfSight
+
+BEHIND = "would stand behind a wall"
+
+BEHIND_CELLS = 1.5
+"""What stands no farther behind a wall, in resolution cells, may be the wall itself; nor is a wall before what is no
+farther away from the mirror: in a corner, it is the other leg."""
+
+INSIDE_CELLS = 1.0
+"""So far inside its ends a wall is met, at least."""
+
+HIDDEN_CELLS = 1.5
+"""A wall whose end is seen would be seen to end no farther away from it, in resolution cells: where the radar does not
+see a place so far beyond its end, the wall may go on."""
+
+BEYOND = 1.0
+"""How far it may go on, in lengths of what is seen of it: things often hide half of a wall."""
+
+
+def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+    """`MirrorTree.ways`, in which straight mirrors go on beyond their ends as far as other things hide that."""
+    sight, ways = found.sight, found.tree.ways()
+    for index, chain in enumerate(sight.chain):
+        if chain and isinstance(last := ways[chain][-1], LineMirror):
+            first, end = (_hidden(last, side, sight, int(sight.parent[index])) for side in (-1.0, 1.0))
+            ways[chain] = (*ways[chain][:-1], last.part(-first, last.length + end))
+    return ways
+
+
+def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> float:
+    """How far [m] a wall may go on, that is seen by way of its parent, beyond its start (-1) or end (1)."""
+    view = sight.view
+    end = wall.center + 0.5 * side * wall.length * wall.direction
+    cell = view.cell_at(end)
+    steps = np.arange(HIDDEN_CELLS * cell, BEYOND * wall.length, 0.5 * cell)
+    range_, direction, inside = view.locate(end + side * steps[:, None] * wall.direction)
+    seen = inside & (sight.seen_through(range_ - view.range_cell, direction) == parent)
+    seen &= sight.cover.clear(range_, direction, wall.strength)
+    first = int(np.argmax(seen)) if seen.any() else len(seen)
+    return float(steps[first - 1]) if first else 0.0
+
+
+def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
+    """Which echoes that are seen through a chain of mirrors would stand behind another known wall, (n,).
+
+    Parameters
+    ----------
+    echoes : Echoes
+    chain : tuple of int
+    ways : mapping of chain to tuple of Mirror
+        The mirrors on the way to what each chain shows, as `as_far_as_hidden` tells. Of curved ones nothing is said.
+    view : View
+    """
+    behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]
+    if not len(echoes) or any(mirror.curved for mirror in way):
+        return behind
+    leaves, sight = np.broadcast_to(view.radar, echoes.position.shape), echoes.position - view.radar
+    if way:
+        *before, last = way
+        share = ((last.center - view.radar) @ last.normal) / (sight @ last.normal)
+        leaves = fold_of(before, view.dimensions)(view.radar + share[:, None] * sight)
+    stands = fold_of(way, view.dimensions)(echoes.position)
+    cell = np.asarray(view.cell(echoes.range))
+    for other, (*to_it, wall) in ((other, way) for other, way in ways.items() if way):
+        if other != chain and not wall.curved and not any(mirror.curved for mirror in to_it):
+            behind |= _met(wall, to_it, leaves, stands, cell)
+    return behind
+
+
+def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array) -> Mask:
+    """Whether a wall, where it truly stands, is met well before the end of ways (n, d) [m], (n,)."""
+    fold = fold_of(to_it, leaves.shape[1])
+    center = fold(wall.center)
+    normal, tangents = fold(wall.center + wall.normal) - center, fold(wall.center + wall.tangents) - center
+    way = stands - leaves
+    length = np.linalg.norm(way, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = ((center - leaves) @ normal) / (way @ normal)
+        offset = leaves + share[:, None] * way - center
+        met = np.minimum(share, 1.0 - share) * length > BEHIND_CELLS * cell
+        for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
+            along = offset @ tangent
+            met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * cell
+    return np.asarray(met)
