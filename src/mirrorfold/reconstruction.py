@@ -280,26 +280,28 @@ class FoldPlan:
                 elsewhere = partial(known_ghosts, view=view, places=self._ghosts[0], explanation=self._ghosts[1])
             if self._shares is not None:
                 share = partial(known_confocal, view=view, places=self._shares[0], share=self._shares[1])
-        found = find_tree(view, echoes, settings, known=mirrors, walls=walls, explain=elsewhere, beside=beside)
-        if self._both and settings.transparent and isinstance(view, ImageView) and settings.opaque:
-            again = partial(find_tree, view, settings=settings, known=mirrors, explain=elsewhere, beside=beside)
-            found = find_transparent(found, view, self._both, echoes, again=again)
+        again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside)
+        found = again(echoes=echoes, known=mirrors, walls=walls)
+        asked = self._both if settings.transparent and settings.opaque else None
+        if asked and isinstance(view, ImageView):
+            found = find_transparent(found, view, asked, echoes, again=partial(again, known=mirrors))
         rows = list[Row]()
         if isinstance(view, ImageView) and not settings.published and mirrors is None and not found.windows:
             steps = Steps(
                 heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
                 glance=partial(find_tree, view, settings=replace(settings, copies=False)),
-                again=partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside),
+                again=again,
             )
             if settings.curved:
                 found, rows = find_curved(found, view, steps)
             if chosen.minimum_length is None:
                 shortest = settings.minimum_length or 0.0
                 found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
+            if asked and rows:  # walls that only what stands behind them has told are transparent as often
+                found = find_transparent(found, view, asked, echoes, again=partial(again, besides=rows))
         single = mirrors is None and not self._both and settings.transparent and settings.opaque
         if single and isinstance(view, ImageView):
-            again = partial(find_tree, view, settings=settings, explain=elsewhere, beside=beside, besides=rows)
-            found = guess_transparent(found, view, echoes, again=again)
+            found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
         report(2, 3)
         points = fold_back(found.tree, view, found.windows)
         if not settings.published:
