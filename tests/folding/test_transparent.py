@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
+from mirrorfold.detection import lines
 from mirrorfold.scoring.transparent import NEEDED
-from mirrorfold.tree import transparent
+from mirrorfold.tree import short_rows, transparent
 
 SCENE = files("mirrorfold") / "scenes/shipped/glass-door.toml"
 
@@ -48,6 +49,16 @@ def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen):
     opaque = mf.score(mf.fold(image, sweep=sweep, transparent=False), scene)
     assert score.hidden.precision_cells >= opaque.hidden.precision_cells + 0.1
     assert score.hidden.f_score_cells >= 0.85
+
+
+def test_doors_that_only_what_stands_behind_them_tells_are_asked_too(seen, monkeypatch):
+    scene, sweep, image = seen
+    monkeypatch.setattr(lines, "MINIMUM_CELLS", 30.0)  # 0.94 m, longer than the door
+    monkeypatch.setattr(short_rows, "OUTSHINES", 1.0)  # whose face is nearly as bright as what it shows
+    found = mf.fold(image, sweep=sweep)
+    assert found.attrs["fold_minimum_length"] > 0.93
+    assert np.isfinite(found["mirrors"].to_dataset()["thickness"].values).any()
+    assert mf.score(found, scene).sides_right >= 0.95
 
 
 def test_files_keep_it_and_one_polarization_decides_nothing(seen, tmp_path):

@@ -62,8 +62,9 @@ def find_every_kind(
     again = partial(find_tree, view, settings=settings, measured=measured)
     found, rows = again(echoes=echoes, known=known, walls=walls), list[Row]()
     passable = settings.transparent and settings.opaque
-    if polarizations and passable and isinstance(view, ImageView):
-        found = find_transparent(found, view, polarizations, echoes, again=partial(again, known=known))
+    both = polarizations if passable else None
+    if both and isinstance(view, ImageView):
+        found = find_transparent(found, view, both, echoes, again=partial(again, known=known))
     if known is not None or settings.published:
         return found
     if isinstance(view, ImageView) and not found.windows:
@@ -77,6 +78,8 @@ def find_every_kind(
         if short:
             shortest = settings.minimum_length or 0.0
             found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
+        if both and rows:  # walls that only what stands behind them has told are transparent as often
+            found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations and isinstance(view, ImageView):
         found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
     return found if found.windows or not settings.opaque else without_doubted(found, view)

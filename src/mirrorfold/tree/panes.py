@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import expit, logsumexp
+from scipy.special import logsumexp
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Mask
 
 Spectra = NDArray[np.complex128]
 
@@ -53,6 +53,9 @@ SHARED = 3.0
 
 OTHER = 0.02
 """Share of echoes that are neither reflected nor transmitted, and are spread over all pairs of amplitudes."""
+
+MOST_ODDS = -np.log(OTHER)
+"""Largest logarithm of the odds that one echo gives."""
 
 SHARES = 0.05, 0.2, 0.4, 0.6, 0.8, 0.95
 """Of the echoes behind a wall that passed through it, that are tried."""
@@ -141,11 +144,17 @@ class Pairs:
         each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
         return float(logsumexp(prior + np.logaddexp(each, self.other).sum(axis=-1)) - logsumexp(prior))
 
-    def passed(self, pane: Pane) -> Array:
-        """The probability of each echo that it passed through the wall instead of being reflected, (n,)."""
+    def log_odds(self, pane: Pane) -> tuple[Array, Mask]:
+        """Logarithm of the odds of each echo that it passed through the wall instead of being reflected; and whether it
+        is like neither, (n,) each.
+
+        Rough things scatter TE and TM a little differently, which may take any single echo for the wrong kind: none
+        tells more than the share of other echoes allows.
+        """
         one, two = (kind[0] for kind in self.misfits(np.array([pane.permittivity]), np.array([pane.thickness])))
-        odds = self.log_likelihood(two) - self.log_likelihood(one) + np.log(pane.share / (1.0 - pane.share))
-        return np.asarray(expit(odds))
+        one = self.log_likelihood(one) + np.log1p(-pane.share)
+        two = self.log_likelihood(two) + np.log(pane.share)
+        return np.clip(two - one, -MOST_ODDS, MOST_ODDS), np.maximum(one, two) < self.other
 
 
 @dataclass(frozen=True)

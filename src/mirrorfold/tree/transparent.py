@@ -15,6 +15,7 @@ from typing import Protocol
 
 import numpy as np
 import xarray as xr
+from scipy.special import expit
 
 from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Index, Mask
@@ -43,6 +44,9 @@ this [degree]: walls that meet in a corner differ by far more."""
 
 ANGLE_STEP = 1e-3
 """Over which a delay is differentiated [rad]."""
+
+NEIGHBOURS = 1.5
+"""Echoes no farther apart, in resolution cells, are decided together."""
 
 UNDECIDED = 0.5
 """Probability where nothing tells."""
@@ -147,13 +151,30 @@ def look_through(
     if pane.evidence < EVIDENCE:
         return None
     known = pane.against_metal >= AGAINST_METAL
-    passed = pairs.passed(pane)[cell] if known else np.full(len(echoes), UNDECIDED)
-    through = passed > UNDECIDED
+    passed = np.full(len(echoes), UNDECIDED)
+    through = np.zeros(len(echoes), dtype=bool)
+    if known:
+        odds, neither = pairs.log_odds(pane)
+        passed = expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell]
+        through = passed > UNDECIDED
+        # What is like neither and stands behind what passed is multiple scattering: between that and the wall's back.
+        clear = Cover.of(echoes.take(through), view).clear(echoes.range, echoes.direction, echoes.amplitude)
+        behind_it = neither[cell] & ~through & ~clear
+        passed[behind_it], through = UNDECIDED, through | behind_it
     seen = echoes.take(through)
     place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
     return Window(
         mirror, pane if known else None, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION
     )
+
+
+def agreed_odds(place: Array, odds: Array) -> Array:
+    """Logarithms of the odds of echoes (n,) with those of their neighbours, at places (n, 2) in resolution cells.
+
+    What stands close together is mostly one thing, and passed or was reflected as a whole.
+    """
+    near = np.abs(place[:, None] - place).max(axis=-1) <= NEIGHBOURS
+    return np.asarray(near @ odds)
 
 
 def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:

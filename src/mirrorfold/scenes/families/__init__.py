@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.families import curved, glass, raster, rays, waves
+from mirrorfold.scenes.families import curved, glass, raster, rays, wave_mirrors, waves
 from mirrorfold.scenes.families.drawing import scene_of
 from mirrorfold.scenes.families.family import Family
 from mirrorfold.scenes.families.radars import RADARS, Radar
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FAMILIES", "RADARS", "Family", "Radar", "draw", "family_named", "radar_named", "radars_of"]
 
-FAMILIES = {family.name: family for module in (rays, curved, glass, waves, raster) for family in module.FAMILIES}
+_MODULES = rays, curved, glass, waves, wave_mirrors, raster
+
+FAMILIES = {family.name: family for module in _MODULES for family in module.FAMILIES}
 """All families by their names."""
 
 Named = TypeVar("Named", Family, Radar)

@@ -11,14 +11,14 @@ import numpy as np
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array
 from mirrorfold.scenes.families.family import Family, Surface
-from mirrorfold.scenes.families.parts import Generator, arc, circle, corner, wall
+from mirrorfold.scenes.families.parts import Generator, Span, arc, circle, corner, wall
 from mirrorfold.scenes.families.radars import Radar
 
 GLASS_ROUGHNESS = {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}
 """Of a wall that shows its face, and stays a mirror and a window: structured glass, a painted board."""
 
 APART = 0.3
-"""Least distance [m] of objects from each other in the image, and of their true places."""
+"""Least distance of objects from each other in the image, and of their true places."""
 
 ATTEMPTS = 60
 """Draws of the places of objects behind one wall."""
@@ -42,9 +42,30 @@ def _object(random: Generator, name: str, place: Array, facing_deg: float) -> Su
 
 def glass_door(random: Generator, radar: Radar) -> list[Surface]:
     """A pane or board, one or two hidden objects before it and one or two behind it."""
-    middle = random.uniform(1.1, 1.5) * _direction(random.uniform(8.0, 28.0))
+    return half_transparent(random, distance=(1.1, 1.5), length=(0.9, 1.3), depth=(0.35, 0.9), most=2)
+
+
+def half_transparent(random: Generator, *, distance: Span, length: Span, depth: Span, most: int) -> list[Surface]:
+    """A half-transparent wall, hidden objects before it and others behind it.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+    distance, length : pair of floats
+        Between which the distance of the wall's middle from the radar lies, and its length.
+    depth : pair of floats
+        Between which the ways lie from the wall to what it shows or lets through.
+    most : int
+        Objects on either side, at least one.
+
+    Returns
+    -------
+    list of dict
+        Surfaces, in the unit of the lengths; the wall's thickness [m] is its own.
+    """
+    middle = random.uniform(*distance) * _direction(random.uniform(8.0, 28.0))
     sight = middle / np.linalg.norm(middle)
-    incidence, length = np.radians(random.uniform(22.0, 66.0)), random.uniform(0.9, 1.3)
+    incidence, long = np.radians(random.uniform(22.0, 66.0)), random.uniform(*length)
     turn = np.array([[np.cos(incidence), -np.sin(incidence)], [np.sin(incidence), np.cos(incidence)]])
     normal = min((turn @ -sight, turn.T @ -sight), key=lambda n: (sight - 2.0 * (sight @ n) * n)[0])
     along = np.array([-normal[1], normal[0]])
@@ -52,14 +73,14 @@ def glass_door(random: Generator, radar: Radar) -> list[Surface]:
         "material": {"permittivity": random.uniform(2.5, 6.5), "conductivity": random.uniform(0.0, 0.5)}
     }  # fmt: skip
     door = wall("glass door", (float(middle[0]), float(middle[1])), float(np.degrees(np.arctan2(along[1], along[0]))),
-                length, thickness=random.uniform(4e-3, 10e-3), **made_of) | {"roughness": GLASS_ROUGHNESS}  # fmt: skip
-    reflected, through = int(random.integers(1, 3)), int(random.integers(1, 3))
+                long, thickness=random.uniform(4e-3, 10e-3), **made_of) | {"roughness": GLASS_ROUGHNESS}  # fmt: skip
+    reflected, through = (int(random.integers(1, most + 1)) for _ in range(2))
     places: list[Array] = []
     for _ in range(ATTEMPTS):
         if len(places) == reflected + through:
             break
-        hit = middle + random.uniform(-0.32, 0.32) * length * along
-        place = hit + random.uniform(0.35, 0.9) * hit / np.linalg.norm(hit)
+        hit = middle + random.uniform(-0.32, 0.32) * long * along
+        place = hit + random.uniform(*depth) * hit / np.linalg.norm(hit)
         if all(np.linalg.norm(place - other) > APART for other in places):
             places.append(place)
     surfaces = [door]

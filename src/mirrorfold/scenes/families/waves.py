@@ -19,11 +19,13 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import LinearArray
-from mirrorfold.scenes.families.drawing import HIDDEN, SPACING
+from mirrorfold.scenes.families.drawing import FLAT_BOUNCES, HIDDEN, SPACING
 from mirrorfold.scenes.families.family import Family, Surface
 from mirrorfold.scenes.families.parts import WALL_ROUGHNESS, Span, arc, circle, corner, wall
 from mirrorfold.scenes.families.radars import RADARS, Radar
 from mirrorfold.scenes.floor_plan import Scene, parse_scene
+from mirrorfold.scenes.materials import permittivity
+from mirrorfold.scenes.surfaces import Surface as PlanSurface
 from mirrorfold.scenes.visibility import visible_truth
 
 Generator = np.random.Generator
@@ -31,17 +33,21 @@ Draw = Callable[[Generator], list[Surface]]
 Make = Callable[[Generator, Radar], list[Surface]]
 
 OUTLINE = 1000.0
-"""Length of all surfaces together [wavelengths]: some 11 000 unknowns at the tolerance below."""
+"""Length of all surfaces together [wavelengths]: some 11 000 unknowns at the tolerance below. A dielectric wall counts
+twice on both of its faces, by the wavelength inside it."""
 
 TOLERANCE = 5e-3
 """Relative error of the sweeps, -46 dB: nothing that fades so far is claimed in any image."""
 
-CORRELATION, WALL_HEIGHT, OBJECT_HEIGHT = 0.25, 0.05, 0.09
-"""Roughness in wavelengths: correlation length, rms height of walls and of objects. Walls remain mirrors, and objects
-are seen from all sides."""
+CORRELATION, WALL_HEIGHT, OBJECT_HEIGHT, PANE_HEIGHT = 0.25, 0.05, 0.09, 0.035
+"""Roughness in wavelengths: correlation length, rms height of walls, of objects and of dielectric walls. Walls remain
+mirrors, dielectric ones windows, too, and objects are seen from all sides."""
 
-OBJECTS = (*HIDDEN, "clear")
-"""How the names of objects begin; the radar must not see the hidden ones, and shall see the clear ones."""
+CLEAR = "clear", "behind"
+"""How the names of objects begin that the radar shall see, the latter through a half-transparent wall."""
+
+OBJECTS = (*HIDDEN, *CLEAR)
+"""How the names of all objects begin; the radar must not see the hidden ones."""
 
 GAP, NEAREST = 0.07, 0.4
 """Least distance between two surfaces, and from the antennas [units]."""
@@ -95,18 +101,19 @@ def two(random: Generator) -> list[Surface]:
     ]  # fmt: skip
 
 
-def fitting(*, bounces: int = 1) -> Callable[[Draw], Make]:
+def fitting(*, bounces: int = 1, outline: float = OUTLINE, only_curved: bool = False) -> Callable[[Draw], Make]:
     """What turns a function that draws surfaces [units] into one that makes those of a valid scene for a radar [m].
 
-    The hidden surfaces can be seen by way of so many mirrors, and some of them by no fewer.
+    The hidden surfaces can be seen by way of so many mirrors, and some of them by no fewer; if `only_curved`, none of
+    them by way of flat ones. `outline` [wavelengths] is the length of all surfaces.
     """
 
     def decorate(draw: Draw) -> Make:
         @functools.wraps(draw)
         def make(random: Generator, radar: Radar) -> list[Surface]:
             for _ in range(MOST_DRAWS):
-                unit, surfaces = sized(draw(random), radar)
-                if valid(_scene(surfaces, radar), unit, bounces):
+                unit, surfaces = sized(draw(random), radar, outline)
+                if valid(_scene(surfaces, radar), unit, bounces, only_curved):
                     return surfaces
             raise InputError(
                 f"{draw.__name__}: none of {MOST_DRAWS} draws is valid for radar {radar.name!r}; choose another radar"
@@ -122,14 +129,16 @@ def _scene(surfaces: list[Surface], radar: Radar) -> Scene:
     return cast(Scene, parse_scene({"name": "draw", "array": radar.array, "band": radar.band, "surface": surfaces}))
 
 
-def sized(surfaces: list[Surface], radar: Radar) -> tuple[float, list[Surface]]:
-    """The unit [m] in which the surfaces are as long as `OUTLINE`, and the surfaces in metres."""
+def sized(surfaces: list[Surface], radar: Radar, outline: float = OUTLINE) -> tuple[float, list[Surface]]:
+    """The unit [m] in which the surfaces are as long as `outline` [wavelengths], and the surfaces in metres."""
     wavelength = speed_of_light / radar.band["stop"]
-    outline = sum(surface.sample(0.05)[2].sum() for surface in _scene(surfaces, radar).surface)
-    unit = OUTLINE * wavelength / outline
+    drawn = _scene(surfaces, radar).surface
+    length = sum(_unknowns(surface, radar.band["stop"]) * surface.sample(0.05)[2].sum() for surface in drawn)
+    unit = outline * wavelength / length
 
     def in_metres(surface: Surface) -> Surface:
         height = OBJECT_HEIGHT if surface["name"].startswith(OBJECTS) else WALL_HEIGHT
+        height = PANE_HEIGHT if "thickness" in surface else height
         rough = {"rms_height": height * wavelength, "correlation_length": CORRELATION * wavelength}
         lengths = {name: (unit * np.array(surface[name])).tolist() for name in LENGTHS if name in surface}
         return surface | lengths | ({"roughness": rough} if "roughness" in surface else {})
@@ -137,7 +146,16 @@ def sized(surfaces: list[Surface], radar: Radar) -> tuple[float, list[Surface]]:
     return unit, [in_metres(surface) for surface in surfaces]
 
 
-def valid(scene: Scene, unit: float, bounces: int) -> bool:
+def _unknowns(surface: PlanSurface, frequency: float) -> float:
+    """Unknowns along a surface over those along a conductor of its length: a dielectric wall has two at every node, on
+    both faces, and its nodes are counted by the wavelength inside.
+    """
+    if getattr(surface, "thickness", None) is None:
+        return 1.0
+    return 4.0 * abs(np.sqrt(complex(permittivity(surface.material, frequency))))
+
+
+def valid(scene: Scene, unit: float, bounces: int, only_curved: bool = False) -> bool:
     """Whether surfaces are apart, what is to be hidden is so from all along the array, and mirrors show it."""
     samples = [surface.sample(min(0.02 * unit, SPACING))[:2] for surface in scene.surface]
     antennas = scene.array.tx_position[:, :2]
@@ -154,12 +172,14 @@ def valid(scene: Scene, unit: float, bounces: int) -> bool:
             if any(visible_truth(place, *sample, bounces=0)[0].any() for place in (scene, *eyes)):
                 return False
             hidden.append((SHOWN_OF_CLOSED if surface.kind == "circle" else SHOWN, sample))
-        elif surface.name.startswith("clear") and visible_truth(scene, *sample, bounces=0)[0].mean() < IN_SIGHT:
+        elif surface.name.startswith(CLEAR) and visible_truth(scene, *sample, bounces=0)[0].mean() < IN_SIGHT:
             return False
     deep = 0.0
     for least, sample in hidden:
         shown = visible_truth(scene, *sample, bounces=bounces)[1].mean()
         if shown < least:
+            return False
+        if only_curved and visible_truth(scene, *sample, bounces=FLAT_BOUNCES, curved=False)[1].any():
             return False
         deep = max(deep, shown - visible_truth(scene, *sample, bounces=bounces - 1)[1].mean())
     return deep >= 0.5 * SHOWN_OF_CLOSED
@@ -285,10 +305,10 @@ def near(name: str, points: int) -> Radar:
     return replace(radar, what=f"{radar.what}; {radar.cell * (points - 1):.1f} m unambiguous")
 
 
-def _family(name: str, make: Make, radar: Radar, bounces: int = 1) -> Family:
+def family(name: str, make: Make, radar: Radar, bounces: int = 1, **more: Any) -> Family:
     """A family that says what its function says."""
     what = " ".join((make.__doc__ or "").split())
-    settings: dict[str, Any] = {"bounces": bounces, "radar": radar, "options": {"tolerance": TOLERANCE}}
+    settings: dict[str, Any] = {"bounces": bounces, "radar": radar, "options": {"tolerance": TOLERANCE}, **more}
     return Family(name=f"full-wave {name}", what=what, engine="fullwave", make=make, **settings)
 
 
@@ -296,13 +316,13 @@ SMALL, FINE, LARGE = near("300 GHz", 201), near("230 GHz", 321), near("79 GHz", 
 MIDDLE, WRAPPING = near("122 GHz", 321), near("122 GHz", 161)
 
 FAMILIES = (
-    _family("two walls", two_walls, SMALL),
-    _family("three bounces", three_bounces, SMALL, bounces=2),
-    _family("corridor", corridor, MIDDLE),
-    _family("wrapped corridor", corridor, WRAPPING),
-    _family("clutter", clutter, MIDDLE),
-    _family("mirror in mirror in mirror", mirror_in_mirror_in_mirror, FINE, bounces=3),
-    _family("bright corner", bright_corner, LARGE),
-    _family("posts", posts, FINE),
-    _family("curved", curved, LARGE),
+    family("two walls", two_walls, SMALL),
+    family("three bounces", three_bounces, SMALL, bounces=2),
+    family("corridor", corridor, MIDDLE),
+    family("wrapped corridor", corridor, WRAPPING),
+    family("clutter", clutter, MIDDLE),
+    family("mirror in mirror in mirror", mirror_in_mirror_in_mirror, FINE, bounces=3),
+    family("bright corner", bright_corner, LARGE),
+    family("posts", posts, FINE),
+    family("curved", curved, LARGE),
 )
