@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
@@ -22,36 +23,43 @@ from rich.console import Console
 from rich.table import Table
 
 import mirrorfold as mf
-from mirrorfold import reconstruction
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion
+from mirrorfold.tree import completion, kinds, measured
 from mirrorfold.tree.half_shadows import Hems
 
-WITHOUT: dict[str, tuple[dict[str, Callable[..., Any]], dict[str, Any]]] = {
+Instead = dict[ModuleType, dict[str, Callable[..., Any]]]
+"""Functions that do nothing, by the modules that call them and their names there."""
+
+WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
-    "mirrors seen edge-on": ({"edge_on": lambda *given: []}, {}),
-    "walls behind objects": ({"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}, {}),
-    "the share that came back as it went": (
-        {"confocal": lambda position, *given, **named: np.full(len(position), np.nan)},
+    "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
+    "walls behind objects": (
+        {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
         {},
     ),
-    "mixed paths and late echoes": ({"misplaced": lambda echoes, **named: np.full(len(echoes), "")}, {}),
-    "half-shadows": ({"half_shadows": lambda *given, **named: Hems.nothing()}, {}),
+    "the share that came back as it went": (
+        {measured: {"confocal": lambda position, *given, **named: np.full(len(position), np.nan)}},
+        {},
+    ),
+    "mixed paths and late echoes": ({measured: {"misplaced": lambda echoes, **named: np.full(len(echoes), "")}}, {}),
+    "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Hems.nothing()}}, {}),
+    "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides)}}, {}),
+    "late edges, and what would stand behind walls": ({kinds: {"without_doubted": lambda found, view: found}}, {}),
     "copies": ({}, {"copies": False}),
     "rough walls": ({}, {"rough_walls": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),
 }
-"""For each part functions that do nothing in its place, where steps 2 to 4 call it, and settings."""
+"""For each part functions that do nothing in its place, and settings."""
 
 
 def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> list[float]:
     """Of hidden things without one part: precision, completeness and F-score in cells, and the invented share."""
     instead, settings = WITHOUT[part]
-    home = completion if all(hasattr(completion, name) for name in instead) else reconstruction
-    context: AbstractContextManager[Any] = patch.multiple(home, **instead) if instead else nullcontext()
-    with context:
+    with ExitStack() as stack:
+        for home, functions in instead.items():
+            stack.enter_context(patch.multiple(home, **functions))
         found = mf.score(mf.fold(image, sweep=sweep, **settings), scene).hidden
     values = found.precision_cells, found.completeness_cells, found.f_score_cells, found.invented_fraction
     return [np.nan if value is None else value for value in values]
