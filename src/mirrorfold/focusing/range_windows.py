@@ -77,7 +77,9 @@ class RangeWindows:
     def transform(self) -> None:
         """Make the profiles that windows are cut from; until then a window holds the whole sweep."""
         taper = self._taper.reshape(-1, *[1] * (self._samples.ndim - 1))
-        self._profile = ifft(self._samples * taper, n=self._count, axis=0, workers=cpu_count(), overwrite_x=True)
+        padded = np.zeros((self._count, *self._samples.shape[1:]), dtype=np.complex64)
+        np.multiply(self._samples, taper, out=padded[: self._k.size])
+        self._profile = ifft(padded, axis=0, workers=cpu_count(), overwrite_x=True)
 
     def window(self, shortest: float, longest: float) -> Window:
         """The echoes whose paths are between two lengths [m]; what is far outside of them may be left out."""

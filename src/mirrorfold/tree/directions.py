@@ -18,6 +18,7 @@ from scipy.spatial.distance import cdist
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.phasor import unit_phasor
@@ -251,7 +252,7 @@ def _group_size(k: Array, spread: float) -> int:
 def _windows(sweep: xr.Dataset) -> RangeWindows:
     """The samples of a sweep (frequency, tx, rx), to be gated to the ranges of echoes under a Hann taper."""
     k = wavenumber(sweep)
-    return RangeWindows(k, sweep["s"].values, np.sin(np.pi * np.arange(1, k.size + 1) / (k.size + 1)) ** 2)
+    return RangeWindows(k, sweep["s"].values, hann(k.size))
 
 
 def bytes_at_once(sweep: xr.Dataset) -> float:

@@ -19,6 +19,7 @@ from scipy.special import expit
 
 from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.windows import hann
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
@@ -231,13 +232,8 @@ def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
     """
     passed = slab(pane.permittivity, pane.thickness, wavenumber, angle[:, None], "TE")[1]
     step = wavenumber[1] - wavenumber[0]
-    turn = np.sum(passed[:, 1:] * np.conj(passed[:, :-1]) * _taper(wavenumber.size - 1), axis=1)
+    turn = np.sum(passed[:, 1:] * np.conj(passed[:, :-1]) * hann(wavenumber.size - 1), axis=1)
     return np.asarray(-np.angle(turn) / step)
-
-
-def _taper(count: int) -> Array:
-    """Hann's, over so many steps of the band."""
-    return np.asarray(np.sin(np.pi * (np.arange(count) + 1.0) / (count + 1.0)) ** 2)
 
 
 def _key(echoes: Echoes) -> Array:
