@@ -60,7 +60,7 @@ def test_what_stands_behind_is_not_shown(surface):
 
 @SURFACES
 def test_bending_is_that_of_traced_rays(surface):
-    """Turned by a small angle, a ray moves at its end by the lever of `spread_beam`, along both principal directions."""
+    """Turned by a small angle, a ray moves at its end by the lever of `spread_beam`, along both directions."""
     points, places = shown(surface)
     sight, before = unit(places - RADAR), np.linalg.norm(places - RADAR, axis=1)
     length = before + np.linalg.norm(points - places, axis=1)
