@@ -35,8 +35,8 @@ from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.scenes.families.raster import corridor, drywall, leaning_drywall
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scoring.volumes import patch_contrast
+from mirrorfold.simulation.raster.echoes import find_echoes as simulated_echoes
 from mirrorfold.simulation.raster.meshes import solids
-from mirrorfold.simulation.raster.sweep import find_echoes as simulated_echoes
 from mirrorfold.simulation.raster.sweep import measure
 from mirrorfold.tree.rounds import find_tree
 

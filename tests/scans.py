@@ -42,6 +42,23 @@ def ball(name="ball", center=(-1.0, 2.0, 0.0), radius=0.15, **finish):
             **({"material": "pec", "diffuse_fraction": 1.0} | finish)}  # fmt: skip
 
 
+def pillar(middle=(0.0, 2.2), radius=0.2, name="pillar", **finish):
+    """An upright pillar, rough steel by default."""
+    ends = [[*middle, z] for z in (-1.0, 1.0)]
+    return {"name": name, "kind": "cylinder", "start": ends[0], "end": ends[1], "radius": radius,
+            **({"material": "pec", "roughness": ROUGH} | finish)}  # fmt: skip
+
+
+def box(name="target", center=(-1.0, 1.6, 0.0), size=(0.25, 0.25, 0.3), heading=70.0):
+    """A box beside the view, of rough metal with round edges."""
+    return {"name": name, "kind": "box", "center": list(center), "size": list(size), "heading": heading,
+            "rounding": 0.03, "material": "pec", "diffuse_fraction": 0.5}  # fmt: skip
+
+
+NEAR_FOCUS = {"spot_radius": 0.0095, "focus_distance": 2.1}
+"""The same aperture focused nearer: a round mirror spreads what it shows, the more the wider the beam is on it."""
+
+
 def turned(surface, angle_deg):
     """The same surface turned about the radar's vertical axis, from +y towards +x."""
     angle = np.radians(angle_deg)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import arc_through
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
-from mirrorfold.detection.arc_mirror import ArcMirror, dimming
+from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.arcs import find_arcs
+from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror

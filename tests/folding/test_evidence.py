@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
-from mirrorfold.detection.arc_mirror import ArcMirror, dimming
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import fold_of
 from mirrorfold.folding.confidence import (

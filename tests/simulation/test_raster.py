@@ -11,21 +11,24 @@ import mirrorfold as mf
 from mirrorfold.common.beams import beam_direction
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.simulation import estimate
+from mirrorfold.simulation.raster.echoes import find_echoes
 from mirrorfold.simulation.raster.speckle import diffuse_share, specular_amplitude
-from mirrorfold.simulation.raster.sweep import find_echoes, measure, needed_points
+from mirrorfold.simulation.raster.sweep import measure, needed_points
 
 
 def plain_sum(world, echoes):
     """Every echo in every beam and at every frequency, in float64."""
     azimuth, elevation = world.scanner.angles
     frequency = world.band.frequency
-    width = echoes.width
+    width, narrow = echoes.width, echoes.narrow
     wave = np.exp(-4j * np.pi / speed_of_light * np.outer(frequency, echoes.range))
     result = np.empty((frequency.size, azimuth.size, elevation.size), dtype=complex)
     for i, a in enumerate(azimuth):
         for j, e in enumerate(elevation):
-            rho = np.linalg.norm(np.cross(echoes.position, beam_direction(a, e)), axis=1)
-            intensity = 2.0 / (np.pi * width**2) * np.exp(-2.0 * (rho / width) ** 2)
+            turned = np.cross(echoes.position, beam_direction(a, e))
+            aside = np.sum(turned * echoes.across, axis=1)
+            along = np.sqrt(np.maximum(np.sum(turned**2, axis=1) - aside**2, 0.0))
+            intensity = 2.0 / (np.pi * width * narrow) * np.exp(-2.0 * ((along / width) ** 2 + (aside / narrow) ** 2))
             result[:, i, j] = wave @ (intensity * echoes.amplitude)
     return result
 

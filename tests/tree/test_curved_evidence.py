@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, together
 
-from mirrorfold.detection.arc_mirror import ArcMirror, dimming, gains, overlap
+from mirrorfold.detection.arc_mirror import ArcMirror, gains
+from mirrorfold.detection.curved import dimming, overlap
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.image_view import OPAQUE_CELLS
 from mirrorfold.detection.line_mirror import LineMirror
@@ -167,7 +168,7 @@ def test_mirrors_seen_by_way_of_a_curved_one_are_left_out(view):
 
 def test_what_curved_mirrors_show_is_no_row_of_another(view, monkeypatch):
     """Neither behind the pillar, nor behind or on a wall that it shows; its own face is, and what lies beside it."""
-    monkeypatch.setattr(curved, "find_arcs", lambda view, echoes, own: own)
+    monkeypatch.setattr(curved, "find_curved_rows", lambda view, echoes, own: own)
     wall = LineMirror(np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
     places = [[0.0, 1.6], [0.0, 2.4], [0.0, 2.0], [0.0, 1.0], [-0.7, 1.0], [0.9, 2.0]]
     own = candidates(found_with(view, [wall, PILLAR], places), view)
@@ -178,10 +179,10 @@ class Tried:
     """Steps 2 to 4 of the same echoes, whatever arcs are tried; what was asked."""
 
     def __init__(self, view, places):
-        self.view, self.places, self.glanced, self.tried, self.gains = view, places, [], [], []
+        self.view, self.places, self.glanced, self.tried, self.through = view, places, [], [], []
 
-    def heard(self, *, gain):
-        self.gains.append(gain)
+    def heard(self, *, through):
+        self.through.append(list(through))
         return echoes_at(self.view, self.places)
 
     def glance(self, *, echoes, besides):
@@ -208,11 +209,11 @@ ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
 def test_nothing_changes_where_no_arc_is_a_mirror(view, monkeypatch):
     found, first, steps = curved_of(view, monkeypatch, SHOWN, [])
     assert found is first
-    assert not steps.gains
+    assert not steps.through
     # Too little behind it: steps 2 to 4 are not even tried.
     found, first, steps = curved_of(view, monkeypatch, SHOWN[:2], [PILLAR])
     assert found is first
-    assert len(steps.gains) == 1
+    assert len(steps.through) == 1
     assert not steps.glanced
     # Enough behind it, but all of that is known: a glance tells.
     known = [*SHOWN, *fold_of([PILLAR], 2)(SHOWN)]
@@ -237,7 +238,7 @@ def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view, monk
     found, _, steps = curved_of(view, monkeypatch, SHOWN, [PILLAR, ASIDE], [])
     assert steps.tried == [[PILLAR]]
     assert [node.line for node in found.tree.walk()] == [None, PILLAR]
-    assert_array_equal(steps.gains[-1], gains(view, [PILLAR]))
+    assert steps.through[-1] == [PILLAR]
 
 
 def test_arcs_that_others_show_are_looked_for_once_more(view, monkeypatch):

@@ -51,3 +51,36 @@ def beam_radius(range_: ArrayLike, *, spot_radius: float, focus_distance: float,
     """
     rayleigh = np.pi * spot_radius**2 / wavelength
     return np.asarray(spot_radius * np.hypot(1.0, (np.asarray(range_, dtype=float) - focus_distance) / rayleigh))
+
+
+def spread_beam(
+    before: ArrayLike, rest: ArrayLike, power: ArrayLike, *, spot_radius: float, focus_distance: float,
+    wavelength: float,
+) -> tuple[Array, Array]:  # fmt: skip
+    """What a curved mirror makes of a focused Gaussian beam, along one principal direction of the mirror.
+
+    The beam's ``1/q = 1 / (r1 - f + j zR)`` grows by the power of the mirror, and after the rest s of the way
+    ``w^2 = -lambda / (pi Im(1/q))`` (Kogelnik and Li, Appl. Opt. 5, 1966, eqs. 17 and 43). When the beam is turned by
+    an angle, its axis moves there by ``r1 + s + r1 s p`` times that angle.
+
+    Parameters
+    ----------
+    before, rest : (...) arrays [m]
+        Length of the way up to the mirror, r1, and from there, s.
+    power : (...) array [1/m]
+        p, added to the curvature of the waves; positive for a convex mirror, zero for a flat one.
+    spot_radius, focus_distance, wavelength : float [m]
+        As of `beam_radius`.
+
+    Returns
+    -------
+    width : (...) array [m]
+        Radius of the beam at the end of the way.
+    lever : (...) array [m]
+        By how much its axis moves there for each radian.
+    """
+    before, rest, power = (np.asarray(value, dtype=float) for value in (before, rest, power))
+    rayleigh = np.pi * spot_radius**2 / wavelength
+    inverse = 1.0 / (before - focus_distance + 1j * rayleigh) + power
+    inverse = inverse / (1.0 + rest * inverse)
+    return np.sqrt(-wavelength / (np.pi * inverse.imag)), before + rest + before * rest * power

@@ -14,16 +14,14 @@ from itertools import pairwise
 import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import SPACING, LineMirror
+from mirrorfold.detection.line_mirror import SPACING
 from mirrorfold.detection.mirror import Mirror
 
 END_CELLS = 0.5
 """Profiles leave out so many cells at either end of an arc, where its cells are half filled."""
-
-LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
-"""What is dimmed by more than 30 dB cannot be told from multiple scattering, which starts 15 dB below what scatters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +161,16 @@ class ArcMirror(Mirror):
         turn = 2.0 * self.curvature * rest / cosine
         return (before + rest + turn * before) / (before + rest), 1.0 + turn
 
+    def growth(self, points: Array) -> Array:
+        """Of the length of the way, there and behind a caustic alike, (n, 1)."""
+        return np.abs(self.spread(points)[0])[:, None]
+
+    def holds(self, points: Array, beside: float, beyond: float) -> Mask:
+        """By the way along the arc."""
+        along = self.along(points)
+        inside = (along >= -beyond) & (along <= self.length + beyond)
+        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside the arc, up to a cell beyond its ends; and the cell's width across it [m]."""
         outward = self.outward(self.along(echoes.position))
@@ -240,15 +248,6 @@ def spread_over(way: Sequence[Mirror], points: Array) -> tuple[Array, Array]:
     return np.ones(len(points)), np.ones(len(points))
 
 
-def dimming(way: Sequence[Mirror], points: Array) -> Array:
-    """By how much amplitudes at points (n, 2) of the image are weaker than by way of flat mirrors, (n,), at least one.
-
-    Waves that spread to `|q|` instead of the length r of the way lose ``sqrt(|q| / r)`` there and as much back. Where a
-    concave mirror gathers them, what is brighter is not counted on: the array's own depth of focus takes it away.
-    """
-    return np.clip(np.abs(spread_over(way, points)[0]), 1.0, LARGEST_DIMMING)
-
-
 def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
     """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
     gain = np.ones((view.range.size, view.u.size))
@@ -262,18 +261,3 @@ def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
         own = dimming([arc], places.reshape(-1, 2)).reshape(behind.shape)
         gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
     return gain
-
-
-def on_rows(rows: Sequence[Mirror], view: ImageView, echoes: Echoes) -> Mask:
-    """Which echoes lie on one of the rows, (n,)."""
-    found = np.zeros(len(echoes), dtype=bool)
-    for row in rows:
-        _, own, across = row.near(view, echoes)
-        found |= own & (np.abs(row.beside(echoes.position)) <= across)
-    return found
-
-
-def overlap(row: Mirror, other: ArcMirror | LineMirror) -> bool:
-    """Whether the middle of one row lies on the other, within a tenth of its length."""
-    along = float(other.along(row.center))
-    return abs(float(other.beside(row.center))) <= 0.1 * other.length and 0.0 <= along <= other.length

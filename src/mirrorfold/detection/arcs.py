@@ -17,7 +17,8 @@ from scipy.spatial.distance import cdist
 from mirrorfold.common.arcs import circle_through
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror, on_rows
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.curved import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side, left_of_kink
 from mirrorfold.detection.growing import CLIP

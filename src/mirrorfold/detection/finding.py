@@ -6,21 +6,26 @@ Here alone it is decided what serves an image and what a volume.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 import xarray as xr
 
 from mirrorfold.common.threads import one_thread
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
+from mirrorfold.detection.arc_mirror import gains
+from mirrorfold.detection.arcs import find_arcs
+from mirrorfold.detection.curved import dimmed
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
 from mirrorfold.detection.known_mirrors import known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
+from mirrorfold.detection.rounds import find_rounds
 from mirrorfold.detection.view import View
-from mirrorfold.detection.volume_view import to_volume_view
+from mirrorfold.detection.volume_view import VolumeView, to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
@@ -47,7 +52,7 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
 
 
 def find_echoes(
-    view: View, *, threshold_db: float | None = None, published: bool = False, gain: Array | None = None
+    view: View, *, threshold_db: float | None = None, published: bool = False, through: Sequence[Mirror] = ()
 ) -> Echoes:
     """The echoes of a view, maybe none: what stands above noise, threshold and side lobes.
 
@@ -58,17 +63,18 @@ def find_echoes(
         Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
     published : bool
         Every pixel above the threshold, relative to the brightest pixel, is an echo.
-    gain : (nr, nu) array, optional
-        Of an image: by how much known mirrors dim what is seen at each place, which lowers the threshold there.
+    through : sequence of Mirror, optional
+        Curved mirrors that are known. They dim what is seen behind them, which lowers the threshold there.
     """
     found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
     usual = image_echoes.THRESHOLD_DB
     if view.dimensions == 3:
         found, usual = (volume_echoes.find_runs, volume_echoes.find_voxels), volume_echoes.THRESHOLD_DB
     level = usual if threshold_db is None else threshold_db
-    if gain is not None and isinstance(view, ImageView):
-        return image_echoes.find_ridges(view, threshold_db=level, gain=gain)
-    return found[published](view, threshold_db=level)
+    if through and isinstance(view, ImageView):
+        return image_echoes.find_ridges(view, threshold_db=level, gain=gains(view, through))
+    echoes = found[published](view, threshold_db=level)
+    return dimmed(echoes, view, through) if through else echoes
 
 
 def find_mirrors(
@@ -101,6 +107,17 @@ def find_mirrors(
     find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
     with one_thread():
         return find(echoes, view, minimum_length=length, tested=tested)
+
+
+def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:
+    """What may be curved mirrors: arcs of an image; cylinders and spheres of a volume.
+
+    `own` (n,) says by which way each echo is seen, see `arcs.find_arcs`.
+    """
+    with one_thread():
+        if isinstance(view, ImageView):
+            return find_arcs(view, echoes, own)
+        return find_rounds(cast(VolumeView, view), echoes, own)
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:

@@ -3,7 +3,9 @@
 The file of such mirrors is JSON, in metres and in the coordinates of the unfolded image, where a mirror seen through
 another is a ghost itself: ``{"mirrors": [{"start": [x, y], "end": [x, y]}, ...]}`` for an image, where a curved one is
 an arc ``{"start": [x, y], "through": [x, y], "end": [x, y]}`` by way of a third point, and
-``{"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]}, ...]}`` for a volume.
+``{"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]}, ...]}`` for a volume, where a cylinder is
+``{"start": [x, y, z], "end": [x, y, z], "radius": r}`` by the ends of its axis, and a sphere ``{"center": [x, y, z],
+"radius": r}``.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.arcs import arc_through, circle_through
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
+from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
 from mirrorfold.detection.arc_mirror import ArcMirror
@@ -28,6 +31,7 @@ from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
+from mirrorfold.detection.round_mirror import RoundMirror
 from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.errors import InputError
@@ -50,7 +54,8 @@ EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
 
-    Where some are arcs, of first, third and last points, (mirrors, 3, 2): those of a line lie on it.
+    Where some are arcs, of first, third and last points, (mirrors, 3, 2): those of a line lie on it. A cylinder in
+    space is both ends of its axis, three times its radius, and NaN; a sphere twice its middle, and the same.
 
     Raises
     ------
@@ -74,9 +79,13 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
     for number, points in enumerate(places):
         mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
-        wrong = unplaced(points)
+        wrong = unplaced(points[:3] if is_round(points) else points)
         if wrong is not None:
             raise InputError(f"{mirror} has a place that {wrong}, expected numbers in metres")
+        if is_round(points):
+            if not (points[2] == points[2, 0]).all() or points[2, 0] <= SHORTEST * np.abs(points[:2]).max():
+                raise InputError(f"{mirror} has the radius {points[2, 0]:g}, expected a length above zero in metres")
+            continue
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
             what = "length; give two different ends" if flat else "extent; give four different corners"
@@ -84,6 +93,11 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         if not flat and spread[2] > FLATTEST * spread[0]:
             raise InputError(f"{mirror} is not flat; give four corners of one plane")
     return places
+
+
+def is_round(points: Array) -> bool:
+    """Whether a given mirror is a cylinder or a sphere, by its row of `check_mirrors`."""
+    return points.shape == (4, 3) and bool(np.isnan(points[3]).all())
 
 
 def read_mirrors(path: str | Path) -> Array:
@@ -102,6 +116,10 @@ def read_mirrors(path: str | Path) -> Array:
     places = []
     for number, mirror in enumerate(mirrors):
         match mirror:
+            case {"start": start, "end": end, "radius": radius}:
+                places.append([start, end, [radius] * 3, [np.nan] * 3])
+            case {"center": center, "radius": radius}:
+                places.append([center, center, [radius] * 3, [np.nan] * 3])
             case {"corners": corners}:
                 places.append(corners)
             case {"start": start, "through": through, "end": end}:
@@ -126,12 +144,20 @@ def _by_three(place: list[Any]) -> list[Any]:
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
     """Write a file of mirrors that `read_mirrors` reads back to the last bit; returns its path."""
-    places = check_mirrors(mirrors).tolist()
-    names = {2: ("start", "end"), 3: ("start", "through", "end")}
-    rows = [{"corners": p} if len(p) == 4 else dict(zip(names[len(p)], p, strict=True)) for p in places]
+    rows = [_plainly(points) for points in check_mirrors(mirrors)]
     path = Path(path)
     path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
     return path
+
+
+def _plainly(points: Array) -> dict[str, Any]:
+    """A given mirror as a file says it."""
+    place = points.tolist()
+    if is_round(points):
+        own = {"center": place[0]} if place[0] == place[1] else {"start": place[0], "end": place[1]}
+        return {**own, "radius": place[2][0]}
+    names = {2: ("start", "end"), 3: ("start", "through", "end")}
+    return {"corners": place} if len(place) == 4 else dict(zip(names[len(place)], place, strict=True))
 
 
 def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
@@ -143,8 +169,8 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     mirrors: list[Mirror] = []
     for number, points in enumerate(places):
         go_on()
-        mirror: Mirror = _plane(points, view) if isinstance(view, VolumeView) else _line_or_arc(points, view)
-        size, reach = float(np.ptp(points, axis=0).max()), float(view.range[-1])
+        mirror: Mirror = _in_space(points, view) if isinstance(view, VolumeView) else _line_or_arc(points, view)
+        size, reach = float(np.ptp(points[:3], axis=0).max()), float(view.range[-1])
         if size > LONGEST * reach:
             raise InputError(
                 f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
@@ -170,6 +196,23 @@ def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
     if (through - first) % (2.0 * np.pi) > turn:
         first, turn = last, 2.0 * np.pi - turn
     return ArcMirror(middle=middle, radius=float(radius), first=first, span=turn, radar=view.radar)
+
+
+def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:
+    """The plane, cylinder or sphere of a row of `check_mirrors`."""
+    if not is_round(points):
+        return _plane(points, view)
+    start, end, radius = points[0], points[1], float(points[2, 0])
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    shape = RoundSurface(0.5 * (start + end), axis / length if length else axis, radius)
+    range_ = shape.met(view.radar, view.sight)
+    met = view.radar + range_[:, None] * view.sight
+    with np.errstate(invalid="ignore"):
+        beams = np.isfinite(range_) & (np.abs(shape.along(met)) <= (0.5 * length if length else np.inf))
+    # Where no beam meets it, what faces the radar.
+    outline = met[beams] if beams.any() else shape.nearest(np.stack([view.radar, view.radar]))
+    return RoundMirror(outline, beams, shape, view.radar, view.beam)
 
 
 def _plane(outline: Array, view: VolumeView) -> PlaneMirror:

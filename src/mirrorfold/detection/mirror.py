@@ -120,6 +120,16 @@ class Mirror(ABC):
         """One over the radius [1/m], positive where it bulges towards the radar; zero if it is flat."""
         return 0.0
 
+    def growth(self, points: Array) -> Array:
+        """By how much it widens the pencil of rays to points (n, d) behind it, along d - 1 directions, (n, d - 1)."""
+        return np.ones((len(points), len(self.tangents)))
+
+    def holds(self, points: Array, beside: float, beyond: float) -> Mask:
+        """Whether points (n, d) lie on it, so far [m] beside its face and beyond its ends at most, (n,)."""
+        place, (first, last) = (points - self.center) @ self.tangents.T, self.sides.T
+        inside = np.all((place >= first - beyond) & (place <= last + beyond), axis=-1)
+        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+
     def facing(self, points: Array) -> tuple[Array, Array]:
         """Place and unit normal (n, d) of the line or plane that the lines of sight through points (n, d) meet."""
         return np.broadcast_to(self.center, points.shape), np.broadcast_to(self.normal, points.shape)

@@ -155,8 +155,9 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
         """Its columns, and where any mirror is curved the middle of its face."""
-        middle = dict(zip(("xm", "ym"), fold(mirror.center[None])[0], strict=True)) if any_curved else {}
-        return mirror.columns(fold) | middle
+        middle = dict(zip(("xm", "ym", "zm"), fold(mirror.center[None])[0], strict=False)) if any_curved else {}
+        flat = dict.fromkeys(("axis_x", "axis_y", "axis_z"), 0.0) if "zm" in middle else {}
+        return flat | mirror.columns(fold) | middle
 
     def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
         parent = node.chain[:-1]
@@ -184,6 +185,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
     for name in rows[0]:
         values = np.array([row[name] for row in rows])[:size]
         dims = ("mirror", "corner")[: values.ndim]
-        length = {} if values.dtype.kind in "iU" else {"units": units.get(name, "1" if "normal" in name else "m")}
+        usual = "1" if "normal" in name or "axis" in name else "m"
+        length = {} if values.dtype.kind in "iU" else {"units": units.get(name, usual)}
         data[name] = (dims, values, length)
     return xr.Dataset(data)

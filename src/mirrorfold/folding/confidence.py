@@ -18,7 +18,7 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.arc_mirror import dimming
+from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.mirror import turns
 from mirrorfold.detection.view import View
 from mirrorfold.folding.points import Points, joined

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.kernels import njit
+from mirrorfold.common.round_surfaces import reflection_point
 from mirrorfold.focusing.range_profiles import at_point
 from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
@@ -126,3 +127,36 @@ def draw_bent_row(  # type: ignore[no-untyped-def]
                 if value > out[j, 0]:
                     out[j, 0] = value
             last, ahead_last = miss, ahead
+
+
+@njit(nogil=True, error_model="numpy")
+def draw_round_row(  # type: ignore[no-untyped-def]
+    x, y, z, unfold, middle, axis, radius, radar, unmoved, number, crossing, through, begin, level, empty, margin,
+    blobs, amplitude, gain, side, shape, grid, out,
+):  # fmt: skip
+    """The same for what a cylinder or sphere shows, of that middle, axis and radius: voxels of one y, (x, z).
+
+    The map `unfold` (3, 4) takes voxels to where the flat mirrors in front of it show them. Each is shown by the one
+    line of sight that the surface reflects to it, at the length of the whole way.
+    """
+    columns = out.shape[1] == 1
+    for j in range(x.size):
+        for i in range(z.size):
+            px = unfold[0, 0] * x[j] + unfold[0, 1] * y + unfold[0, 2] * z[i] + unfold[0, 3]
+            py = unfold[1, 0] * x[j] + unfold[1, 1] * y + unfold[1, 2] * z[i] + unfold[1, 3]
+            pz = unfold[2, 0] * x[j] + unfold[2, 1] * y + unfold[2, 2] * z[i] + unfold[2, 3]
+            hx, hy, hz, r = reflection_point(middle, axis, radius, radar, px, py, pz)
+            if r < 0.0:
+                continue
+            dx, dy, dz = hx - radar[0], hy - radar[1], hz - radar[2]
+            share = r / np.sqrt(dx * dx + dy * dy + dz * dz)
+            a, e, k = _place(
+                unmoved, radar[0] + share * dx, radar[1] + share * dy, radar[2] + share * dz, grid, shape[1] == 1
+            )
+            into = 0 if columns else i
+            value = _shown(
+                a, e, k, x[j], y, z[i], number, unmoved, crossing, through, begin, level, empty, margin, blobs,
+                amplitude, gain, side, shape, grid, out[j, into],
+            )  # fmt: skip
+            if value > out[j, into]:
+                out[j, into] = value

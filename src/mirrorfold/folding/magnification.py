@@ -16,6 +16,7 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.arc_mirror import spread_over
+from mirrorfold.detection.curved import growth_over
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
@@ -31,14 +32,16 @@ NEAR, BEYOND = "near", "beyond"
 
 
 def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[Array, Names]:
-    """Growth of the resolution cell across at points (n, 2) of the image, (n,), and where they are of a caustic.
+    """Growth of the resolution cell across at points (n, d) of the image, (n,), and where they are of a caustic.
 
     "near" a caustic waves arrive out of focus: images blur and overlap. "beyond" it they are upside down; where both
     apply, "near". Empty for what flat mirrors and convex ones show.
     """
     growth, caustic = np.ones(len(points)), np.full(len(points), "", dtype=object)
-    if not any(mirror.curved for mirror in way) or not isinstance(view, ImageView):
+    if view is None or not any(mirror.curved for mirror in way):
         return growth, caustic
+    if not isinstance(view, ImageView):
+        return growth_over(way, points).max(axis=1), caustic
     width, bend = spread_over(way, points)
     length = view.glint if np.isfinite(view.wavelength) else 0.0
     range_ = np.linalg.norm(points - view.radar, axis=1)

@@ -12,14 +12,15 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Chain, Index
+from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Fold, WayFold, fold_of
+from mirrorfold.detection.round_mirror import RoundMirror
 from mirrorfold.detection.view import View
 from mirrorfold.detection.volume_view import VolumeView
 from mirrorfold.folding.blocks import blocks
-from mirrorfold.folding.drawing import draw_bent_row, draw_row
+from mirrorfold.folding.drawing import draw_bent_row, draw_round_row, draw_row
 from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
@@ -128,6 +129,14 @@ def draw(
         for index, fold in chains.items()
         if isinstance(fold, WayFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
     ]
+    round_ones = [
+        (index, *box, met)
+        for index, fold in chains.items()
+        if isinstance(fold, WayFold)
+        and isinstance(view, VolumeView)
+        and (met := _round(fold)) is not None
+        and (box := _boxed(fold, view, blobs == index, (x, y, height))) is not None
+    ]
 
     def row(i: int) -> None:
         part = i // near.size[0]
@@ -135,6 +144,10 @@ def draw(
         draw_row(x, float(y[i]), height, maps, numbers, *nearby, *seen, *table, out[i])
         for index, way in bent:
             draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *table, out[i])
+        for index, across, ahead_of, up, met in round_ones:
+            if ahead_of.start <= i < ahead_of.stop:
+                part_of_row = out[i, across] if columns else out[i, across, up]
+                draw_round_row(x[across], float(y[i]), height[up], *met, maps[0], index, *seen, *table, part_of_row)
 
     for_each(row, range(y.size))
     return out[..., 0] if columns else np.moveaxis(out, -1, 0)
@@ -156,6 +169,29 @@ def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, A
     heading = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
     unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
     return unfold, column, place, heading, range_[column]
+
+
+def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
+    """What `draw_round_row` asks of a cylinder or sphere; None if it is not the last on the way."""
+    mirror = fold.way[-1]
+    back = fold_of(fold.way[:-1], 3)
+    if not isinstance(mirror, RoundMirror) or not isinstance(back, Isometry):
+        return None
+    unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
+    return unfold, mirror.shape.middle, mirror.shape.axis, mirror.shape.radius, mirror.radar
+
+
+def _boxed(fold: WayFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
+    """Which voxels along x, y and z may show what folds by that way, by the samples (directions, ranges) that do."""
+    direction, sample = np.nonzero(shown)
+    if not direction.size:
+        return None
+    place = fold(view.points(view.range[sample], direction))
+    box = []
+    for axis, low, high in zip(grid, place.min(axis=0), place.max(axis=0), strict=True):
+        first, last = np.searchsorted(axis, [low, high]).tolist()
+        box.append(slice(max(first - 1, 0), min(last + 1, axis.size)))
+    return box[0], box[1], box[2]
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:

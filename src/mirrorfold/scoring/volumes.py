@@ -14,6 +14,7 @@ from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.truth import Truth
 from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
+from mirrorfold.simulation.raster.rounds import round_faces, shown_in
 from mirrorfold.simulation.raster.speckle import image_frame, sample
 
 TRUTH_SPACING = 0.005
@@ -82,6 +83,14 @@ def visible_truth(
         which = which[walk_back(scene, traced, origin, chain, place[which], frequency=frequency)[0]]
         reachable[which] = True
         direct[which] |= not chain
+    for face in round_faces(scene, frequency) if bounces else ():
+        seen, places, _ = shown_in(
+            scene, traced, face, place, normals, frequency=frequency, smallest_cosine=SMALLEST_COSINE
+        )
+        range_ = np.linalg.norm(places - origin, axis=1) + np.linalg.norm(place - places, axis=1)
+        az, el = beam_angles(places - origin)
+        inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
+        reachable |= seen & inside & (range_ <= limit)
     return direct, reachable
 
 

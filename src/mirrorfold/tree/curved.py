@@ -7,16 +7,17 @@ shows a coarser picture at best, and multiple scattering behind round objects fo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.arcs import find_arcs
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirror import Mirror, faces
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
-from mirrorfold.tree.showing import Evidence, Row, Steps, with_rows
+from mirrorfold.tree.showing import Evidence, Steps, with_rows
 
 FEWEST_CELLS = 3
 """Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one."""
@@ -27,7 +28,7 @@ mirrors, which fold to wrong places, fill fewer of the cells behind a pillar tha
 and more behind true mirrors of random scenes, and 0.17 at most behind others."""
 
 
-def find_curved(found: Found, view: ImageView, steps: Steps) -> tuple[Found, list[Row]]:
+def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more with the curved mirrors that the image tells, and these, see `with_rows`."""
     return with_rows(
         found,
@@ -44,14 +45,14 @@ def shows_new(seen: Evidence) -> bool:
     return seen.new >= max(FEWEST_NEW, NEW_SHARE * seen.cells)
 
 
-def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
-    """Curved rows among the echoes in line of sight, and among those that flat mirrors show.
+def candidates(found: Found, view: View) -> Sequence[Mirror]:
+    """Curved rows, in space round sheets, among the echoes in line of sight, and among those that flat mirrors show.
 
     Parameters
     ----------
     found : Found
         What is known so far; its flat mirrors may be pieces of a curved one.
-    view : ImageView
+    view : View
     """
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
@@ -65,7 +66,7 @@ def candidates(found: Found, view: ImageView) -> list[ArcMirror]:
         own[on_it] = sight.parent[numbers[face[on_it]]]
     curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in ways[chain])]
     own[np.isin(own, curved)] = NOBODY
-    return find_arcs(view, echoes, own)
+    return find_curved_rows(view, echoes, own)
 
 
 def without_bent(order: Order) -> list[Mirror] | None:

@@ -17,6 +17,7 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes
 from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
@@ -25,7 +26,7 @@ from mirrorfold.tree.guessed import guess_transparent
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import find_short
-from mirrorfold.tree.showing import Row, Steps
+from mirrorfold.tree.showing import Steps
 from mirrorfold.tree.transparent import find_transparent
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def find_every_kind(
     Parameters
     ----------
     view : View
-        Of a volume, or by the published algorithm, all mirrors are flat and opaque.
+        Of a volume all mirrors are opaque, by the published algorithm flat, too.
     echoes : Echoes
     settings : FoldSettings
     measured : Measured
@@ -60,14 +61,14 @@ def find_every_kind(
         Whether mirrors may be shorter than what tells them by themselves.
     """
     again = partial(find_tree, view, settings=settings, measured=measured)
-    found, rows = again(echoes=echoes, known=known, walls=walls), list[Row]()
+    found, rows = again(echoes=echoes, known=known, walls=walls), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
     if both and isinstance(view, ImageView):
         found = find_transparent(found, view, both, echoes, again=partial(again, known=known))
     if known is not None or settings.published:
         return found
-    if isinstance(view, ImageView) and not found.windows:
+    if not found.windows:
         steps = Steps(
             heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
             glance=partial(find_tree, view, settings=replace(settings, copies=False)),
@@ -75,10 +76,12 @@ def find_every_kind(
         )
         if settings.curved:
             found, rows = find_curved(found, view, steps)
-        if short:
+        if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        if both and rows:  # walls that only what stands behind them has told are transparent as often
+        if (
+            both and rows and isinstance(view, ImageView)
+        ):  # walls that only what stands behind them has told are transparent as often
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations and isinstance(view, ImageView):
         found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))

@@ -11,7 +11,7 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.arc_mirror import dimming
+from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.view import View

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.arc_mirror import on_rows
+from mirrorfold.detection.curved import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.image_view import ImageView
@@ -122,7 +122,7 @@ def agreed(
     hems = Hems.nothing() if hems is None else hems
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
-        rows = echoes.take(~on_rows(besides, view, echoes)) if besides and isinstance(view, ImageView) else echoes
+        rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
         mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
         mirrors = hems.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
@@ -135,8 +135,9 @@ def agreed(
             more = hems.on(completed(mirrors, order, view, echoes, settings), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *besides], view, echoes, settings, walls)
-            if kept := without_bent(order):  # what a curved mirror shows of a flat one is not straight
-                order = order_mirrors(kept, view, echoes, settings, walls)
+        # What a curved mirror shows of a flat one is not straight.
+        if known is None and tested and settings.opaque and (kept := without_bent(order)):
+            order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break

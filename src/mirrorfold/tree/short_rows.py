@@ -8,7 +8,6 @@ shows: echoes behind it outshine those of its own face, which multiple scatterin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -17,10 +16,11 @@ from mirrorfold.detection.arcs import SMALLEST_FILL
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.lines import MINIMUM_CELLS, find_lines
-from mirrorfold.detection.mirror import faces
+from mirrorfold.detection.mirror import Mirror, faces
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
-from mirrorfold.tree.showing import Row, Steps, behind, with_rows
+from mirrorfold.tree.showing import Steps, behind, with_rows
 
 SHORTEST_CELLS = 5.0
 """Of such a row, in resolution cells, about as of an arc: where `MINIMUM_CELLS` are asked of others."""
@@ -34,8 +34,8 @@ median by 5 dB."""
 
 
 def find_short(
-    found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Row] = ()
-) -> tuple[Found, list[Row]]:
+    found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Mirror] = ()
+) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more with the short mirrors that the image tells, and these, see `with_rows`.
 
     Parameters
@@ -46,21 +46,21 @@ def find_short(
     steps : Steps
     minimum_length : float [m]
         Of mirrors that are told by themselves.
-    besides : sequence of ArcMirror or LineMirror
+    besides : sequence of Mirror
         Mirrors in it that steps 2 to 4 do not find by themselves.
     """
     return with_rows(
         found,
         view,
         steps,
-        proposed=partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
+        proposed=lambda known, _: short_rows(known, view, SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
         fewest=FEWEST,
         shown=outshining,
         besides=besides,
     )
 
 
-def outshining(view: ImageView, echoes: Echoes, row: Row) -> Mask:
+def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Echoes behind a row that outshine it, the brightest of those in a resolution cell to all sides of it, (n,)."""
     which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > OUTSHINES * row.strength))
     which = which[np.argsort(-echoes.amplitude[which])]
@@ -72,14 +72,14 @@ def outshining(view: ImageView, echoes: Echoes, row: Row) -> Mask:
     return found
 
 
-def short_rows(found: Found, view: ImageView, shortest: float) -> list[Row]:
+def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
     """Straight rows, each of echoes that are seen by one way and lie on no mirror that is known."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     known = [ways[chain][-1] for chain in sight.chain if chain]
     loose = faces(known, view, echoes, 0.0, nobody=NOBODY, root=ROOT) == ROOT
     own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), NOBODY)
-    rows = list[Row]()
+    rows = list[Mirror]()
     for way in np.unique(own[own >= ROOT]):
         if way == ROOT or not any(mirror.curved for mirror in ways[sight.chain[way]]):
             rows += find_lines(echoes.take(own == way), view, minimum_length=shortest)

@@ -1,9 +1,9 @@
 """Rows of echoes that are mirrors by what the image shows behind them, and by nothing else: curved and short ones.
 
 Behind an opaque thing a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and each
-echo of it folds to a place that the radar does not see to be empty. So a row is tried as a mirror, and what is then
-seen by way of it is the evidence. Which rows are tried, and what is enough, is told by `mirrorfold.tree.curved` and
-`mirrorfold.tree.short_rows`.
+echo of it folds to a place that the radar does not see to be empty. So a row, in space a sheet, is tried as a mirror,
+and what is then seen by way of it is the evidence. Which rows are tried, and what is enough, is told by
+`mirrorfold.tree.curved` and `mirrorfold.tree.short_rows`.
 """
 
 from __future__ import annotations
@@ -16,15 +16,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror, gains, overlap, spread_over
+from mirrorfold.detection.curved import growth_over, overlap
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import Mirror, fold_of
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
-
-Row = ArcMirror | LineMirror
-"""What is tried as a mirror."""
 
 KNOWN_CELLS = 1.5
 """What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that.
@@ -41,20 +37,20 @@ MOST_EMPTY = 0.3
 """Share of these cells that may fold to where the radar sees nothing."""
 
 
-Shown = Callable[[ImageView, Echoes, Row], Mask]
+Shown = Callable[[View, Echoes, Mirror], Mask]
 """Which echoes are evidence for a row, (n,)."""
 
 
 class Heard(Protocol):
     """The echoes of the image; where known mirrors dim what they show, down to thresholds lower by so much."""
 
-    def __call__(self, *, gain: Array) -> Echoes: ...  # noqa: D102
+    def __call__(self, *, through: Sequence[Mirror]) -> Echoes: ...  # noqa: D102
 
 
 class Again(Protocol):
     """Steps 2 to 4 with echoes and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
 
-    def __call__(self, *, echoes: Echoes, besides: Sequence[Row]) -> Found: ...  # noqa: D102
+    def __call__(self, *, echoes: Echoes, besides: Sequence[Mirror]) -> Found: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -100,15 +96,15 @@ class Steps:
 
 def with_rows(
     found: Found,
-    view: ImageView,
+    view: View,
     steps: Steps,
     *,
-    proposed: Callable[[Found, ImageView], Sequence[Row]],
+    proposed: Callable[[Found, View], Sequence[Mirror]],
     fewest: int,
     shown: Shown | None = None,
     tells: Callable[[Evidence], bool] = lambda seen: True,
-    besides: Sequence[Row] = (),
-) -> tuple[Found, list[Row]]:
+    besides: Sequence[Mirror] = (),
+) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more, with the rows that are mirrors by what they show; as before where there are none.
 
     Those in line of sight are looked for first, then those that known mirrors show.
@@ -117,7 +113,7 @@ def with_rows(
     ----------
     found : Found
         Without them.
-    view : ImageView
+    view : View
     steps : Steps
     proposed : callable
         Rows that may be mirrors, by what is found so far.
@@ -127,22 +123,22 @@ def with_rows(
         Which echoes count, `behind` by default.
     tells : callable
         Whether so many are evidence enough.
-    besides : sequence of ArcMirror or LineMirror
+    besides : sequence of Mirror
         Rows that are known to be mirrors.
 
     Returns
     -------
-    Found, list of ArcMirror or LineMirror
+    Found, list of Mirror
         The latter with those of `besides`.
     """
-    told, first, shown = list[Row](), found, shown or behind
+    told, first, shown = list[Mirror](), found, shown or behind
     for _ in range(2):
         known = [*besides, *told]
         trial = [*told, *(row for row in proposed(found, view) if not any(overlap(row, other) for other in known))]
         tried = found
         while len(trial) > len(told):
             every = [*besides, *trial]
-            echoes = steps.heard(gain=gains(view, every))
+            echoes = steps.heard(through=every)
             kept = [row for row in trial if filled_cells(view, echoes.take(shown(view, echoes, row))) >= fewest]
             places = known_places(first, view, every)
             for step, whole in ((steps.glance, False), (steps.again, True)):
@@ -161,21 +157,21 @@ def with_rows(
     return found, [*besides, *told]
 
 
-def behind(view: ImageView, echoes: Echoes, row: Row) -> Mask:
+def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Strong echoes behind a row, deeper than an object is, (n,)."""
     crossing = row.crossing(view)[echoes.direction]
     return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
 
 
-def filled_cells(view: ImageView, echoes: Echoes) -> int:
+def filled_cells(view: View, echoes: Echoes) -> int:
     """Resolution cells of the image in which echoes stand."""
     return int(view.cell_numbers(echoes.position).max(initial=-1)) + 1
 
 
-def known_places(found: Found, view: ImageView, rows: Sequence[Row]) -> Array:
-    """Where all stands that was found without flat pieces along those rows, (n, 2) [m]: they place it wrongly."""
+def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
+    """Where all stands that was found without flat pieces along those rows, (n, d) [m]: they place it wrongly."""
     folds, ways = found.tree.folds(), found.tree.ways()
-    parts = [np.empty((0, 2))]
+    parts = [np.empty((0, view.dimensions))]
     for node in found.tree.walk():
         for way, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
             if not any(_along(mirror, row, view) for mirror in ways[way] for row in rows):
@@ -183,16 +179,15 @@ def known_places(found: Found, view: ImageView, rows: Sequence[Row]) -> Array:
     return np.concatenate(parts)
 
 
-def _along(mirror: Mirror, row: Row, view: ImageView) -> bool:
+def _along(mirror: Mirror, row: Mirror, view: View) -> bool:
     """Whether a flat mirror is a piece of a row, or a chord of it."""
     places = mirror.ends[0] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (mirror.ends[1] - mirror.ends[0])
-    cell, along = view.cell_at(row.center), row.along(places)
-    near = (np.abs(row.beside(places)) <= cell) & (along >= -cell) & (along <= row.length + cell)
-    return not mirror.curved and bool(near.mean() >= PIECE)
+    cell = view.cell_at(row.center)
+    return not mirror.curved and bool(row.holds(places, cell, cell).mean() >= PIECE)
 
 
-def evidence(found: Found, view: ImageView, row: Row, known: Array, shown: Shown = behind) -> Evidence:
-    """What is seen by way of a row that was tried as a mirror, besides known places (n, 2) [m]."""
+def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown = behind) -> Evidence:
+    """What is seen by way of a row that was tried as a mirror, besides known places (n, d) [m]."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
@@ -207,7 +202,7 @@ def evidence(found: Found, view: ImageView, row: Row, known: Array, shown: Shown
         place = fold_of(way, view.dimensions)(seen.position)
         range_, direction, inside = view.locate(place)
         contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(seen), bool)
-        across = np.abs(spread_over([row], seen.position)[0]) * view.cross_cell(seen.position)
+        across = growth_over([row], seen.position).max(axis=1) * view.cross_cell(seen.position)
         near = tree.query(place)[0] <= KNOWN_CELLS * np.hypot(view.range_cell, across)
         cells += filled_cells(view, seen)
         fresh += filled_cells(view, seen.take(~near & ~contradicted))
@@ -215,6 +210,6 @@ def evidence(found: Found, view: ImageView, row: Row, known: Array, shown: Shown
     return Evidence(cells, fresh, empty / max(cells, 1))
 
 
-def _part_of(mirror: Mirror, row: Row) -> bool:
+def _part_of(mirror: Mirror, row: Mirror) -> bool:
     """Whether a mirror is what was left of a row when it was cut."""
-    return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0, atol=ROUNDING * row.length)
+    return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0, atol=ROUNDING * row.size)

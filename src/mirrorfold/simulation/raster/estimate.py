@@ -8,8 +8,9 @@ import numpy as np
 
 from mirrorfold.common.records import Record, fact
 from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.simulation.raster.echoes import beam_reach, find_echoes
 from mirrorfold.simulation.raster.spreading import DelayGrid
-from mirrorfold.simulation.raster.sweep import beam_reach, find_echoes, needed_points
+from mirrorfold.simulation.raster.sweep import needed_points
 
 
 class ScanEstimate(Record):

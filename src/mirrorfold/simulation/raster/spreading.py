@@ -53,11 +53,14 @@ class DelayGrid:
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
-def spread(
-    direction: Array, range_: Array, width: Array, delay: Array, amplitude: Complex64, first: NDArray[np.int64],
-    last: NDArray[np.int64], beam: Array, grid: Complex64,
+def spread_echoes(
+    direction: Array, range_: Array, width: Array, narrow: Array, across: Array, delay: Array, amplitude: Complex64,
+    first: NDArray[np.int64], last: NDArray[np.int64], beam: Array, grid: Complex64,
 ) -> None:  # fmt: skip
     """``grid[b, l] += a_e exp(-2 rho^2 / w_e^2) phi(l - x_e)`` with ``rho = r_e |d_e x beam_b|``.
+
+    That is where the response is as wide in all directions; else w is its radius along the unit vector `across`, and
+    the `narrow` one n adds ``-2 (1/n^2 - 1/w^2) (r_e (d_e x beam_b) . across_e)^2`` to the exponent.
 
     Echo e is added to the beams first[e]..last[e]; `delay` is in grid steps.
     """
@@ -69,11 +72,13 @@ def spread(
             z = (start + t - delay[e]) / (0.5 * TAPS)
             tap[t] = np.exp(SHAPE * (np.sqrt(max(1.0 - z * z, 0.0)) - 1.0))
         scale = 2.0 * (range_[e] / width[e]) ** 2
+        more = 2.0 * (range_[e] / narrow[e]) ** 2 - scale
         for b in range(first[e], last[e] + 1):
             x = direction[e, 1] * beam[b, 2] - direction[e, 2] * beam[b, 1]
             y = direction[e, 2] * beam[b, 0] - direction[e, 0] * beam[b, 2]
             z = direction[e, 0] * beam[b, 1] - direction[e, 1] * beam[b, 0]
-            value = amplitude[e] * np.float32(np.exp(-scale * (x * x + y * y + z * z)))
+            aside = x * across[e, 0] + y * across[e, 1] + z * across[e, 2]
+            value = amplitude[e] * np.float32(np.exp(-scale * (x * x + y * y + z * z) - more * aside * aside))
             for t in range(TAPS):
                 at = start + t
                 while at >= size:

@@ -1,0 +1,257 @@
+"""What a raster scanner hears: the mirror images of all scatterers, with amplitude and distance, once for all beams.
+
+By way of a chain of plane mirrors a scatterer is seen at its mirror image, straight ahead. Faces that a beam meets at a
+right angle, directly or by way of mirrors, send back a glint. What cylinders and spheres show is spread, see
+`mirrorfold.simulation.raster.rounds`; they are seen directly, and show what stands before them alone. Transmission and
+reception by two different chains is left out: a narrow beam holds both only next to a mirror.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.simulation.raster.chains import SLACK, TracedScene, find_chains, traced_scene, walk_back
+from mirrorfold.simulation.raster.meshes import solids
+from mirrorfold.simulation.raster.rounds import RoundFace, facing_place, round_faces, shown_in, spread
+from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze, image_frame, specular_amplitude
+
+BEAM_EDGE = 2.2
+"""Echoes further from a beam's axis than this many beam radii are left out: 84 dB below its middle."""
+
+SMALLEST_COSINE = 0.02
+"""Surfaces seen more obliquely than this, 89 degrees, return nothing."""
+
+SMALLEST_GLINT = 0.02
+"""Ways shorter than this [m] lead through faces that touch the scanner."""
+
+SAME_WAY = 1e-3
+"""A way comes back by the direction that it left in to within this angle [rad], a fraction of any beam."""
+
+PENCIL = 1e-3
+"""Radius of the pencil of rays that a glint needs [m]."""
+
+FAN = 81
+"""Rays of the fan that finds the chains, along each angle: 0.4 degrees apart in a field of 30."""
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes3D:
+    """Mirror images of scatterers.
+
+    Attributes
+    ----------
+    position : (n, 3) array [m]
+        From the scanner, unfolded.
+    range : (n,) array [m]
+    amplitude : (n,) complex array [m^2]
+        Without the beam's intensity [1/m^2].
+    bounces : (n,) array of int
+    width, narrow : (n,) arrays [m]
+        Radii at which a beam's response to each falls to ``exp(-2)``, along `across` and square to it: the beam's own
+        for scatterers, but where round mirrors spread the beam.
+    across : (n, 3) array
+        Unit vectors square to the line of sight.
+    """
+
+    position: Array
+    range: Array
+    amplitude: NDArray[np.complex128]
+    bounces: NDArray[np.int64]
+    width: Array
+    narrow: Array
+    across: Array
+
+    @classmethod
+    def even(cls, position: Array, range_: Array, amplitude: NDArray[np.complex128], bounces: NDArray[np.int64],
+             width: Array) -> Echoes3D:  # fmt: skip
+        """Echoes to which beams respond alike in all directions."""
+        return cls(position, range_, amplitude, bounces, width, width, np.zeros(position.shape))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Echoes3D]) -> Echoes3D:
+        """Echoes, one after the other."""
+        return cls(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls)))
+
+
+def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0) -> tuple[Echoes3D, dict[str, int]]:
+    """Every scatterer by way of every chain of mirrors that shows it to the scanner.
+
+    Parameters
+    ----------
+    scene : Scene3D
+    bounces : int
+        Largest number of mirrors on the way.
+    seed : int
+    density : float
+        Of scatterers, relative to the default.
+
+    Returns
+    -------
+    Echoes3D
+    dict
+        `scatterers` and `chains`: how many there are.
+    """
+    parts = solids(scene)
+    empty = _nothing()
+    if not parts:
+        return empty, {"scatterers": 0, "chains": 0}
+    traced = traced_scene(parts)
+    speckle = freeze(scene, parts, seed=seed, density=density)
+    origin = np.array(scene.scanner.origin)
+    frequency = 0.5 * (scene.band.start + scene.band.stop)
+    fan = [np.linspace(a[0] - _margin(scene), a[-1] + _margin(scene), FAN) for a in scene.scanner.angles]
+    directions = beam_direction(fan[0][:, None], fan[1]).reshape(-1, 3)
+    chains = find_chains(scene, traced, origin, directions, bounces=bounces, frequency=frequency)
+    found = [_through(scene, traced, speckle, chain, frequency) for chain in chains]
+    found += [_glint(scene, traced, chain, frequency) for chain in chains if chain]
+    for face in round_faces(scene, frequency) if bounces else ():
+        found += [_in_round(scene, traced, speckle, face, frequency), _round_glint(scene, traced, face, frequency)]
+    return Echoes3D.joined(found), {"scatterers": len(speckle.depth), "chains": len(chains)}
+
+
+def _nothing() -> Echoes3D:
+    """No echoes."""
+    return Echoes3D.even(np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
+
+
+def _margin(scene: Scene3D) -> float:
+    """How far beyond the scanned directions the beam reaches in its far field [degree]."""
+    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
+    return float(np.degrees(BEAM_EDGE * wavelength / (np.pi * scene.scanner.spot_radius)))
+
+
+def _through(
+    scene: Scene3D, traced: TracedScene, speckle: Speckle, chain: tuple[int, ...], frequency: float
+) -> Echoes3D:
+    """The scatterers seen through one chain."""
+    origin = np.array(scene.scanner.origin)
+    to_image = image_frame(traced.quads, chain)
+    virtual = to_image.inverse(origin)
+    sight = virtual - speckle.foot
+    distance = np.linalg.norm(sight, axis=1)
+    cosine = np.einsum("nd,nd->n", sight, speckle.normal) / distance
+    facing = np.flatnonzero(cosine > SMALLEST_COSINE)
+    facing = facing[_in_view(scene, to_image(speckle.foot[facing]) - origin)]
+    seen, mirrors = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
+    facing, mirrors, cosine = facing[seen], mirrors[seen], cosine[facing[seen]]
+    # Waves cross the inside of a wall straight and as fast as in air: depths are those which a radar image shows.
+    inward = -speckle.depth[facing] / cosine
+    place = speckle.foot[facing] + inward[:, None] * sight[facing] / distance[facing, None]
+    amplitude = _scattered(scene, speckle, facing, cosine, frequency) * mirrors**2
+    position = to_image(place) - origin
+    range_ = np.linalg.norm(position, axis=1)
+    width = scene.scanner.radius(range_, speed_of_light / frequency)
+    return Echoes3D.even(position, range_, amplitude, np.full(len(facing), len(chain)), width)
+
+
+def _scattered(
+    scene: Scene3D, speckle: Speckle, which: Index, cosine: Array, frequency: float
+) -> NDArray[np.complex128]:
+    """Amplitude of scatterers that are seen under those cosines to their normals, without mirrors, (n,) [m^2]."""
+    share = np.zeros(len(which))
+    owner, inside = speckle.owner[which], speckle.depth[which] > 0.0
+    for index in np.unique(owner):
+        for within in (False, True):
+            here = (owner == index) & (inside == within)
+            share[here] = diffuse_share(scene.surface[index], frequency, cosine[here], inside=within)
+    return speed_of_light / frequency * speckle.strength[which] * cosine * np.sqrt(share / np.pi)
+
+
+def _in_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: RoundFace, frequency: float) -> Echoes3D:
+    """The scatterers that a round face shows."""
+    origin = np.array(scene.scanner.origin)
+    seen, places, mirrors = shown_in(
+        scene, traced, face, speckle.foot, speckle.normal, frequency=frequency, smallest_cosine=SMALLEST_COSINE
+    )
+    which = np.flatnonzero(seen)
+    place, foot = places[which], speckle.foot[which]
+    before, rest = np.linalg.norm(place - origin, axis=1), np.linalg.norm(foot - place, axis=1)
+    cosine = np.sum((place - foot) * speckle.normal[which], axis=1) / rest
+    rest = rest + speckle.depth[which] / cosine
+    found = spread(scene, face, place, rest, frequency)
+    amplitude = _scattered(scene, speckle, which, cosine, frequency) * mirrors[which] ** 2 * found.loss
+    range_ = before + rest
+    position = (range_ / before)[:, None] * (place - origin)
+    echoes = Echoes3D(position, range_, amplitude, np.ones(len(which), np.int64), found.wide, found.narrow,
+                      found.direction)  # fmt: skip
+    inside = _in_view(scene, position, found.wide)
+    return Echoes3D(*(getattr(echoes, item.name)[inside] for item in fields(Echoes3D)))
+
+
+def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency: float) -> Echoes3D:
+    """The scanner's own mirror image in a round face: as `_glint`, with ``beta = j k (1 / r1 + 1 / R)`` across it."""
+    origin = np.array(scene.scanner.origin)
+    place = facing_place(face, origin)
+    if place is None or not _in_view(scene, place[None] - origin)[0]:
+        return _nothing()
+    way = place - origin
+    before = float(np.linalg.norm(way))
+    if before < SMALLEST_GLINT or traced.caster.blocked(place[None], origin[None], slack=SLACK)[0]:
+        return _nothing()
+    wavelength = speed_of_light / frequency
+    power, direction = face.shape.bending(way[None] / before, face.shape.outward(place[None]))
+    alpha = 2.0 / float(scene.scanner.radius(before, wavelength)) ** 2
+    beta = 2.0j * np.pi / wavelength * (1.0 / before + 0.5 * power[0])
+    width = np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real)
+    reflected = specular_amplitude(scene.surface[face.surface], frequency, np.ones(1))
+    amplitude = reflected * np.prod(np.sqrt(alpha / (alpha + beta)) * width) * 0.5 * np.pi
+    if width[0] < width[1]:
+        direction = np.cross(way[None] / before, direction)
+    return Echoes3D(way[None], np.array([before]), amplitude, np.ones(1, np.int64), np.array([width.max()]),
+                    np.array([width.min()]), direction)  # fmt: skip
+
+
+def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequency: float) -> Echoes3D:
+    """The scanner's own mirror image in a chain, if the way there leads straight back.
+
+    With D the length of the way, the beam meets its own image halfway, where both have the radius w and wavefronts of
+    radius D/2. Off by a, they couple as ``2/w^2 / (alpha + beta) exp(-a^2 alpha beta / (alpha + beta))`` with ``alpha =
+    2/w^2`` and ``beta = 2 j k / D``; in the limit of short waves that is ``lambda D / 4`` times the beam's intensity.
+    Faces count where the whole of a small pencil of rays finds the way: edges and corners return nothing.
+    """
+    nothing = _nothing()
+    origin = np.array(scene.scanner.origin)
+    to_image = image_frame(traced.quads, chain)
+    way = to_image(origin) - origin
+    length = float(np.linalg.norm(way))
+    returns = to_image.linear.T @ way
+    if length < SMALLEST_GLINT or np.linalg.norm(returns + way) > SAME_WAY * length:
+        return nothing
+    if not _in_view(scene, 0.5 * way[None])[0]:
+        return nothing
+    aside = np.linalg.svd(way[None])[2][1:]
+    pencil = origin + PENCIL * np.concatenate([np.zeros((1, 3)), aside, -aside])
+    seen, mirrors = walk_back(scene, traced, origin, chain, pencil, frequency=frequency)
+    if not seen.all():
+        return nothing
+    wavelength = speed_of_light / frequency
+    width = float(scene.scanner.radius(0.5 * length, wavelength))
+    alpha, beta = 2.0 / width**2, 4.0j * np.pi / (wavelength * length)
+    wide = float(np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real))
+    amplitude = mirrors[:1] * alpha / (alpha + beta) * 0.5 * np.pi * wide**2
+    return Echoes3D.even(0.5 * way[None], np.array([0.5 * length]), amplitude, np.array([len(chain)]), np.array([wide]))
+
+
+def _in_view(scene: Scene3D, position: Array, width: Array | None = None) -> Mask:
+    """Whether any beam reaches points (n, 3) seen from the scanner, of its own `width` (n,) [m] or another."""
+    azimuth, elevation = beam_angles(position)
+    range_ = np.linalg.norm(position, axis=1)
+    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
+    reach = beam_reach(scene.scanner.radius(range_, wavelength) if width is None else width, range_)
+    inside = np.ones(len(position), dtype=bool)
+    for angle, axis in zip((azimuth, elevation), scene.scanner.angles, strict=True):
+        inside &= (angle >= axis[0] - reach) & (angle <= axis[-1] + reach)
+    return inside
+
+
+def beam_reach(width: Array, range_: Array) -> Array:
+    """Angle [degree] from its axis up to which a beam of that radius reaches echoes at that range, both [m]."""
+    return np.degrees(np.arcsin(np.minimum(BEAM_EDGE * width / range_, 1.0)))
