@@ -25,7 +25,8 @@ LONG_BENCHMARKS := calibration synthetic_aperture diagnosis sensitivity
 
 # Folders whose branches are counted, and the tests that count for them.
 COVERED := detection tree folding scoring focusing io sweep
-COVERING := $(foreach folder,$(filter-out sweep,$(COVERED)),tests/$(folder)) tests/corpus tests/test_sweep.py
+COVERING := $(foreach folder,$(filter-out sweep,$(COVERED)),tests/$(folder)) tests/corpus \
+	tests/test_sweep.py tests/test_polarization.py
 
 # Installs into a folder, for a version of Python, by a way to choose among versions; constraints.txt does not count.
 define INSTALLED
