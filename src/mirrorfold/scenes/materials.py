@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
@@ -235,13 +236,19 @@ def _mean_scattered_cosine(k_correlation: ArrayLike, angle: NDArray[np.float64])
     """``E[Re sqrt(1 - (sin(angle) + x)^2)]`` for x normal of standard deviation ``sqrt(2) / k_correlation``."""
     k_correlation, angle = np.broadcast_arrays(k_correlation, angle)
     mean = np.array(np.cos(angle))
+    for value in np.unique(k_correlation):
+        if value < LONG_CORRELATION:
+            here = k_correlation == value
+            mean[here] = np.interp(np.abs(angle[here]), *_scattered_cosines(float(value)))
+    return mean
+
+
+@lru_cache(64)
+def _scattered_cosines(k_correlation: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angles of incidence from 0 to 90 degrees [rad], and the mean cosine of the scattered waves at each."""
     # The midpoint rule over the scattering angle is spectrally accurate: the integrand is even about its ends.
     scattered = (np.arange(400) + 0.5) / 400 * np.pi - 0.5 * np.pi
     grid = np.linspace(0.0, 0.5 * np.pi, 257)
     offset = np.sin(scattered) - np.sin(grid)[:, None]
-    for value in np.unique(k_correlation):
-        if value < LONG_CORRELATION:
-            density = value / (2.0 * np.sqrt(np.pi)) * np.exp(-((0.5 * value * offset) ** 2))
-            here = k_correlation == value
-            mean[here] = np.interp(np.abs(angle[here]), grid, density @ np.cos(scattered) ** 2 * np.pi / 400)
-    return mean
+    density = k_correlation / (2.0 * np.sqrt(np.pi)) * np.exp(-((0.5 * k_correlation * offset) ** 2))
+    return grid, density @ np.cos(scattered) ** 2 * np.pi / 400
