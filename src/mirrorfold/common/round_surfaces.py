@@ -34,6 +34,11 @@ class RoundSurface:
     axis: Array
     radius: float
 
+    @property
+    def base(self) -> Array:
+        """Unit vectors in which its middle may move: two square to the axis of a cylinder, (2, 3); or all, (3, 3)."""
+        return np.linalg.svd(self.axis[None])[2][1:] if self.axis.any() else np.eye(3)
+
     def across(self, vectors: Array) -> Array:
         """The part of vectors (..., 3) that is square to the axis; of a sphere, all of it."""
         return np.asarray(vectors - (vectors @ self.axis)[..., None] * self.axis)

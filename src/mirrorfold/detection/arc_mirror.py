@@ -70,6 +70,11 @@ class ArcMirror(Mirror):
         return (1.0 if self.convex else -1.0) / self.radius
 
     @property
+    def size(self) -> float:
+        """Its length [m]."""
+        return self.length
+
+    @property
     def length(self) -> float:
         """Along the arc [m]."""
         return self.radius * self.span
@@ -238,14 +243,6 @@ class ArcMirror(Mirror):
             shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
             + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
         )
-
-
-def spread_over(way: Sequence[Mirror], points: Array) -> tuple[Array, Array]:
-    """`ArcMirror.spread` of the last curved mirror on a way; ones for flat mirrors."""
-    for mirror in reversed(way):
-        if isinstance(mirror, ArcMirror):
-            return mirror.spread(points)
-    return np.ones(len(points)), np.ones(len(points))
 
 
 def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:

@@ -16,12 +16,15 @@ LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
 """What is dimmed by more than 30 dB cannot be told from multiple scattering, which starts 15 dB below what scatters."""
 
 
+def last_curved(way: Sequence[Mirror]) -> Mirror | None:
+    """The last curved mirror on a way, if there is one."""
+    return next((mirror for mirror in reversed(way) if mirror.curved), None)
+
+
 def growth_over(way: Sequence[Mirror], points: Array) -> Array:
     """`Mirror.growth` of the last curved mirror on a way at points (n, d); ones for flat mirrors."""
-    for mirror in reversed(way):
-        if mirror.curved:
-            return mirror.growth(points)
-    return np.ones((len(points), 1))
+    mirror = last_curved(way)
+    return np.ones((len(points), 1)) if mirror is None else mirror.growth(points)
 
 
 def dimming(way: Sequence[Mirror], points: Array) -> Array:
@@ -55,5 +58,4 @@ def on_rows(rows: Sequence[Mirror], view: View, echoes: Echoes) -> Mask:
 
 def overlap(row: Mirror, other: Mirror) -> bool:
     """Whether the middle of one row or sheet lies on the other, within a tenth of its size."""
-    size = float(getattr(other, "length", other.size))
-    return bool(other.holds(row.center[None], 0.1 * size, 0.0)[0])
+    return bool(other.holds(row.center[None], 0.1 * other.size, 0.0)[0])

@@ -97,7 +97,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
     if cylinder:  # the middle of the axis beside the points, about which it is tilted
         shape = replace(shape, middle=shape.middle + np.average(shape.along(points), weights=weight) * shape.axis)
     for _ in range(FITS):
-        base = np.linalg.svd(shape.axis[None])[2][1:] if cylinder else np.eye(3)
+        base = shape.base
         normal, beside = shape.outward(points), shape.beside(points)
         deviation = 1.4826 * float(np.median(np.abs(beside))) + 1e-9 * shape.radius
         trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
@@ -249,9 +249,9 @@ class _Rounds:
         share = len(member) / max(view.cell_numbers(points).max() + 1.0, 1.0)
         bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
         variance = bread * float(np.sum(trust * beside**2)) / max(len(member) / share - design.shape[1], 1.0)
-        count = 2 if shape.axis.any() else 3
+        base = shape.base
+        count = len(base)
         at = np.concatenate([np.zeros(count), [1.0], np.zeros(design.shape[1] - count - 1)])
-        base = np.linalg.svd(shape.axis[None])[2][1:] if count == 2 else np.eye(3)
         at[:count] = base @ mirror.normal
         tangents = mirror.tangents @ base.T
         turn = np.linalg.eigvalsh(tangents @ variance[:count, :count] @ tangents.T)[-1] / shape.radius**2
@@ -294,7 +294,7 @@ class _Rounds:
         range_ = everywhere.met(view)[echoes.direction]
         near = np.flatnonzero(np.isfinite(range_) & (np.abs(everywhere.beside(echoes.position)) <= across))
         wider, _ = self._patch(mirror, near) if near.size else (mirror, near)
-        return replace(wider.shown(view, wider.beams | mirror.beams))
+        return wider.shown(view, wider.beams | mirror.beams)
 
 
 def _through(a: Array, facing_a: Array, b: Array, facing_b: Array, axis: Array) -> RoundSurface | None:

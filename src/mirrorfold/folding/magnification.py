@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.arc_mirror import spread_over
-from mirrorfold.detection.curved import growth_over
+from mirrorfold.detection.arc_mirror import ArcMirror
+from mirrorfold.detection.curved import growth_over, last_curved
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
@@ -38,11 +38,12 @@ def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[
     apply, "near". Empty for what flat mirrors and convex ones show.
     """
     growth, caustic = np.ones(len(points)), np.full(len(points), "", dtype=object)
-    if view is None or not any(mirror.curved for mirror in way):
+    bent = last_curved(way)
+    if view is None or bent is None:
         return growth, caustic
-    if not isinstance(view, ImageView):
+    if not isinstance(view, ImageView) or not isinstance(bent, ArcMirror):
         return growth_over(way, points).max(axis=1), caustic
-    width, bend = spread_over(way, points)
+    width, bend = bent.spread(points)
     length = view.glint if np.isfinite(view.wavelength) else 0.0
     range_ = np.linalg.norm(points - view.radar, axis=1)
     with np.errstate(divide="ignore"):

@@ -85,7 +85,8 @@ class FoldSettings(Settings):
     )
     curved: bool = setting(
         True,
-        "Whether, in images, arcs are mirrors behind which the image shows what an opaque thing cannot.",
+        "Whether arcs, in volumes cylinders and spheres, are mirrors where the image shows behind them what an opaque "
+        "thing cannot.",
         kind="bool",
         label="curved mirrors",
     )

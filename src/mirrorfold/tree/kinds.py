@@ -79,9 +79,8 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        if (
-            both and rows and isinstance(view, ImageView)
-        ):  # walls that only what stands behind them has told are transparent as often
+        # Walls that only what stands behind them has told are transparent as often.
+        if both and rows and isinstance(view, ImageView):
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations and isinstance(view, ImageView):
         found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))

@@ -200,9 +200,8 @@ def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency
     power, direction = face.shape.bending(way[None] / before, face.shape.outward(place[None]))
     alpha = 2.0 / float(scene.scanner.radius(before, wavelength)) ** 2
     beta = 2.0j * np.pi / wavelength * (1.0 / before + 0.5 * power[0])
-    width = np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real)
-    reflected = specular_amplitude(scene.surface[face.surface], frequency, np.ones(1))
-    amplitude = reflected * np.prod(np.sqrt(alpha / (alpha + beta)) * width) * 0.5 * np.pi
+    coupled, width = _own_image(alpha, beta)
+    amplitude = specular_amplitude(scene.surface[face.surface], frequency, np.ones(1)) * coupled
     if width[0] < width[1]:
         direction = np.cross(way[None] / before, direction)
     return Echoes3D(way[None], np.array([before]), amplitude, np.ones(1, np.int64), np.array([width.max()]),
@@ -235,9 +234,19 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
     wavelength = speed_of_light / frequency
     width = float(scene.scanner.radius(0.5 * length, wavelength))
     alpha, beta = 2.0 / width**2, 4.0j * np.pi / (wavelength * length)
-    wide = float(np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real))
-    amplitude = mirrors[:1] * alpha / (alpha + beta) * 0.5 * np.pi * wide**2
-    return Echoes3D.even(0.5 * way[None], np.array([0.5 * length]), amplitude, np.array([len(chain)]), np.array([wide]))
+    coupled, wide = _own_image(alpha, np.full(2, beta))
+    return Echoes3D.even(
+        0.5 * way[None], np.array([0.5 * length]), mirrors[:1] * coupled, np.array([len(chain)]), wide[:1]
+    )
+
+
+def _own_image(alpha: float, beta: NDArray[np.complex128]) -> tuple[complex, Array]:
+    """What of a beam couples with its own image, for beta (2,) along two directions, see `_glint`.
+
+    Returns the amplitude on the axis, without the beam's intensity [m^2], and radii of the response (2,) [m].
+    """
+    width = np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real)
+    return complex(np.prod(np.sqrt(alpha / (alpha + beta)) * width) * 0.5 * np.pi), width
 
 
 def _in_view(scene: Scene3D, position: Array, width: Array | None = None) -> Mask:
