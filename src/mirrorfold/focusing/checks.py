@@ -30,7 +30,7 @@ IMAGE_COPIES = 3
 """Arrays of the size of the image that focusing holds at once."""
 
 NEAREST_PIXEL = 1e-3
-"""Distance of a pixel from an antenna, in wavelengths, under which it stands on it."""
+"""A pixel this close to an antenna, in wavelengths, or closer is taken to be at the antenna."""
 
 
 def at_chosen_speed(sweep: xr.Dataset, settings: FocusSettings) -> xr.Dataset:

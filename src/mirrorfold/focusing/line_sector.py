@@ -63,6 +63,13 @@ class LineArraySector:
         k = problem.k
         middle = k.size // 2
         self.middle = middle
+        # Pixels and polar grid, as `interpolate` and `spread` take them.
+        self.pixels = (
+            *(problem.x, problem.y, problem.z, lattice.centre, lattice.frame, lattice.foci, lattice.planar),
+            *(design.per_range, design.row_first, design.per_direction, design.line_first),
+            *(float(k[middle]) / pi, 0.5 * design.curvature),
+        )
+        self.taps = design.range_kernel.coefficients, design.direction_kernel.coefficients
         lines, rows = design.shape
         at_w, at_r = design.directions, np.maximum(design.ranges, design.sector.near)
         nodes = find_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance, design.slopes)
@@ -162,26 +169,8 @@ class LineArraySector:
                 kernels.combine(profile, self.value[part], design.row_first, polar[part])
 
         def to_pixels(first: int) -> None:
-            kernels.interpolate(
-                self.runs[first : first + RUNS_A_BLOCK],
-                problem.x,
-                problem.y,
-                problem.z,
-                lattice.centre,
-                lattice.frame,
-                lattice.foci,
-                lattice.planar,
-                design.per_range,
-                design.row_first,
-                design.per_direction,
-                design.line_first,
-                float(problem.k[self.middle]) / pi,
-                0.5 * design.curvature,
-                polar,
-                design.range_kernel.coefficients,
-                design.direction_kernel.coefficients,
-                image,
-            )
+            runs = self.runs[first : first + RUNS_A_BLOCK]
+            kernels.interpolate(runs, *self.pixels, polar, *self.taps, image)
 
         with self._beams.one() as beams, self._polar.one() as polar:
             for_each(to_directions, range(0, frequencies, self.block))

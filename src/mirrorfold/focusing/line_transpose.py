@@ -41,26 +41,7 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
 
     def from_pixels(part: tuple[int, tuple[int, int]]) -> None:
         number, (start, stop) = part
-        kernels.spread(
-            sector.runs[start:stop],
-            problem.x,
-            problem.y,
-            problem.z,
-            lattice.centre,
-            lattice.frame,
-            lattice.foci,
-            lattice.planar,
-            design.per_range,
-            design.row_first,
-            design.per_direction,
-            design.line_first,
-            float(problem.k[middle]) / np.pi,
-            0.5 * design.curvature,
-            image,
-            design.range_kernel.coefficients,
-            design.direction_kernel.coefficients,
-            grids[number],
-        )
+        kernels.spread(sector.runs[start:stop], *sector.pixels, image, *sector.taps, grids[number])
 
     for_each(from_pixels, enumerate(pairwise(edges)))
     polar = grids.sum(axis=0)
