@@ -17,6 +17,9 @@ endif
 JOBS := 2
 SHARED = --numprocesses $(JOBS) --dist loadfile
 
+# Linear algebra on one thread in each of them: threads of several processes spin while they wait for a core.
+PYTEST = OPENBLAS_NUM_THREADS=1 $(PYTHON) -m pytest $(SHARED)
+
 # How long to fuzz: `make fuzz MINUTES=60`.
 MINUTES := 10
 
@@ -45,25 +48,25 @@ demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in
 	$(VENV)/bin/mirrorfold demo --out demo
 
 test: $(READY) ## run all tests but those of measured times
-	$(PYTHON) -m pytest $(SHARED) -m "not timing"
+	$(PYTEST) -m "not timing"
 
 test-timing: $(READY) ## compare measured times, on an otherwise idle machine
 	$(PYTHON) -m pytest -m timing
 
 test-quick: $(READY) ## run the tests that take no more than a second each
-	$(PYTHON) -m pytest $(SHARED) -m "not slow and not timing"
+	$(PYTEST) -m "not slow and not timing"
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many
-	$(PYTHON) -m pytest $(SHARED) -m "not timing" --hypothesis-profile=nightly
+	$(PYTEST) -m "not timing" --hypothesis-profile=nightly
 
 # Old versions use what the newest ones of their own dependencies have deprecated.
 test-lowest: | $(UV_FILE) ## run the quick tests with the oldest versions that pyproject.toml allows, in .venv-lowest
 	$(call INSTALLED,.venv-lowest,3.11,lowest-direct)
-	.venv-lowest/bin/python -m pytest $(SHARED) -m "not slow and not timing" -W ignore::DeprecationWarning
+	OPENBLAS_NUM_THREADS=1 .venv-lowest/bin/python -m pytest $(SHARED) -m "not slow and not timing" -W ignore::DeprecationWarning
 
 test-newest: | $(UV_FILE) ## run the quick tests with the newest versions there are, in .venv-newest
 	$(call INSTALLED,.venv-newest,>=3.11,highest)
-	.venv-newest/bin/python -m pytest $(SHARED) -m "not slow and not timing"
+	OPENBLAS_NUM_THREADS=1 .venv-newest/bin/python -m pytest $(SHARED) -m "not slow and not timing"
 
 test-nojit: $(READY) ## run the tests of the kernels as plain Python: indices are checked, coverage sees the lines
 	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -m nojit
