@@ -431,8 +431,27 @@ def test_what_stands_at_the_end_of_a_wall_does_not_turn_it(monkeypatch):
     angle, offset = errors(mirror, start, end)
     assert angle < 0.3
     assert offset < 1.5
-    monkeypatch.setattr("mirrorfold.detection.lines.LEFT_OF_BREAK", 0.0)
+    monkeypatch.setattr("mirrorfold.detection.lines.BREAK", np.inf)
     assert errors(look(*scene)[2][0], start, end)[0] > 2.0 * angle
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["one end", "both ends"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_long_wall_is_told_from_what_goes_on_a_quarter_of_a_cell_beside_it(seed, both):
+    """The longer the row, the less of its squares two lines save: what they save counts for each of its places."""
+    start, end = wall_at(np.array([0.2, 1.4]), 50.0, 1.0)
+    along = end - start
+    across = np.array([-along[1], along[0]])
+    pieces = [end + step * along - 0.01 * across for step in (0.02, 0.32)]
+    scene = [diffuse(start, end, seed), diffuse(*pieces, 50 + seed)]
+    if both:
+        pieces = [start - step * along + 0.012 * across for step in (0.02, 0.32)]
+        scene.append(diffuse(*pieces, 150 + seed))
+    mirror = max(look(*together(*scene), seed=seed)[2], key=lambda mirror: mirror.length)
+    angle, offset = errors(mirror, start, end)
+    assert angle < 0.1
+    assert offset < 0.5
+    assert mirror.length == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_wall_with_something_at_its_end_that_makes_its_row_bulge_is_found(monkeypatch):

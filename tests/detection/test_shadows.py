@@ -52,6 +52,19 @@ def test_a_gap_that_nothing_hides_is_the_end_of_a_wall():
     assert longer.length == pytest.approx(part.length, abs=0.05)
 
 
+@pytest.mark.parametrize("cells", [3.6, 4.5])
+def test_nor_is_a_narrow_gap_bridged_that_nothing_hides(cells):
+    """Half hidden are cells beside a shadow, of which there is none."""
+    view, _ = seen()
+    along = END - START
+    length = np.linalg.norm(along)
+    gap = cells * view.extent(np.stack([START, at(GAP[0])]), along / length).max() / length
+    parts = diffuse(START, at(GAP[0]), seed=1), diffuse(at(GAP[0] + gap), END, seed=2)
+    view = see(radar_image(*together(*parts), np.linspace(-0.9, 0.9, 181), np.linspace(0.8, 1.8, 101)))
+    part = LineMirror(START, at(GAP[0]))
+    assert beyond_shadows(part, view, find_echoes(view), all_clear).length == pytest.approx(part.length, abs=0.05)
+
+
 def test_a_lone_echo_beyond_the_shadow_is_no_wall():
     view, echoes = seen(end=GAP[1] + 0.005)
     part = LineMirror(START, at(GAP[0]))

@@ -55,9 +55,10 @@ LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
 that are tried: over all of it, and between the neighbours of the best."""
 
-LEFT_OF_BREAK = 0.35
-"""A row is two if two lines that need not touch leave less than this share of the squares that one leaves: of the
-speckle of one wall, ten cells long or more, they leave half and more."""
+BREAK = 10.0
+"""A row is two if two lines that need not touch are likelier than one by this much, twice the logarithm of the ratio:
+``n ln(squares that one leaves / squares that two leave)``, of n places each with a speckle of its own. Of 700 rough
+walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of a hundred."""
 
 NO_BOW = 0.9
 """A row that bulges is a wall and something at its end if two lines leave less than this share of the squares that a
@@ -153,8 +154,10 @@ class _Lines(Search[LineMirror]):
         row = position[self._row(position, self.view.extent(near, mirror.direction), weight)]
         longer = mirror.part(min(float(row.min()), 0.0), max(float(row.max()), mirror.length))
         mirror, stray = refined(longer, self.view, *LOBE)
-        whole = self._unbroken(mirror)
-        if whole is not mirror:
+        for _ in range(2):  # something may stand at either end
+            whole = self._unbroken(mirror)
+            if whole is mirror:
+                break
             mirror, stray = refined(whole, self.view, *LOBE)
         front = find_front(mirror, self.view)
         if stray < STRAY * front.depth:
@@ -165,11 +168,15 @@ class _Lines(Search[LineMirror]):
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""
-        points, weight = centres(mirror, self.view, *LOBE)
-        if len(points) < FEWEST_PLACES:
+        points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # what shines says no more than the rest
+        along, beside = mirror.along(points), mirror.beside(points)
+        # The last cell at either end shows what stands beside it, too, as in the corner of a room.
+        first, last = self.view.extent(mirror.ends, mirror.direction)
+        inside = (along >= first) & (along <= mirror.length - last)
+        if np.count_nonzero(inside) < FEWEST_PLACES:
             return mirror
-        place, left = broken(mirror.along(points), mirror.beside(points), weight)
-        if left > LEFT_OF_BREAK:
+        place, left = broken(along[inside], beside[inside], weight[inside])
+        if left > np.exp(-BREAK / (inside.mean() * mirror.independent(self.view))):
             return mirror
         parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
         longer = max(parts, key=lambda part: part.length)

@@ -107,15 +107,17 @@ def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) ->
     for row in np.split(beyond, np.flatnonzero(np.diff(beyond) > GAP_CELLS * cell) + 1):
         if row.size and row[0] - end <= GAP_CELLS * cell:  # not beyond any shadow
             continue
-        enough = row.size >= FEWEST and np.ptp(row) >= SHORTEST_CELLS * cell
-        if not enough or _shown(mirror, end, row[0], view, clear) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell:
+        if row.size < FEWEST or np.ptp(row) < SHORTEST_CELLS * cell:
+            break
+        share = _shown(mirror, end, row[0], view, clear)
+        if share == 1.0 or share * (row[0] - end) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell:
             break
         end = float(row[-1])
     return end
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:
-    """How much [m] of the line from one position [m] to another nothing hides."""
+    """Share of the line from one position [m] to another that nothing hides."""
     places = mirror.start + np.linspace(before, after, SAMPLES)[:, None] * mirror.direction
     range_, direction, inside = view.locate(places)
-    return float((after - before) * np.mean(inside & clear(range_, direction, mirror.strength)))
+    return float(np.mean(inside & clear(range_, direction, mirror.strength)))
