@@ -126,3 +126,20 @@ def test_a_wall_goes_on_where_another_hides_its_end():
 def test_it_goes_on_by_as_much_as_is_seen_of_it():
     wide = SCREEN + np.array([[0.0, 0.0], [0.6, 0.0]])
     assert gone_on(HALF, wide)[1, 0] == pytest.approx(0.8, abs=RANGE_CELL)
+
+
+@pytest.mark.parametrize(("cells", "stays"), [(6.5, False), (2.0, True)], ids=["flat", "lone"])
+def test_a_flat_thing_too_short_for_a_mirror_ends_the_view_too(cells, stays):
+    """What is seen behind it cannot be there; of what is no row, nothing tells how far it reaches."""
+    middle = 0.5 * (WALL[0] + WALL[1])
+    cell = VIEW.cell_at(middle)
+    half = 0.5 * cells * cell * (WALL[1] - WALL[0]) / np.linalg.norm(WALL[1] - WALL[0])
+    beyond = middle + 0.24 * (middle - seen_in(np.zeros((1, 2)))[0])  # on the way from the radar by the mirror
+    things = seen_in(beyond[None]), np.full(1, 60.0 + 0j)
+    view = radar_view(*together(diffuse(*MIRROR, 0), diffuse(middle - half, middle + half, 1), things), noise=1e-3)
+    echoes = find_ridges(view)
+    settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
+    found = find_tree(view, echoes, settings, known=np.array([MIRROR]))
+    after = without_doubted(found, view)
+    points = np.concatenate([node.objects.position for node in after.tree.walk() if node.chain])
+    assert bool((np.linalg.norm(points - seen_in(beyond[None]), axis=1) < RANGE_CELL).any()) == stays

@@ -13,11 +13,15 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.finding import NEAREST
+from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.lines import find_lines
 from mirrorfold.detection.mirror import Mirror, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 BEHIND = "would stand behind a wall"
 
@@ -44,6 +48,18 @@ def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
             first, end = (_hidden(last, side, sight, int(sight.parent[index])) for side in (-1.0, 1.0))
             ways[chain] = (*ways[chain][:-1], last.part(-first, last.length + end))
     return ways
+
+
+def flat_things(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+    """Straight rows of objects in line of sight, each as if it were a mirror, by numbers that no chain has.
+
+    A flat thing that is too short for a mirror lets no wave pass, either. In a volume, none are looked for.
+    """
+    objects, view = found.tree.objects, found.sight.view
+    if not isinstance(view, ImageView):
+        return {}
+    shortest = SHORTEST_CELLS * float(view.cell(objects.range_up_to(NEAREST)))
+    return {(-1 - i,): (row,) for i, row in enumerate(find_lines(objects, view, minimum_length=shortest))}
 
 
 def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> float:

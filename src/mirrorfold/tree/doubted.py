@@ -9,7 +9,7 @@ import numpy as np
 from mirrorfold.common.types import Names
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls
+from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls, flat_things
 from mirrorfold.tree.late_edges import late_edges
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.misplaced import LATE
@@ -23,7 +23,7 @@ def without_doubted(found: Found, view: View) -> Found:
     found : Found
     view : View
     """
-    ways, longer = found.tree.ways(), as_far_as_hidden(found)
+    ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_things(found)
 
     def why(node: MirrorTree) -> Names:
         """What speaks against each of the objects of a node, (n,); empty for those that stay."""
