@@ -75,6 +75,20 @@ def test_a_row_too_short_for_a_mirror_may_be_an_image():
     assert angle_deg(found, SIDE) < 0.3
 
 
+def test_a_short_image_tells_a_mirror_whose_line_is_long_enough():
+    """The image in it is seen along a part of the mirror; the faint line goes on beyond it."""
+    view, echoes, mirrors = scene()
+    wall, image = sorted(mirrors, key=lambda mirror: angle_deg(mirror, FAR))[:2]
+    short = image.part(0.0, 0.2 * image.length)
+    (shown,) = _between(wall, short, view)
+    shortest = 1.1 * shown.length
+    (found,) = edge_on([wall], [short], view, echoes, shortest)
+    assert found.length >= shortest
+    assert angle_deg(found, SIDE) < 0.3
+    # No more than the line itself: a mirror must be as long as that of others.
+    assert edge_on([wall], [short], view, echoes, 1.1 * found.length) == []
+
+
 def test_where_no_faint_line_halves_the_angle_of_two_walls_there_is_no_mirror():
     """They may well be the two walls of a room's corner."""
     view, echoes, mirrors = scene(side_level=0.0)

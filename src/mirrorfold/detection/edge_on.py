@@ -72,16 +72,18 @@ def edge_on(
     """
     found: list[LineMirror] = []
     for image in (*mirrors, *rows):
-        tried: list[tuple[float, LineMirror | None]] = [
-            (_contrast(between, view), between)
+        tried = [
+            (contrast, lit)
             for wall in mirrors
             if wall is not image
             for between in (_on_faint_line(line, view) for line in _between(wall, image, view))
-            if between.length >= shortest
+            if (contrast := _contrast(between, view)) >= CONTRAST
+            # The image tells a part of the mirror, the line all of it.
+            for lit in [_as_far_as_lit(between, view)]
+            if max(between.length, lit.length) >= shortest
         ]
-        contrast, best = max(tried, key=itemgetter(0), default=(0.0, None))
-        if best is not None and contrast >= CONTRAST:
-            best = _as_far_as_lit(best, view)
+        if tried:
+            _, best = max(tried, key=itemgetter(0))
             _, own, across = best.near(view, echoes)
             on_it = echoes.take(own & (np.abs(best.beside(echoes.position)) <= across))
             found.append(replace(best, fill=best.filled(view, on_it)))
