@@ -65,7 +65,7 @@ def visible_truth(
     reachable = direct.copy()
     if not parts:
         return direct, reachable
-    traced = traced_scene(parts)
+    traced = traced_scene(scene, parts)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     limit = farthest_range(scene.band)

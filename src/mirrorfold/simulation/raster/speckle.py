@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array, Index
 from mirrorfold.scenes.materials import coherent_factor, scattering_depth
 from mirrorfold.scenes.solids import Finish, Scene3D
@@ -51,17 +52,27 @@ class Speckle:
     strength: NDArray[np.complex128]
 
 
-def specular_amplitude(finish: Finish, frequency: float, cosine: Array) -> NDArray[np.complex128]:
+def specular_amplitude(
+    finish: Finish, frequency: float, cosine: Array, polarization: Polarization = "TE"
+) -> NDArray[np.complex128]:
     """Reflection coefficient of a surface, (...): Fresnel's, less what roughness, texture and loss take."""
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     kept = np.sqrt(1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 20.0)
-    return np.asarray(finish.substance.reflection(frequency, angle) * _coherent(finish, frequency, angle) * kept)
+    coefficient = finish.substance.reflection(frequency, angle, polarization)
+    return np.asarray(coefficient * _coherent(finish, frequency, angle) * kept)
 
 
-def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bool) -> Array:
+def kept_share(finish: Finish) -> float:
+    """Share of the reflected power that texture and loss leave to the specular direction."""
+    return (1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 10.0)
+
+
+def diffuse_share(
+    finish: Finish, frequency: float, cosine: Array, *, inside: bool, polarization: Polarization = "TE"
+) -> Array:
     """Q: share of the arriving power that is scattered on the face, or `inside`, (...)."""
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-    reflected = np.abs(finish.substance.reflection(frequency, angle)) ** 2
+    reflected = np.abs(finish.substance.reflection(frequency, angle, polarization)) ** 2
     kept = 10.0 ** (-finish.loss_db / 10.0)
     if inside:
         return np.asarray(VOLUME_SHARE * (1.0 - reflected) * kept)
