@@ -12,7 +12,7 @@ largest of a mixture of reflected, transmitted and other echoes (Dempster, Laird
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,14 @@ class Pairs:
     noise: Array
     independent: float
     cell: float
+
+    def some(self, most: int) -> Pairs:
+        """No more than so many, evenly chosen by the angle of incidence."""
+        if self.angle.size <= most:
+            return self
+        which = np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)])
+        each = {name: getattr(self, name)[which] for name in ("te", "tm", "angle", "noise")}
+        return replace(self, **each)
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Those of reflection and of transmission at walls (w,), (w, n) each."""

@@ -81,8 +81,8 @@ def simulate_raster(
     settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "density": density, "force": force}
     settings |= {"noise_alone": snr_db is not None, "progress": progress}
     parts = {one: _without_noise(replace(scene, polarization=one), **settings) for one in waves}
-    sweeps = {one: sweep for one, (sweep, _) in parts.items()}
-    sweep = join_polarizations(sweeps) if len(waves) > 1 else sweeps[waves[0]]
+    sweeps: dict[str, xr.Dataset] = {one: sweep for one, (sweep, _) in parts.items()}
+    sweep = join_polarizations(sweeps) if len(waves) > 1 else parts[waves[0]][0]
     if snr_db is not None and all(returned for _, returned in parts.values()):
         sweep = add_noise(sweep, snr_db=snr_db, seed=seed)
     leakage = scene.scanner.leakage
