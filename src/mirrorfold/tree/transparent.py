@@ -152,7 +152,7 @@ def look_through(
         return None
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
     pane = find_pane(pairs.some(MOST_PAIRS))
-    if pane.evidence < EVIDENCE:
+    if min(pane.evidence, pane.against_alike) < EVIDENCE:
         return None
     known = pane.against_metal >= AGAINST_METAL
     passed = np.full(len(echoes), UNDECIDED)

@@ -76,18 +76,19 @@ def _thing(random: Generator, name: str, place: Array, towards: Array) -> Surfac
 
 def studs(random: Generator, radar: Radar) -> list[Surface]:
     """A board on studs turned by 25 to 50 degrees, a thing behind it, one beside the view, perhaps a sheet of steel."""
+    steel = bool(random.random() < 0.5)
     edge = radar.scanner["azimuth"]["stop"] + BESIDE_DEG
     for _ in range(MOST_DRAWS):
-        surfaces = _room(random)
+        surfaces = _room(random, steel)
         place = named(surfaces, "target")
         if abs(beam_angles(np.array(place.get("center") or place["position"]))[0]) > edge:
             return surfaces
     raise InputError(f"studs: in none of {MOST_DRAWS} draws a thing stands beside the view of radar {radar.name!r}")
 
 
-def _room(random: Generator) -> list[Surface]:
+def _room(random: Generator, steel: bool) -> list[Surface]:
     """One of them, wherever the things stand."""
-    side, steel = float(random.choice([-1.0, 1.0])), bool(random.random() < 0.5)
+    side = float(random.choice([-1.0, 1.0]))
     incidence, distance = float(random.uniform(25.0, 50.0)), float(random.uniform(1.7, 2.0))
     # The steel takes the outer third of the view on the side to which the board reflects.
     middle = distance * _direction(side * (-6.0 if steel else 0.0))
@@ -112,7 +113,7 @@ def _room(random: Generator) -> list[Surface]:
     parts = random.permutation([-1.0, 1.0]) * random.uniform(0.17, 0.25)
     hits = [middle + part * width * along + np.array([0.0, 0.0, random.uniform(-0.1, 0.1)]) for part in parts]
     behind = hits[0] + float(random.uniform(0.35, 0.7)) * unit(hits[0])
-    image = hits[1] + float(random.uniform(0.8, 1.2)) * unit(hits[1])
+    image = hits[1] + float(random.uniform(0.8, 1.2) + 0.3 * steel) * unit(hits[1])
     before = reflect(image, middle, normal)
     found += [_thing(random, "behind", behind, np.zeros(3)), _thing(random, "target", before, hits[1])]
     if steel:

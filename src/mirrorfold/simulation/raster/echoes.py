@@ -170,8 +170,7 @@ def _scattered(
     for index in np.unique(owner):
         for within in (False, True):
             here = (owner == index) & (inside == within)
-            finish, sent = scene.surface[index], named(scene.polarization)
-            share[here] = diffuse_share(finish, frequency, cosine[here], inside=within, polarization=sent)
+            share[here] = diffuse_share(scene.surface[index], frequency, cosine[here], inside=within)
     return speed_of_light / frequency * speckle.strength[which] * cosine * np.sqrt(share / np.pi)
 
 

@@ -67,12 +67,14 @@ def kept_share(finish: Finish) -> float:
     return (1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 10.0)
 
 
-def diffuse_share(
-    finish: Finish, frequency: float, cosine: Array, *, inside: bool, polarization: Polarization = "TE"
-) -> Array:
-    """Q: share of the arriving power that is scattered on the face, or `inside`, (...)."""
+def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bool) -> Array:
+    """Q: share of the arriving power that is scattered on the face, or `inside`, (...).
+
+    That of E parallel to the face serves both polarizations: what returns comes from facets that face the scanner and
+    send both back alike (Kirchhoff's approximation: Ulaby, Moore and Fung, Microwave Remote Sensing II, 1982, 12-4).
+    """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-    reflected = np.abs(finish.substance.reflection(frequency, angle, polarization)) ** 2
+    reflected = np.abs(finish.substance.reflection(frequency, angle)) ** 2
     kept = 10.0 ** (-finish.loss_db / 10.0)
     if inside:
         return np.asarray(VOLUME_SHARE * (1.0 - reflected) * kept)
