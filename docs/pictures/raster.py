@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mirrorfold as mf
 from mirrorfold.plotting import volumes as plot_volume
+from mirrorfold.scenes.families import draw
 
 HERE = Path(__file__).resolve().parent
 DPI = 80
@@ -21,6 +22,14 @@ def main() -> None:
         if name != "drywall-control":
             mf.plot.before_after(result, scene).savefig(HERE / f"raster-{name}-plan.png", dpi=DPI)
             plot_volume.space(result, scene).savefig(HERE / f"raster-{name}-space.png", dpi=DPI)
+    studs()
+
+
+def studs() -> None:
+    """A board of drywall on studs, which shows one thing and lets another be seen."""
+    scene = draw("raster studs", 0)
+    result = mf.reconstruct(mf.simulate(scene, snr_db=20.0))
+    mf.plot.before_after(result, scene).savefig(HERE / "raster-studs-plan.png", dpi=DPI)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ from mirrorfold.folding.points import fold_back
 from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
-from mirrorfold.sweep.polarization import polarized
+from mirrorfold.sweep.polarization import polarizations, polarized
 from mirrorfold.tree.kinds import find_every_kind
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.measured import Measured, Teller, nothing_measured, told_by_sweep
@@ -95,7 +95,7 @@ def reconstruct(
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
     chosen = FocusSettings().with_given(tolerance=tolerance, **imaging)
-    if is_raster(sweep) and not is_gridded(chosen):
+    if is_raster(sweep) and not is_gridded(chosen) and not polarizations(sweep):
         image = amplitude_of_scan(sweep, chosen, progress)
     else:
         image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)

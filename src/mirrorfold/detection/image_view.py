@@ -19,7 +19,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View, check_samples
 from mirrorfold.errors import InputError
@@ -177,6 +177,28 @@ class ImageView(View):
         # NaN marks what lies behind the radar.
         columns = np.where(np.isnan(columns), -10.0, columns)
         return np.maximum(map_coordinates(self._power, [rows, columns], order=3, prefilter=False), 0.0)
+
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """Interpolated between pixels."""
+        range_, u = self.to_polar(points)
+        depth = np.arange(-half, half, step)
+        x, y = image["x"].values.astype(float), image["y"].values.astype(float)
+        places = self.to_points(range_[:, None] + depth, np.broadcast_to(u[:, None], (u.size, depth.size)))
+        pixel = [(places[..., 1] - y[0]) / (y[1] - y[0]), (places[..., 0] - x[0]) / (x[1] - x[0])]
+        # Only the part of the image about these places is looked at; its carrier is taken out before interpolation.
+        low = [max(int(np.floor(axis.min())) - 16, 0) for axis in pixel]
+        high = [int(np.ceil(axis.max())) + 17 for axis in pixel]
+        part = image.values[low[0] : high[0], low[1] : high[1]]
+        across, ahead = x[low[1] : high[1]] - self.radar[0], y[low[0] : high[0]] - self.radar[1]
+        carried = part * np.exp(-2j * wavenumber * np.hypot(across[None, :], ahead[:, None]))
+        where = [axis - first for axis, first in zip(pixel, low, strict=True)]
+        values = sum(
+            unit * map_coordinates(spline_filter(piece), where, prefilter=False, order=3)
+            for unit, piece in ((1.0, carried.real), (1j, carried.imag))
+        )
+        return depth, np.asarray(values)
 
     @cached_property
     def _power(self) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,6 +101,16 @@ class View(ABC):
     @abstractmethod
     def beside_steps(self, range_: Array) -> Index:
         """How many directions away, at ranges [m], a beam still reaches over."""
+
+    @abstractmethod
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """What the complex image holds along the line of sight through points (n, d), up to `half` [m] to either side.
+
+        Returns the distances (m,) [m] from the points, no wider apart than twice the `step` [m], and the values (n, m)
+        without the carrier of that `wavenumber` [rad/m].
+        """
 
     @property
     def covered_angle(self) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, noise_limit
 from mirrorfold.detection.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
@@ -141,6 +141,20 @@ class VolumeView(View):
             value = profile[beam[some], first] * (1.0 - share) + profile[beam[some], first + 1] * share
             power[some] = np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
         return power
+
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """The samples of the nearest beam about the nearest of them, whose own step is half a range resolution."""
+        range_, direction, _ = self.locate(points)
+        reach = np.arange(-int(half / self.dr), int(half / self.dr) + 1)
+        sample = np.clip(np.rint((range_ - self.range[0]) / self.dr).astype(np.intp), 0, self.range.size - 1)
+        place = sample[:, None] + reach
+        azimuth, elevation = np.unravel_index(direction, self.shape)
+        inside = (place >= 0) & (place < self.range.size)
+        place = np.clip(place, 0, self.range.size - 1)
+        values = np.where(inside, beams_of(image)[azimuth[:, None], elevation[:, None], place], 0.0)
+        return np.asarray(reach * self.dr), np.asarray(values * np.exp(-2j * wavenumber * self.range[place]))
 
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""

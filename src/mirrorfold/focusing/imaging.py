@@ -23,7 +23,7 @@ from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
-from mirrorfold.focusing.scans import focus_scan
+from mirrorfold.focusing.scans import focus_scans
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.focusing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
@@ -77,7 +77,7 @@ def focus(
     """
     settings = FocusSettings().with_given(**given)
     if is_raster(sweep):
-        return focus_scan(sweep, settings, progress)
+        return focus_scans(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
         raise InputError(
             f"normalization is {settings.normalization!r}, which raster scans alone have; "

@@ -26,6 +26,7 @@ from mirrorfold.focusing.range_profiles import PADDING, Profiles
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.focusing.strips import ROOM_SHARE
 from mirrorfold.sweep import ambiguous_range
+from mirrorfold.sweep.polarization import picked, polarizations
 
 SCAN_PASSES = 6
 """Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
@@ -64,6 +65,18 @@ def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | 
         if progress is not None:
             progress(tile.stop, total)
     return voxels.labelled()
+
+
+def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
+    """The same of each polarization, where a scan has several, along a leading dimension."""
+    names = polarizations(sweep)
+    if not names:
+        return focus_scan(sweep, settings, progress)
+    each = [focus_scan(picked(sweep, name), settings, progress) for name in names]
+    values = np.stack([np.moveaxis(one.values, 0, -1) for one in each])  # as each lies in memory
+    coords = {"polarization": ("polarization", np.array(names)), **each[0].coords}
+    dims = ("polarization", *each[0].dims)
+    return xr.DataArray(np.moveaxis(values, -1, 1), dims=dims, coords=coords, attrs=each[0].attrs, name="image")
 
 
 def amplitude_of_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
@@ -128,7 +141,8 @@ def choose_scan(sweep: xr.Dataset, settings: FocusSettings) -> Choice:
 
 def expected_scan(sweep: xr.Dataset, settings: FocusSettings) -> xr.DataArray:
     """What folding is given of a scan, without values: its amplitude, or voxels."""
-    profiles = Profiles.of(sweep, settings)
+    names = polarizations(sweep)
+    profiles = Profiles.of(picked(sweep, names[0]) if names else sweep, settings)
     if not is_gridded(settings):
         coords, dims = profiles.coords, ("range", "azimuth", "elevation")
     else:

@@ -72,7 +72,7 @@ def _through(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
     seen = points.initial[points.wall != ""]
     places = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
     reach = BLOB_CELLS * np.asarray(view.cell(np.linalg.norm(seen - view.radar, axis=1)))
-    distance, nearest = cKDTree(seen).query(places, distance_upper_bound=float(reach.max()))
+    distance, nearest = cKDTree(seen[:, :2]).query(places, distance_upper_bound=float(reach.max()))
     reach = np.append(reach, 0.0)
     return (distance <= reach[nearest]).astype(np.float32)
 

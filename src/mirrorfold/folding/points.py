@@ -148,7 +148,7 @@ def _through(window: Window, tree: MirrorTree) -> Points:
         chain=np.full(count, ""),
         mirror=np.full(count, ""),
         confidence=np.ones(count),
-        error=np.zeros((count, 2)),
+        error=np.zeros_like(window.place),
         explanation=np.full(count, ""),
         confocal=np.full(count, np.nan),
         growth=np.ones(count),

@@ -158,6 +158,25 @@ def material(name: str | Substance) -> Material:
         raise InputError(f"material {name!r} is not known; choose one of: {', '.join(names())}") from None
 
 
+def check_passable(name: str | Substance, thickness: float | None, volume_depth: float) -> None:
+    """Refuse a `thickness` [m] of a wall that lets nothing through, or is not homogeneous.
+
+    Raises
+    ------
+    ValueError
+        With what to do.
+    """
+    if thickness is None:
+        return
+    if not isinstance(material(name), Dielectric):
+        raise ValueError(
+            f"thickness is given, but material {name!r} has no permittivity and lets nothing through; "
+            "choose a dielectric such as 'glass', or leave out the thickness"
+        )
+    if volume_depth:
+        raise ValueError("thickness and volume_depth are both given; a wall that waves pass through is homogeneous")
+
+
 VolumeProfile = Literal["exponential", "uniform", "layers"]
 """How the scattering inside a wall is spread over its depth d. Exponential: the power falls as ``exp(-2 z / d)`` and
 ends at d, with the mean depth 0.34 d. Uniform: the same at all depths, mean 0.5 d. Layers, as in a board between two

@@ -16,6 +16,7 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.decibels import TRUTH_COLOUR
 from mirrorfold.common.geometry import Isometry, unit
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
@@ -112,6 +113,8 @@ class Panel(_Solid):
         Need not have length one.
     width, height : float [m]
         The width is measured horizontally; for a horizontal panel along x.
+    thickness : float [m], optional
+        Of a panel that waves pass through, half of it on either side of its middle; opaque where it is not given.
     """
 
     kind: Literal["panel"] = "panel"
@@ -119,10 +122,12 @@ class Panel(_Solid):
     normal: tuple[Finite, Finite, Finite]
     width: PositiveLength
     height: PositiveLength
+    thickness: PositiveLength | None = None
 
     def __post_init__(self) -> None:
         if not np.linalg.norm(self.normal) > 0:
             raise ValueError("normal must have a length above zero, for example [0, -1, 0]")
+        materials.check_passable(self.material, self.thickness, self.volume_depth)
 
     @property
     def frame(self) -> Isometry:
@@ -292,6 +297,9 @@ class Scene3D:
     scanner : Scanner
     band : Band
     surface : tuple of Panel, Box, Sphere, Cylinder, Mesh, Mannequin or Patch
+    polarization : {"TE", "TM", "both"}, default "TE"
+        What the scanner sends and hears: E parallel to every face that it meets, as the vertical one is to upright
+        walls; or square to that; or one after the other.
     """
 
     name: str
@@ -299,8 +307,12 @@ class Scene3D:
     scanner: Scanner
     band: Band
     surface: tuple[Annotated[Surface3D, Field(discriminator="kind")], ...] = ()
+    polarization: Polarization | Literal["both"] = "TE"
 
     def __post_init__(self) -> None:
+        for surface in self.surface:
+            if isinstance(surface, Panel) and surface.thickness is not None:
+                materials.permittivity(surface.material, [self.band.start, self.band.stop])
         names = [surface.name for surface in self.surface]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

@@ -136,15 +136,7 @@ class _Wall(_Surface):
     thickness: PositiveLength | None = None
 
     def __post_init__(self) -> None:
-        if self.thickness is None:
-            return
-        if not isinstance(materials.material(self.material), materials.Dielectric):
-            raise ValueError(
-                f"thickness is given, but material {self.material!r} has no permittivity and lets nothing through; "
-                "choose a dielectric such as 'glass', or leave out the thickness"
-            )
-        if self.volume_depth:
-            raise ValueError("thickness and volume_depth are both given; a wall that waves pass through is homogeneous")
+        materials.check_passable(self.material, self.thickness, self.volume_depth)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

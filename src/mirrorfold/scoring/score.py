@@ -67,11 +67,9 @@ class Contrast(Record):
     contrast_db: Number = fact("[dB]")
 
 
-class PlanScore(PlanFigures, Mirrors):
-    """A score in two dimensions."""
+class SidesRight(Record):
+    """What is made of echoes behind half-transparent walls."""
 
-    hidden: HiddenPlan
-    surfaces: dict[str, PlanFigures] = fact("each hidden surface by itself")
     sides_right: Number = fact(
         "share of the echoes behind half-transparent walls, but the doubtful, that are rightly taken for reflected, or "
         "passed",
@@ -81,10 +79,17 @@ class PlanScore(PlanFigures, Mirrors):
         "share of these echoes whose probability to have passed is between 0.1 and 0.9", default=LEFT_OUT
     )
     passed_m: Number = fact("median distance from the truth of what passed through them", default=LEFT_OUT)
+
+
+class PlanScore(PlanFigures, Mirrors, SidesRight):
+    """A score in two dimensions."""
+
+    hidden: HiddenPlan
+    surfaces: dict[str, PlanFigures] = fact("each hidden surface by itself")
     files: list[str] = fact("what was written", default=LEFT_OUT)
 
 
-class VolumeScore(VolumeFigures, Mirrors):
+class VolumeScore(VolumeFigures, Mirrors, SidesRight):
     """A score in three dimensions."""
 
     hidden: HiddenVolume
@@ -159,16 +164,16 @@ def score(
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
     cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
+    told = sides(objects, scene)
+    asked: dict[str, Any] = {}
+    if told.doubtful is not None:
+        asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
         every, hidden, each = _judge(
             points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
-        told = sides(objects, scene)
-        asked: dict[str, Any] = {}
-        if told.doubtful is not None:
-            asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **asked)
     from mirrorfold.scoring import volumes
 
@@ -182,6 +187,7 @@ def score(
         hidden=HiddenVolume(mirrors=_deep(mirrors), **unseen, surfaces=list(parts)),
         surfaces=parts,
         patches={name: Contrast(contrast_db=contrast) for name, contrast in contrasts.items()},
+        **asked,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,9 @@ from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import CHORD, facets
+
+if TYPE_CHECKING:
+    from mirrorfold.scenes.solids import Scene3D
 
 NEAR = 0.06
 """An echo is one of a thing that stands this close [m] to where it would be, twice the delay of a thick pane."""
@@ -47,7 +50,7 @@ class Behind(NamedTuple):
 
     Attributes
     ----------
-    initial : (n, 2) array [m]
+    initial : (n, d) array [m]
         Where the image shows them.
     passed : array
         Probability that they passed; NaN where that was not asked.
@@ -74,39 +77,76 @@ class Behind(NamedTuple):
         return Behind._make(each[which] for each in self)
 
 
-def behind(objects: xr.Dataset, scene: Scene) -> Behind | None:
+class Walls(NamedTuple):
+    """Half-transparent walls of a scene, and what else stands in it, in d dimensions.
+
+    Attributes
+    ----------
+    things : (n, d) array [m]
+        Samples of all other surfaces.
+    images : (m, d) array [m]
+        Of these in the walls.
+    met : (p,) bool array
+        Which places are seen through walls ...
+    incidence : (p,) array [rad]
+        ... and under which angles.
+    """
+
+    things: Array
+    images: Array
+    met: Mask
+    incidence: Array
+
+
+def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
+    """Those of a floor plan, and which places (p, 2) [m] are seen through them; None where there are none."""
+    walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
+    others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
+    if not walls or not others:
+        return None
+    things = np.concatenate(others)
+    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    met, incidence, images = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan), []
+    sight = (places - radar) / np.linalg.norm(places - radar, axis=1)[:, None]
+    for start, end in np.concatenate([facets(wall, CHORD) for wall in walls]):
+        along, place = crossing(radar, places, start, end)
+        here, normal = (along < 1.0) & (place >= 0.0) & (place <= 1.0), segment_normal(start, end)
+        incidence[here] = np.arccos(np.clip(np.abs(sight[here] @ normal), 0.0, 1.0))
+        met |= here
+        images.append(reflect(things, start, normal))
+    return Walls(things, np.concatenate(images), met, incidence)
+
+
+def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
     """What the points of a reconstruction are; None where there is no half-transparent wall, or nothing
     behind it, or the points do not say where the image shows them.
 
     What an echo is follows from where the image shows it: near a thing, or near the mirror image of one.
     """
-    walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
-    others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
-    if not walls or not others or not set(objects.variables) >= NEEDED:
+    axes = "xy" if isinstance(scene, Scene) else "xyz"
+    if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
         return None
     own = objects["surface"].values == "object"
     if not own.any():
         return None
-    things, tree = np.concatenate(others), cKDTree(np.concatenate(others))
-    initial = np.column_stack([objects["x_initial"], objects["y_initial"]])[own]
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
-    met, incidence, images = np.zeros(len(initial), dtype=bool), np.full(len(initial), np.nan), []
-    sight = (initial - radar) / np.linalg.norm(initial - radar, axis=1)[:, None]
-    for start, end in np.concatenate([facets(wall, CHORD) for wall in walls]):
-        along, place = crossing(radar, initial, start, end)
-        here, normal = (along < 1.0) & (place >= 0.0) & (place <= 1.0), segment_normal(start, end)
-        incidence[here] = np.arccos(np.clip(np.abs(sight[here] @ normal), 0.0, 1.0))
-        met |= here
-        images.append(reflect(things, start, normal))
-    shown, there = cKDTree(np.concatenate(images)).query(initial)[0], tree.query(initial)[0]
-    known = met & (np.minimum(shown, there) < NEAR)
+    initial, place = (np.column_stack([objects[f"{axis}{which}"] for axis in axes])[own] for which in ("_initial", ""))
+    if isinstance(scene, Scene):
+        walls = walls_of_plan(scene, initial)
+    else:
+        from mirrorfold.scoring.volumes import walls_of_space
+
+        walls = walls_of_space(scene, initial)
+    if walls is None:
+        return None
+    tree = cKDTree(walls.things)
+    shown, there = cKDTree(walls.images).query(initial)[0], tree.query(initial)[0]
+    known = walls.met & (np.minimum(shown, there) < NEAR)
     if not known.any():
         return None
-    place = np.column_stack([objects["x"], objects["y"]])[own]
     asked = objects["passed"].values[own] if "passed" in objects else np.full(len(initial), np.nan)
     through = objects["chain"].values[own] == ""
     after = tree.query(place)[0]
-    return Behind(initial, asked, through, there < shown, incidence, there, after).take(known)
+    return Behind(initial, asked, through, there < shown, walls.incidence, there, after).take(known)
 
 
 def doubted(passed: Array) -> Mask:
@@ -114,7 +154,7 @@ def doubted(passed: Array) -> Mask:
     return np.asarray((passed > 0.1) & (passed < 0.9))
 
 
-def sides(objects: xr.Dataset, scene: Scene) -> Sides:
+def sides(objects: xr.Dataset, scene: Scene | Scene3D) -> Sides:
     """How often they are told apart; None where no wall was asked about."""
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():

@@ -6,15 +6,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, farthest_range
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
+from mirrorfold.scoring.transparent import Walls
 from mirrorfold.scoring.truth import Truth
 from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.rounds import round_faces, shown_in
+from mirrorfold.simulation.raster.sheets import Sheet
 from mirrorfold.simulation.raster.speckle import image_frame, sample
 
 TRUTH_SPACING = 0.005
@@ -65,7 +68,7 @@ def visible_truth(
     reachable = direct.copy()
     if not parts:
         return direct, reachable
-    traced = traced_scene(parts)
+    traced = traced_scene(scene, parts)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     limit = farthest_range(scene.band)
@@ -92,6 +95,29 @@ def visible_truth(
         inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
         reachable |= seen & inside & (range_ <= limit)
     return direct, reachable
+
+
+def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
+    """Panels that waves pass through, and which places (p, 3) [m] are seen through them; None where there are none."""
+    parts = solids(scene)
+    sheets = traced_scene(scene, parts).sheets if parts else []
+    panels = {sheet.middle.surface for sheet in sheets}
+    things = _samples([solid for solid in parts if solid.surface not in panels])[0]
+    if not sheets or not len(things):
+        return None
+    origin = np.array(scene.scanner.origin)
+    met, incidence = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan)
+    for sheet in sheets:
+        which, cosine = sheet.met(np.broadcast_to(origin, places.shape), places)
+        met[which], incidence[which] = True, np.arccos(np.clip(cosine, 0.0, 1.0))
+    images = [reflect(things, *_face_towards(sheet, origin)) for sheet in sheets]
+    return Walls(things, np.concatenate(images), met, incidence)
+
+
+def _face_towards(sheet: Sheet, place: Array) -> tuple[Array, Array]:
+    """Center [m] and normal of the face of a sheet that is turned to a place, (3,) each."""
+    normal = sheet.middle.normal * np.sign((place - sheet.middle.center) @ sheet.middle.normal)
+    return sheet.middle.center + 0.5 * sheet.thickness * normal, normal
 
 
 def patch_contrasts(scene: Scene3D, points: Array, amplitude: Array) -> dict[str, float | None]:

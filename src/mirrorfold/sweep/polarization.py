@@ -92,6 +92,9 @@ def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
     frequency, others = (sweep["frequency"].values.astype(float) for sweep in (one, other))
     if not np.allclose(frequency, others, rtol=0.0, atol=SAME * float(frequency.max())):
         return "their frequencies"
+    for name in ("azimuth", "elevation"):
+        if name in one.variables and not np.allclose(one[name], other[name], rtol=0.0, atol=SAME):
+            return f"their {name}s"
     if "tx_position" in one.variables or "antenna_position" in one.variables:
         places = zip(("transmitters", "receivers"), antenna_positions(one), antenna_positions(other), strict=True)
         for which, place, place_of_other in places:

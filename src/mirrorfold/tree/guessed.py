@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Fold
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.things import things
@@ -30,7 +30,7 @@ SAME_PLACE = 1.5
 """Two echoes show the same place up to so many resolution cells."""
 
 
-def guess_transparent(found: Found, view: ImageView, every: Echoes, *, again: Again) -> Found:
+def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) -> Found:
     """Steps 2 to 4 once more without what, by geometry, passed through walls; the same as before where nothing did.
 
     Beside curved mirrors nothing is guessed: what they show is sorted by other means.
@@ -39,7 +39,7 @@ def guess_transparent(found: Found, view: ImageView, every: Echoes, *, again: Ag
     ----------
     found : Found
         With all echoes taken for reflected ones.
-    view : ImageView
+    view : View
     every : Echoes
         All echoes of the view.
     again : callable
@@ -61,7 +61,7 @@ def guess_transparent(found: Found, view: ImageView, every: Echoes, *, again: Ag
     return taken_out(found, windows, view, every, again)
 
 
-def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chain, Fold]) -> Array:
+def passage(found: Found, view: View, node: MirrorTree, folds: Mapping[Chain, Fold]) -> Array:
     """The probability of each echo behind a wall that it passed, (n,)."""
     echoes, chain = node.objects, node.chain
     folded = folds[chain](echoes.position)
@@ -76,15 +76,15 @@ def passage(found: Found, view: ImageView, node: MirrorTree, folds: Mapping[Chai
     return np.select([passed & ~reflected, reflected & ~passed], [GUESS, 1.0 - GUESS], UNDECIDED)
 
 
-def _told(thing: Index, told: Mask, view: ImageView, echoes: Echoes) -> Mask:
+def _told(thing: Index, told: Mask, view: View, echoes: Echoes) -> Mask:
     """Echoes of things of which enough resolution cells are told of, (n,)."""
     pairs = np.unique(np.stack([thing, view.cell_numbers(echoes.position)])[:, told], axis=1)
     return np.asarray((np.bincount(pairs[0], minlength=int(thing.max(initial=0)) + 1) >= FEWEST)[thing])
 
 
-def _shown(view: ImageView, places: Array, seen: Sequence[Array]) -> Mask:
-    """Which places (n, 2) [m] are those of something that is seen, (m, 2) [m] each."""
-    elsewhere = np.concatenate([np.empty((0, 2)), *seen])
+def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
+    """Which places (n, d) [m] are those of something that is seen, (m, d) [m] each."""
+    elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
     if not len(elsewhere):
         return np.zeros(len(places), dtype=bool)
     cell = np.asarray(view.cell(np.linalg.norm(places - view.radar, axis=1)))

@@ -49,7 +49,7 @@ def find_every_kind(
     Parameters
     ----------
     view : View
-        Of a volume all mirrors are opaque, by the published algorithm flat, too.
+        By the published algorithm all mirrors are opaque and flat.
     echoes : Echoes
     settings : FoldSettings
     measured : Measured
@@ -64,7 +64,7 @@ def find_every_kind(
     found, rows = again(echoes=echoes, known=known, walls=walls), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
-    if both and isinstance(view, ImageView):
+    if both:
         found = find_transparent(found, view, both, echoes, again=partial(again, known=known))
     if known is not None or settings.published:
         return found
@@ -80,8 +80,8 @@ def find_every_kind(
             shortest = settings.minimum_length or 0.0
             found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
         # Walls that only what stands behind them has told are transparent as often.
-        if both and rows and isinstance(view, ImageView):
+        if both and rows:
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
-    if passable and not polarizations and isinstance(view, ImageView):
+    if passable and not polarizations:
         found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
     return found if found.windows or not settings.opaque else without_doubted(found, view)

@@ -12,7 +12,7 @@ largest of a mixture of reflected, transmitted and other echoes (Dempster, Laird
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ MISMATCH = 0.1
 
 OBJECT_DB, ECHO_DB = 2.0, 1.0
 """By so much what a metal mirror shows may send one polarization back stronger than the other [dB], all of it; and each
-echo beside that."""
+echo beside that, or not at all."""
 
 SHARED = 3.0
 """Neighbouring echoes share so much of their spectra: the windows that cut them out are six cells long and overlap."""
@@ -91,6 +91,14 @@ class Pairs:
     independent: float
     cell: float
 
+    def some(self, most: int) -> Pairs:
+        """No more than so many, evenly chosen by the angle of incidence."""
+        if self.angle.size <= most:
+            return self
+        which = np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)])
+        each = {name: getattr(self, name)[which] for name in ("te", "tm", "angle", "noise")}
+        return replace(self, **each)
+
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Those of reflection and of transmission at walls (w,), (w, n) each."""
         walls = permittivity[:, None, None], thickness[:, None, None]
@@ -128,9 +136,10 @@ class Pairs:
         """The same for one kind, and others."""
         return np.asarray(np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1))
 
-    @property
-    def with_metal(self) -> float:
-        """The same for a metal mirror, whose objects may send one polarization back stronger than the other."""
+    def with_metal(self, spread_db: float) -> float:
+        """The same for a metal mirror, whose objects may send one polarization back stronger than the other, and each
+        echo by so many decibels more.
+        """
         te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
         common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
         # At its best ratio of amplitudes, the misfit is the smaller eigenvalue of their covariance.
@@ -138,7 +147,7 @@ class Pairs:
         ratio = 0.5 * np.log(tm / te)
         # A ratio that is off by the factor exp(q) has a misfit of (q / 2)^2: the standard error of its logarithm.
         variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
-        own = variance + (ECHO_DB / 20.0 * np.log(10.0)) ** 2
+        own = variance + (spread_db / 20.0 * np.log(10.0)) ** 2
         sigmas = np.linspace(-3.0, 3.0, 61)
         preferred, prior = OBJECT_DB / 20.0 * np.log(10.0) * sigmas[:, None], -0.5 * sigmas**2
         each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
@@ -173,6 +182,9 @@ class Pane:
         with one of metal, whose objects may prefer one polarization.
     share : float
         Of the echoes behind it that passed through it.
+    against_alike : float
+        The same as `against_metal`, if what metal shows sends both polarizations back by one ratio: what passes a thin
+        wall at small angles may be shown by metal as well.
     """
 
     permittivity: complex
@@ -182,6 +194,7 @@ class Pane:
     evidence: float
     against_metal: float
     share: float
+    against_alike: float = np.inf
 
 
 def find_pane(pairs: Pairs) -> Pane:
@@ -210,8 +223,9 @@ def find_pane(pairs: Pairs) -> Pane:
         permittivity_error=float(error[0]),
         thickness_error=float(error[1]),
         evidence=height - float(opaque.max()),
-        against_metal=height - pairs.with_metal,
+        against_metal=height - pairs.with_metal(ECHO_DB),
         share=float(share),
+        against_alike=height - pairs.with_metal(0.0),
     )
 
 

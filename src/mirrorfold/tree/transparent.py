@@ -21,9 +21,9 @@ from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.spectra import independent, offsets, spectra
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import Cover
 from mirrorfold.tree.panes import Pairs, Pane, find_pane
@@ -35,6 +35,9 @@ that are no metal."""
 
 FEWEST = 3
 """Resolution cells with echoes behind a wall that can tell what it is."""
+
+MOST_PAIRS = 150
+"""So many echoes, evenly chosen, tell what a wall is; a volume has thousands, and its cells overlap."""
 
 NOISE_LIMIT = 6.0
 """The limit that noise stays below, over its standard deviation, see `noise_limit`."""
@@ -67,11 +70,11 @@ class Window:
         None where geometry alone tells what passed, see `mirrorfold.tree.guessed`, or nothing tells.
     echoes : Echoes
         Those that passed through it.
-    place : (n, 2) array [m]
+    place : (n, d) array [m]
         Where what sent them stands: without the delay and the shift of the wall.
     probability : (n,) array
         That they passed.
-    tested : (m, 2) array [m]
+    tested : (m, d) array [m]
         Where all echoes behind the wall stand in the image ...
     passed : (m,) array
         ... and the probability of each that it passed.
@@ -96,7 +99,7 @@ class Again(Protocol):
 
 
 def find_transparent(
-    found: Found, view: ImageView, images: Mapping[str, xr.DataArray], every: Echoes, *, again: Again
+    found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, again: Again
 ) -> Found:
     """Steps 2 to 4 once more without what passed through walls; the same as before where no wall is transparent.
 
@@ -104,7 +107,7 @@ def find_transparent(
     ----------
     found : Found
         With all echoes taken for reflected ones.
-    view : ImageView
+    view : View
         Of one of the images.
     images : mapping of str to DataArray
         Complex, by polarization, "TE" and "TM".
@@ -122,7 +125,7 @@ def find_transparent(
     return taken_out(found, windows, view, every, again)
 
 
-def taken_out(found: Found, windows: Sequence[Window], view: ImageView, every: Echoes, again: Again) -> Found:
+def taken_out(found: Found, windows: Sequence[Window], view: View, every: Echoes, again: Again) -> Found:
     """Steps 2 to 4 once more without what passed through windows; the same as before where there are none."""
     if not windows:
         return found
@@ -132,7 +135,7 @@ def taken_out(found: Found, windows: Sequence[Window], view: ImageView, every: E
 
 
 def look_through(
-    found: Found, view: ImageView, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
+    found: Found, view: View, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
 ) -> Window | None:
     """What is seen behind a mirror, sorted; None if nothing tells that it is transparent.
 
@@ -148,8 +151,8 @@ def look_through(
     if brightest.size < FEWEST:
         return None
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
-    pane = find_pane(pairs)
-    if pane.evidence < EVIDENCE:
+    pane = find_pane(pairs.some(MOST_PAIRS))
+    if min(pane.evidence, pane.against_alike) < EVIDENCE:
         return None
     known = pane.against_metal >= AGAINST_METAL
     passed = np.full(len(echoes), UNDECIDED)
@@ -170,7 +173,7 @@ def look_through(
 
 
 def agreed_odds(place: Array, odds: Array) -> Array:
-    """Logarithms of the odds of echoes (n,) with those of their neighbours, at places (n, 2) in resolution cells.
+    """Logarithms of the odds of echoes (n,) with those of their neighbours, at places (n, d) in resolution cells.
 
     What stands close together is mostly one thing, and passed or was reflected as a whole.
     """
@@ -178,15 +181,14 @@ def agreed_odds(place: Array, odds: Array) -> Array:
     return np.asarray(near @ odds)
 
 
-def _cells(view: ImageView, echoes: Echoes) -> tuple[Index, Index]:
+def _cells(view: View, echoes: Echoes) -> tuple[Index, Index]:
     """The brightest echo of each resolution cell, (m,), and the cell of each echo, (n,)."""
     return view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
 
 
-def pairs_of(view: ImageView, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
+def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
     """Echoes behind a wall in both polarizations."""
-    range_, u = view.to_polar(echoes.position)
-    te, tm = (spectra(view, images[name], range_, u) for name in ("TE", "TM"))
+    te, tm = (spectra(view, images[name], echoes.position) for name in ("TE", "TM"))
     return Pairs(
         te=te,
         tm=tm,
@@ -198,15 +200,15 @@ def pairs_of(view: ImageView, images: Mapping[str, xr.DataArray], echoes: Echoes
     )
 
 
-def incidence(view: ImageView, position: Array, mirror: Mirror) -> Array:
-    """Angles [rad] at which lines of sight through places (n, 2) [m] meet a mirror, (n,)."""
+def incidence(view: View, position: Array, mirror: Mirror) -> Array:
+    """Angles [rad] at which lines of sight through places (n, d) [m] meet a mirror, (n,)."""
     sight = position - view.radar
     sight = sight / np.linalg.norm(sight, axis=1)[:, None]
     return np.asarray(np.arccos(np.clip(np.abs(sight @ mirror.normal), 0.0, 1.0)))
 
 
-def placed(view: ImageView, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
-    """Where things stand that are seen through a wall at places (n, 2) [m] of the image.
+def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
+    """Where things stand that are seen through a wall at places (n, d) [m] of the image.
 
     The wall makes the way longer by a length L that depends on the angle of incidence t. An array focuses on a place as
     much farther, and ``dL/dt`` aside, away from the normal.
@@ -237,8 +239,8 @@ def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
 
 
 def _key(echoes: Echoes) -> Array:
-    """A number for each echo by its place, (n,)."""
-    return np.asarray(echoes.position[:, 0] + 1j * echoes.position[:, 1])
+    """A number for each echo by its place along its line of sight, (n,)."""
+    return np.asarray(echoes.direction + 1j * echoes.range)
 
 
 def _moved(window: Window, found: Found) -> Window:
@@ -253,7 +255,7 @@ def _moved(window: Window, found: Found) -> Window:
     return replace(window, mirror=best) if abs(float(best.beside(old.center))) <= SAME_LINE * cell else window
 
 
-def _seen(window: Window, view: ImageView) -> Window:
+def _seen(window: Window, view: View) -> Window:
     """The window with the first things that are seen through it alone."""
     echoes = window.echoes
     if not len(echoes):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.families import curved, glass, raster, raster_round, rays, wave_mirrors, waves
+from mirrorfold.scenes.families import curved, glass, raster, raster_round, raster_studs, rays, wave_mirrors, waves
 from mirrorfold.scenes.families.drawing import scene_of
 from mirrorfold.scenes.families.family import Family
 from mirrorfold.scenes.families.radars import RADARS, Radar
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FAMILIES", "RADARS", "Family", "Radar", "draw", "family_named", "radar_named", "radars_of"]
 
-_MODULES = rays, curved, glass, waves, wave_mirrors, raster, raster_round
+_MODULES = rays, curved, glass, waves, wave_mirrors, raster, raster_round, raster_studs
 
 FAMILIES = {family.name: family for module in _MODULES for family in module.FAMILIES}
 """All families by their names."""

@@ -36,6 +36,9 @@ class Caster:
             from embreex.rtcore_scene import EmbreeScene
         except ImportError:
             raise InputError(NOT_INSTALLED) from None
+        self._empty = not len(faces)
+        if self._empty:
+            return
         self._scene = EmbreeScene(robust=True)
         # Single precision is good to 0.3 um per metre; the triangles are kept near the origin for it.
         self._mesh = TriangleMesh(self._scene, vertices[faces].astype(np.float32))
@@ -59,6 +62,8 @@ class Caster:
             Where, in units of the direction's length; infinite where nothing is met.
         """
         face, along = np.full(len(origin), -1, dtype=np.int64), np.full(len(origin), np.inf)
+        if self._empty:
+            return face, along
         for first in range(0, len(origin), BATCH):
             part = slice(first, first + BATCH)
             begin = (origin[part] + start_at * direction[part]).astype(np.float32)
@@ -73,6 +78,8 @@ class Caster:
     def blocked(self, origin: Array, target: Array, *, slack: float) -> NDArray[np.bool_]:
         """Whether anything stands between origins and targets (n, 3), but for `slack` [m] at either end."""
         result = np.zeros(len(origin), dtype=bool)
+        if self._empty:
+            return result
         for first in range(0, len(origin), BATCH):
             part = slice(first, first + BATCH)
             span = target[part] - origin[part]

@@ -9,14 +9,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import reflect, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.caster import Caster
 from mirrorfold.simulation.raster.meshes import Quad, Solid
+from mirrorfold.simulation.raster.sheets import (
+    Sheet,
+    Wave,
+    after_passing,
+    after_reflection,
+    one_after_another,
+    sheet_of,
+    strength,
+)
 from mirrorfold.simulation.raster.speckle import specular_amplitude
+from mirrorfold.simulation.rays.scatterers import named
 
 WEAKEST_CHAIN = 1e-4
 """Chains that take more than 80 dB from an echo, there and back, are left out."""
@@ -38,18 +47,34 @@ class TracedScene:
     first_quad : (f,) array of int
         For every triangle the number of its quad, -1 for curved surfaces. The two sides of a panel share its
         triangles; the number is that of the first one.
+    sheets : list of Sheet
+        Panels that waves pass through; they have no triangles, and block nothing.
     """
 
     caster: Caster
     quads: list[Quad]
     first_quad: Index
+    sheets: list[Sheet]
+
+    def blocked(self, origin: Array, target: Array) -> Mask:
+        """Whether anything, sheets included, stands between origins and targets (n, 3) [m]."""
+        blocked = self.caster.blocked(origin, target, slack=SLACK)
+        for sheet in self.sheets:
+            blocked[sheet.met(origin, target)[0]] = True
+        return blocked
 
 
-def traced_scene(solids: list[Solid]) -> TracedScene:
+def traced_scene(scene: Scene3D, solids: list[Solid]) -> TracedScene:
     """All surfaces together."""
     quads: list[Quad] = []
-    vertices, faces, numbers, offset = [], [], [], 0
+    sheets: list[Sheet] = []
+    vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
+    numbers, offset = [np.empty(0, dtype=np.int64)], 0
     for solid in solids:
+        if (sheet := sheet_of(scene, solid, len(quads))) is not None:
+            sheets.append(sheet)
+            quads.extend(solid.quads)
+            continue
         vertices.append(solid.vertices)
         faces.append(solid.faces + offset)
         offset += len(solid.vertices)
@@ -61,7 +86,8 @@ def traced_scene(solids: list[Solid]) -> TracedScene:
             number = len(quads) + np.arange(len(solid.faces)) // 2
         numbers.append(number)
         quads.extend(solid.quads)
-    return TracedScene(Caster(np.concatenate(vertices), np.concatenate(faces)), quads, np.concatenate(numbers))
+    caster = Caster(np.concatenate(vertices), np.concatenate(faces))
+    return TracedScene(caster, quads, np.concatenate(numbers), sheets)
 
 
 def find_chains(
@@ -89,11 +115,10 @@ def find_chains(
     member = np.zeros(len(directions), dtype=np.int64)
     amplitude = np.ones(len(directions))
     for _ in range(bounces):
-        face, along = traced.caster.first_hit(start, directions, start_at=SLACK)
-        met = np.flatnonzero((face >= 0) & (traced.first_quad[face] >= 0))
+        met, quad, along = _met(traced, start, directions)
         if not met.size:
             break
-        quad, arriving = traced.first_quad[face[met]], directions[met]
+        arriving = directions[met]
         cosine = -np.einsum("nd,nd->n", arriving, normals[quad])
         # Behind the first side of a panel is its second one.
         quad, cosine = np.where(cosine < 0.0, quad + 1, quad), np.abs(cosine)
@@ -101,8 +126,9 @@ def find_chains(
         for number in np.unique(quad):
             here = quad == number
             finish = scene.surface[traced.quads[number].surface]
-            left[here] *= np.abs(specular_amplitude(finish, frequency, cosine[here])) ** 2
-        start = start[met] + along[met, None] * arriving
+            coefficient = specular_amplitude(finish, frequency, cosine[here], named(scene.polarization))
+            left[here] *= np.abs(coefficient) ** 2
+        start = start[met] + along[:, None] * arriving
         directions = unit(arriving + 2.0 * cosine[:, None] * normals[quad])
         kept = left > WEAKEST_CHAIN
         start, directions, amplitude = start[kept], directions[kept], left[kept]
@@ -110,6 +136,28 @@ def find_chains(
         member = member.ravel() + len(chains)
         chains += [(*chains[int(before)], int(number)) for before, number in pairs.T]
     return chains
+
+
+def _met(traced: TracedScene, start: Array, directions: Array) -> tuple[Index, Index, Array]:
+    """What rays (n, 3) meet that may be a mirror: which ray, the number of the first quad, and how far away [m].
+
+    A ray meets every sheet before the first opaque face.
+    """
+    face, along = traced.caster.first_hit(start, directions, start_at=SLACK)
+    opaque = np.flatnonzero(face >= 0)
+    opaque = opaque[traced.first_quad[face[opaque]] >= 0]
+    found = [(opaque, traced.first_quad[face[opaque]], along[opaque])]
+    for sheet in traced.sheets:
+        for number in (sheet.front, sheet.front + 1):
+            quad = traced.quads[number]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distance = (quad.center - start) @ quad.normal / (directions @ quad.normal)
+            before = (directions @ quad.normal < 0.0) & (distance > SLACK) & (distance < along)
+            which = np.flatnonzero(before)
+            which = which[quad.holds(start[which] + distance[which, None] * directions[which])]
+            found.append((which, np.full(which.size, number), distance[which]))
+    rays, quads, distances = (np.concatenate(column) for column in zip(*found, strict=True))
+    return rays, quads, distances
 
 
 def walk_back(
@@ -120,7 +168,7 @@ def walk_back(
     points: Array,
     *,
     frequency: float,
-) -> tuple[Mask, NDArray[np.complex128]]:
+) -> tuple[Mask, list[Wave]]:
     """Which points a chain shows, and what its mirrors leave of the amplitude one way.
 
     Parameters
@@ -137,19 +185,23 @@ def walk_back(
     Returns
     -------
     seen : (n,) bool array
-    amplitude : (n,) complex array
-        Product of the reflection coefficients; meaningless where not seen.
+    waves : list of Wave
+        Their amplitudes are products of the coefficients on the way, meaningless where not seen. There is one, unless
+        the way meets a panel that lets waves through.
     """
-    images = [origin]
+    images, turns = [origin], [np.eye(3)]
     for number in chain:
         quad = traced.quads[number]
         images.append(reflect(images[-1], quad.center, quad.normal))
+        turns.append(turns[-1] @ (np.eye(3) - 2.0 * np.outer(quad.normal, quad.normal)))
+    sheet_at = {sheet.front + side: sheet for sheet in traced.sheets for side in (0, 1)}
     seen = np.ones(len(points), dtype=bool)
-    amplitude = np.ones(len(points), dtype=complex)
+    waves = [Wave.straight(len(points))]
     alive = np.arange(len(points))
     target = points
-    for number, image in zip(reversed(chain), reversed(images[1:]), strict=True):
-        quad = traced.quads[number]
+
+    for level in reversed(range(len(chain))):
+        quad, image = traced.quads[chain[level]], images[level + 1]
         normal = quad.normal
         to_image = (image - quad.center) @ normal
         height = (target - quad.center) @ normal
@@ -162,8 +214,24 @@ def walk_back(
         seen[alive[~front]] = False
         alive, target, bounce = alive[front], target[front], bounce[front]
         cosine = (target - bounce) @ normal / np.maximum(np.linalg.norm(target - bounce, axis=1), 1e-12)
-        amplitude[alive] *= specular_amplitude(scene.surface[quad.surface], frequency, cosine)
+        for which, later in after_passing(scene, traced.sheets, bounce, target, turns[level + 1], frequency):
+            waves = one_after_another(waves, alive[which], later)
+        if (sheet := sheet_at.get(chain[level])) is not None:
+            sight = unit(target - bounce)
+            later = after_reflection(scene, sheet, normal, sight, cosine, turns[level + 1], frequency)
+            waves = one_after_another(waves, alive, later)
+        else:
+            finish = scene.surface[quad.surface]
+            for wave in waves:
+                coefficient = specular_amplitude(finish, frequency, cosine, named(scene.polarization))
+                wave.amplitude[alive] *= coefficient
         target = bounce
     free = ~traced.caster.blocked(target, np.broadcast_to(origin, target.shape), slack=SLACK)
     seen[alive[~free]] = False
-    return seen, amplitude
+    alive, target = alive[free], target[free]
+    start = np.broadcast_to(origin, target.shape)
+    for which, later in after_passing(scene, traced.sheets, start, target, turns[0], frequency):
+        waves = one_after_another(waves, alive[which], later)
+    if traced.sheets:
+        seen &= strength(waves, len(points)) ** 2 > WEAKEST_CHAIN
+    return seen, waves

@@ -18,10 +18,12 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
-from mirrorfold.simulation.raster.chains import SLACK, TracedScene, find_chains, traced_scene, walk_back
+from mirrorfold.simulation.raster.chains import TracedScene, find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.rounds import RoundFace, facing_place, round_faces, shown_in, spread
+from mirrorfold.simulation.raster.sheets import there_and_back
 from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze, image_frame, specular_amplitude
+from mirrorfold.simulation.rays.scatterers import named
 
 BEAM_EDGE = 2.2
 """Echoes further from a beam's axis than this many beam radii are left out: 84 dB below its middle."""
@@ -103,7 +105,7 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     empty = _nothing()
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
-    traced = traced_scene(parts)
+    traced = traced_scene(scene, parts)
     speckle = freeze(scene, parts, seed=seed, density=density)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
@@ -140,16 +142,23 @@ def _through(
     cosine = np.einsum("nd,nd->n", sight, speckle.normal) / distance
     facing = np.flatnonzero(cosine > SMALLEST_COSINE)
     facing = facing[_in_view(scene, to_image(speckle.foot[facing]) - origin)]
-    seen, mirrors = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
-    facing, mirrors, cosine = facing[seen], mirrors[seen], cosine[facing[seen]]
+    seen, waves = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
+    facing, cosine = facing[seen], cosine[facing[seen]]
     # Waves cross the inside of a wall straight and as fast as in air: depths are those which a radar image shows.
     inward = -speckle.depth[facing] / cosine
     place = speckle.foot[facing] + inward[:, None] * sight[facing] / distance[facing, None]
-    amplitude = _scattered(scene, speckle, facing, cosine, frequency) * mirrors**2
+    scattered = _scattered(scene, speckle, facing, cosine, frequency)
     position = to_image(place) - origin
     range_ = np.linalg.norm(position, axis=1)
-    width = scene.scanner.radius(range_, speed_of_light / frequency)
-    return Echoes3D.even(position, range_, amplitude, np.full(len(facing), len(chain)), width)
+    parts = [_nothing()]
+    for wave in there_and_back([one.take(seen) for one in waves]):
+        here = np.flatnonzero(np.abs(wave.amplitude) > 0.0)
+        far = range_[here] + wave.extra[here]
+        at = position[here] * (far / range_[here])[:, None] + wave.aside[here]
+        width = scene.scanner.radius(far, speed_of_light / frequency)
+        found = scattered[here] * wave.amplitude[here]
+        parts.append(Echoes3D.even(at, far, found, np.full(here.size, len(chain)), width))
+    return Echoes3D.joined(parts)
 
 
 def _scattered(
@@ -194,14 +203,15 @@ def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency
         return _nothing()
     way = place - origin
     before = float(np.linalg.norm(way))
-    if before < SMALLEST_GLINT or traced.caster.blocked(place[None], origin[None], slack=SLACK)[0]:
+    if before < SMALLEST_GLINT or traced.blocked(place[None], origin[None])[0]:
         return _nothing()
     wavelength = speed_of_light / frequency
     power, direction = face.shape.bending(way[None] / before, face.shape.outward(place[None]))
     alpha = 2.0 / float(scene.scanner.radius(before, wavelength)) ** 2
     beta = 2.0j * np.pi / wavelength * (1.0 / before + 0.5 * power[0])
     coupled, width = _own_image(alpha, beta)
-    amplitude = specular_amplitude(scene.surface[face.surface], frequency, np.ones(1)) * coupled
+    finish, sent = scene.surface[face.surface], named(scene.polarization)
+    amplitude = specular_amplitude(finish, frequency, np.ones(1), sent) * coupled
     if width[0] < width[1]:
         direction = np.cross(way[None] / before, direction)
     return Echoes3D(way[None], np.array([before]), amplitude, np.ones(1, np.int64), np.array([width.max()]),
@@ -228,16 +238,21 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
         return nothing
     aside = np.linalg.svd(way[None])[2][1:]
     pencil = origin + PENCIL * np.concatenate([np.zeros((1, 3)), aside, -aside])
-    seen, mirrors = walk_back(scene, traced, origin, chain, pencil, frequency=frequency)
+    seen, waves = walk_back(scene, traced, origin, chain, pencil, frequency=frequency)
     if not seen.all():
         return nothing
     wavelength = speed_of_light / frequency
     width = float(scene.scanner.radius(0.5 * length, wavelength))
     alpha, beta = 2.0 / width**2, 4.0j * np.pi / (wavelength * length)
     coupled, wide = _own_image(alpha, np.full(2, beta))
-    return Echoes3D.even(
-        0.5 * way[None], np.array([0.5 * length]), mirrors[:1] * coupled, np.array([len(chain)]), wide[:1]
-    )
+    half = 0.5 * length
+    return Echoes3D.joined([
+        Echoes3D.even(
+            0.5 * ((1.0 + wave.extra[:1] / length) * way[None] + wave.aside[:1]), half + 0.5 * wave.extra[:1],
+            wave.amplitude[:1] * coupled, np.array([len(chain)]), wide[:1],
+        )
+        for wave in waves
+    ])  # fmt: skip
 
 
 def _own_image(alpha: float, beta: NDArray[np.complex128]) -> tuple[complex, Array]:

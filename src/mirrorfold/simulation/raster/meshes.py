@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -98,6 +98,9 @@ def _solid(surface: Surface3D, index: int) -> Solid:
         right, up = 0.5 * surface.width * frame.linear[:, 0], 0.5 * surface.height * frame.linear[:, 2]
         # Normals are right x up: its own right, seen from the front, points to the left of the normal.
         quads = tuple(Quad(frame.shift, side * right, up, index) for side in (-1.0, 1.0))
+        if surface.thickness is not None:
+            half = 0.5 * surface.thickness
+            quads = tuple(replace(quad, center=quad.center + half * quad.normal) for quad in quads)
         corners = frame.shift + np.array([-right - up, right - up, right + up, -right + up])
         return Solid(index, quads, corners, _QUAD)
     if isinstance(surface, Box) and surface.rounding == 0.0:

@@ -19,8 +19,9 @@ from mirrorfold.common.beams import spread_beam
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.solids import Cylinder, Scene3D, Sphere
-from mirrorfold.simulation.raster.chains import SLACK, WEAKEST_CHAIN, TracedScene
+from mirrorfold.simulation.raster.chains import WEAKEST_CHAIN, TracedScene
 from mirrorfold.simulation.raster.speckle import specular_amplitude
+from mirrorfold.simulation.rays.scatterers import named
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,8 @@ def round_faces(scene: Scene3D, frequency: float) -> list[RoundFace]:
             shape, reach = RoundSurface(0.5 * (start + end), (end - start) / length, surface.radius), 0.5 * length
         else:
             continue
-        if np.abs(specular_amplitude(surface, frequency, np.array([1.0, 0.1]))).max() ** 2 > WEAKEST_CHAIN:
+        coefficient = specular_amplitude(surface, frequency, np.array([1.0, 0.1]), named(scene.polarization))
+        if np.abs(coefficient).max() ** 2 > WEAKEST_CHAIN:
             found.append(RoundFace(index, shape, reach))
     return found
 
@@ -94,13 +96,14 @@ def shown_in(
     seen &= np.sum(back * normals, axis=1) > smallest_cosine * np.linalg.norm(back, axis=1)
     which = np.flatnonzero(seen)
     there = np.broadcast_to(origin, (which.size, 3))
-    blocked = traced.caster.blocked(points[which], places[which], slack=SLACK)
-    blocked |= traced.caster.blocked(places[which], there, slack=SLACK)
+    blocked = traced.blocked(points[which], places[which])
+    blocked |= traced.blocked(places[which], there)
     seen[which[blocked]] = False
     which = which[~blocked]
     sight, normal = places[which] - origin, face.shape.outward(places[which])
     cosine = -np.sum(sight * normal, axis=1) / np.linalg.norm(sight, axis=1)
-    amplitude[which] = specular_amplitude(scene.surface[face.surface], frequency, cosine)
+    finish = scene.surface[face.surface]
+    amplitude[which] = specular_amplitude(finish, frequency, cosine, named(scene.polarization))
     return seen, places, amplitude
 
 

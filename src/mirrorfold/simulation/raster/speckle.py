@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array, Index
 from mirrorfold.scenes.materials import coherent_factor, scattering_depth
 from mirrorfold.scenes.solids import Finish, Scene3D
@@ -51,15 +52,27 @@ class Speckle:
     strength: NDArray[np.complex128]
 
 
-def specular_amplitude(finish: Finish, frequency: float, cosine: Array) -> NDArray[np.complex128]:
+def specular_amplitude(
+    finish: Finish, frequency: float, cosine: Array, polarization: Polarization = "TE"
+) -> NDArray[np.complex128]:
     """Reflection coefficient of a surface, (...): Fresnel's, less what roughness, texture and loss take."""
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     kept = np.sqrt(1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 20.0)
-    return np.asarray(finish.substance.reflection(frequency, angle) * _coherent(finish, frequency, angle) * kept)
+    coefficient = finish.substance.reflection(frequency, angle, polarization)
+    return np.asarray(coefficient * _coherent(finish, frequency, angle) * kept)
+
+
+def kept_share(finish: Finish) -> float:
+    """Share of the reflected power that texture and loss leave to the specular direction."""
+    return (1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 10.0)
 
 
 def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bool) -> Array:
-    """Q: share of the arriving power that is scattered on the face, or `inside`, (...)."""
+    """Q: share of the arriving power that is scattered on the face, or `inside`, (...).
+
+    That of E parallel to the face serves both polarizations: what returns comes from facets that face the scanner and
+    send both back alike (Kirchhoff's approximation: Ulaby, Moore and Fung, Microwave Remote Sensing II, 1982, 12-4).
+    """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     reflected = np.abs(finish.substance.reflection(frequency, angle)) ** 2
     kept = 10.0 ** (-finish.loss_db / 10.0)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,12 +20,14 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.forecasts import expect
+from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.echoes import Echoes3D, beam_reach, find_echoes
 from mirrorfold.simulation.raster.spreading import DelayGrid, spread_echoes
 from mirrorfold.sweep import add_noise, make_raster_sweep
+from mirrorfold.sweep.polarization import join_polarizations
 
 STEP_PER_BEAM = 2.0
 """Largest scan step in beam radii at the focus: things between two beams are seen by neither beyond it."""
@@ -41,6 +45,8 @@ def simulate_raster(
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """The Sweep ``s(frequency, azimuth, elevation)`` that a raster scanner measures in a scene.
+
+    Of a scene in both polarizations ``s(polarization, frequency, azimuth, elevation)``, with the same scatterers.
 
     Parameters
     ----------
@@ -69,10 +75,31 @@ def simulate_raster(
         check_step(scene)
     azimuth, elevation = scene.scanner.angles
     beams = f"scene {scene.name!r}: {azimuth.size} x {elevation.size} beams of {scene.band.points} frequencies"
-    samples = {"sweep": 8.0 * azimuth.size * elevation.size * scene.band.points}
+    waves = POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
+    samples = {"sweep": 8.0 * len(waves) * azimuth.size * elevation.size * scene.band.points}
     expect(samples | {"its copy": samples["sweep"]}, beams, "give fewer, or raise the limit", limit=memory_limit)
+    settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "density": density, "force": force}
+    settings |= {"noise_alone": snr_db is not None, "progress": progress}
+    parts = {one: _without_noise(replace(scene, polarization=one), **settings) for one in waves}
+    sweeps: dict[str, xr.Dataset] = {one: sweep for one, (sweep, _) in parts.items()}
+    sweep = join_polarizations(sweeps) if len(waves) > 1 else parts[waves[0]][0]
+    if snr_db is not None and all(returned for _, returned in parts.values()):
+        sweep = add_noise(sweep, snr_db=snr_db, seed=seed)
+    leakage = scene.scanner.leakage
+    if leakage is not None:
+        phase = -4.0j * np.pi * scene.band.frequency / speed_of_light * leakage.range
+        sweep["s"].values[:] += (10.0 ** (leakage.level_db / 20.0) * np.exp(phase)).astype(np.complex64)[:, None, None]
+    return sweep
+
+
+def _without_noise(
+    scene: Scene3D, *, bounces: int, seed: int, density: float, force: bool, noise_alone: bool,
+    progress: Progress | None,
+) -> tuple[xr.Dataset, bool]:  # fmt: skip
+    """The sweep in one polarization, without noise and leakage, and whether anything returns; else noise alone."""
+    azimuth, elevation = scene.scanner.angles
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed, density=density)
-    if not echoes.range.size and snr_db is None:
+    if not echoes.range.size and not noise_alone:
         raise InputError(
             f"scene {scene.name!r}: there is nothing to simulate, no surface returns anything to the scanner; "
             "add one that it sees, or give surfaces a roughness, diffuse_fraction or volume_depth"
@@ -98,15 +125,10 @@ def simulate_raster(
         seed=seed,
         spot_radius=scene.scanner.spot_radius,
         focus_distance=scene.scanner.focus_distance,
+        **({} if scene.polarization == "TE" else {"polarization": scene.polarization}),
         **counts,
     )
-    if snr_db is not None and echoes.range.size:
-        sweep = add_noise(sweep, snr_db=snr_db, seed=seed)
-    leakage = scene.scanner.leakage
-    if leakage is not None:
-        phase = -4.0j * np.pi * scene.band.frequency / speed_of_light * leakage.range
-        sweep["s"].values[:] += (10.0 ** (leakage.level_db / 20.0) * np.exp(phase)).astype(np.complex64)[:, None, None]
-    return sweep
+    return sweep, bool(echoes.range.size)
 
 
 def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = None) -> NDArray[np.complex64]:

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,8 +30,8 @@ from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.materials import coherent_factor, material, scattering_depth
-from mirrorfold.scenes.surfaces import Surface
+from mirrorfold.scenes.materials import Substance, coherent_factor, material, scattering_depth
+from mirrorfold.scenes.surfaces import Roughness, Surface
 from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
 
@@ -42,8 +43,22 @@ ANGLES, ANGLE_WEIGHTS = np.polynomial.legendre.leggauss(64)
 """Quadrature over the angle of incidence, on [-1, 1]; the integrands are smooth."""
 
 
+class Faced(Protocol):
+    """Any surface with a face, in a floor plan or in space."""
+
+    @property
+    def material(self) -> str | Substance:
+        """What it is made of."""
+        ...
+
+    @property
+    def roughness(self) -> Roughness | None:
+        """Of its face."""
+        ...
+
+
 def specular_coefficient(
-    surface: Surface, frequency: ArrayLike, cosine: ArrayLike, polarization: Polarization = "TE"
+    surface: Faced, frequency: ArrayLike, cosine: ArrayLike, polarization: Polarization = "TE"
 ) -> NDArray[np.complex128]:
     """Fresnel's coefficient times what roughness leaves of it.
 
@@ -69,7 +84,7 @@ def named(polarization: str) -> Polarization:
     return "TM" if polarization == "TM" else "TE"
 
 
-def _coherent(surface: Surface, frequency: ArrayLike, angle: ArrayLike) -> Array:
+def _coherent(surface: Faced, frequency: ArrayLike, angle: ArrayLike) -> Array:
     """What roughness leaves of the specular amplitude of a surface; 1 for a smooth one."""
     if surface.roughness is None:
         return np.ones(np.broadcast_shapes(np.shape(frequency), np.shape(angle)))

@@ -34,10 +34,10 @@ from mirrorfold.common.geometry import crossing, segment_normal
 from mirrorfold.common.slabs import Polarization, fresnel, inside
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.materials import permittivity
-from mirrorfold.scenes.surfaces import Polyline, Segment, Surface
+from mirrorfold.scenes.surfaces import Surface
 from mirrorfold.simulation.rays.outline import TOUCH, Outline
 from mirrorfold.simulation.rays.paths import Chain
-from mirrorfold.simulation.rays.scatterers import specular_coefficient
+from mirrorfold.simulation.rays.scatterers import Faced, specular_coefficient
 
 LEAST = 3e-4
 """Waves weaker than this share of what meets the walls are left out."""
@@ -46,17 +46,18 @@ MOST = 40
 """Times to and fro, at most: at 70 degrees in glass, TE, the amplitude falls by 5 dB each time."""
 
 Series = list[tuple[Complex, Array]]
-"""Waves that follow each other: amplitudes (3, paths) at the knots of the band, and extra lengths (paths,) [m]."""
+"""Waves that follow each other: amplitudes (f, paths) at f frequencies, and extra lengths (paths,) [m]. In a floor plan
+these are the three knots of the band."""
 
 
-def thickness_of(surface: Surface) -> float | None:
+def thickness_of(surface: Faced) -> float | None:
     """Thickness [m] of a wall that waves pass through; None for all others."""
-    return surface.thickness if isinstance(surface, Segment | Polyline) else None
+    return getattr(surface, "thickness", None)
 
 
 @dataclass(frozen=True)
 class _Faces:
-    """The faces of a wall at frequencies (3, 1), for paths at angles of incidence; arrays (3, paths) but for `across`.
+    """The faces of a wall at frequencies (f, 1), for paths at angles of incidence; arrays (f, paths) but for `across`.
 
     Attributes
     ----------
@@ -76,19 +77,19 @@ class _Faces:
     across: Array
 
     @classmethod
-    def of(cls, surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> _Faces:
+    def of(cls, surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> _Faces:
         eps, angle = permittivity(surface.material, frequency), np.arccos(np.clip(cosine, 0.0, 1.0))
         wavenumber = 2.0 * np.pi * frequency / speed_of_light
         r, q = fresnel(eps, angle, polarization), inside(eps, angle)
-        across = q[1].real
+        across = q[len(q) // 2].real
         height = wavenumber * (surface.roughness.rms_height if surface.roughness else 0.0)
         passage, within = np.exp(-0.5 * (height * (across - cosine)) ** 2), np.exp(-2.0 * (height * across) ** 2)
         way = np.exp(-1j * wavenumber * (thickness_of(surface) or 0.0) * (q - across))
         return cls((1.0 - r**2) * passage**2, r * within * way, way, across)
 
 
-def reflected(surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
-    """What a surface reflects, at frequencies (3, 1) [Hz] and cosines (paths,) of the angle of incidence."""
+def reflected(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+    """What a surface reflects, at frequencies (f, 1) [Hz] and cosines (paths,) of the angle of incidence."""
     front = specular_coefficient(surface, frequency, cosine, polarization)
     thickness = thickness_of(surface)
     if thickness is None:
@@ -102,7 +103,7 @@ def reflected(surface: Surface, frequency: Array, cosine: Array, polarization: P
     return kept(found)
 
 
-def transmitted(surface: Surface, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+def transmitted(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
     """What passes through a wall; paths whose cosine is NaN do not meet it."""
     met = np.isfinite(cosine)
     cosine = np.where(met, cosine, 1.0)
