@@ -8,6 +8,8 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.tree.guessed import GUESS, UNDECIDED
 
+pytestmark = pytest.mark.slow
+
 ROUGH = {"rms_height": 0.1e-3, "correlation_length": 0.2e-3}
 DOOR = {"name": "door", "kind": "segment", "start": [0.29, 1.376], "end": [0.556, 1.023], "material": "glass",
         "thickness": 6e-3, "roughness": {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}}  # fmt: skip

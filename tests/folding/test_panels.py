@@ -28,6 +28,7 @@ def test_one_thing_stands_behind_the_board_and_one_beside_the_view(seed):
             assert (abs(beam_angles(place)[0]) > EDGE) == (name == "target")
 
 
+@pytest.mark.slow
 def test_what_metal_shows_alike_in_both_polarizations_is_no_thin_wall():
     """Of a pane so thin that all passes alike, and of metal, two polarizations say the same."""
     random = np.random.default_rng(1)

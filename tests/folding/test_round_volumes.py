@@ -18,6 +18,8 @@ from mirrorfold.detection.mirror import WayFold
 from mirrorfold.detection.round_mirror import RoundMirror
 from mirrorfold.detection.rounds import find_rounds, fitted
 
+pytestmark = pytest.mark.slow
+
 RADIUS = 0.2
 PILLAR = pillar(radius=RADIUS)
 SLANTING = {**PILLAR, "start": [-0.3, 2.2, -0.9], "end": [0.3, 2.2, 0.9]}

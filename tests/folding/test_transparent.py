@@ -14,6 +14,8 @@ from mirrorfold.detection import lines
 from mirrorfold.scoring.transparent import NEEDED
 from mirrorfold.tree import short_rows, transparent
 
+pytestmark = pytest.mark.slow
+
 SCENE = files("mirrorfold") / "scenes/shipped/glass-door.toml"
 
 

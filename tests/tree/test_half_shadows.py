@@ -13,6 +13,8 @@ from mirrorfold.common.geometry import crossing
 from mirrorfold.folding.earlier import known_hems
 from mirrorfold.tree.half_shadows import Hems, _hem
 
+pytestmark = pytest.mark.slow
+
 SCREEN = np.array([0.07, 0.15]), np.array([0.21, 0.18])
 """A wall that is near the array, about as long as which it is."""
 

@@ -31,6 +31,7 @@ def echoes(passed, angle, eps=GLASS, thickness=THICKNESS, level=0.02, seed=0):
     return Pairs(found[0], found[1], angle, K, np.full(angle.size, level**2), 5.0, 0.025)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("low", [20.0, 45.0])
 def test_echoes_are_sorted_and_the_wall_is_measured(low):
     angle = np.radians(np.linspace(low, low + 25.0, 24))
@@ -46,6 +47,7 @@ def test_echoes_are_sorted_and_the_wall_is_measured(low):
     assert abs(pane.permittivity.real - GLASS.real) < 3.0 * pane.permittivity_error
 
 
+@pytest.mark.slow
 def test_a_mirror_of_metal_is_no_window():
     random = np.random.default_rng(1)
     wave = random.standard_normal((8, K.size, 2)) @ np.array([1.0, 1.0j])
@@ -58,6 +60,7 @@ def test_a_mirror_of_metal_is_no_window():
     assert pane.against_metal < 5.0
 
 
+@pytest.mark.slow
 def test_many_objects_behind_metal_that_prefer_a_polarization_make_no_window():
     """All by 2 dB, each by another decibel, at angles at which a thin pane lets both pass nearly alike."""
     random = np.random.default_rng(2)
@@ -68,6 +71,7 @@ def test_many_objects_behind_metal_that_prefer_a_polarization_make_no_window():
     assert pane.against_metal < AGAINST_METAL
 
 
+@pytest.mark.slow
 def test_a_few_reflections_among_much_that_passed_are_no_metal():
     """What passes a thin pane at small angles might be shown by metal; what it reflects at 38 degrees might not."""
     angle = np.radians(np.append(np.linspace(16.0, 34.0, 30), np.linspace(37.0, 40.0, 5)))
