@@ -16,7 +16,6 @@ from mirrorfold.detection.image_echoes import (
     find_pixels,
     find_ridges,
     noise_floor,
-    side_lobes,
 )
 from mirrorfold.detection.image_view import to_image_view
 
@@ -97,7 +96,7 @@ def test_side_lobes_of_a_bright_point_are_not_echoes_but_weak_points_are():
 
 def test_the_bound_on_side_lobes_lies_above_them_but_not_far():
     view = radar_view(np.array([[0.0, 1.5]]), np.array([1.0]))
-    claim = side_lobes(view)
+    claim = view.side_lobes
     row = np.argmin(np.abs(view.range - 1.5))
     distance = np.abs(view.u)
     beside = (distance > 2.0 * view.u_cell) & (distance < 0.6)
@@ -114,7 +113,7 @@ def test_side_lobes_stay_at_their_range():
     view = empty_view()
     amplitude = view.amplitude.copy()
     amplitude[100, 200] = 1.0
-    claim = side_lobes(replace(view, amplitude=amplitude))
+    claim = replace(view, amplitude=amplitude).side_lobes
     assert claim[100].max() > 0.0
     assert not np.delete(claim, 100, axis=0).any()
 

@@ -18,7 +18,6 @@ from scipy.constants import speed_of_light
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image, radar_view
 
 import mirrorfold as mf
-from mirrorfold.detection.image_echoes import side_lobes
 from mirrorfold.detection.image_view import LARGEST_SINE, to_image_view
 from mirrorfold.detection.view import check_samples
 from mirrorfold.sweep import make_sweep
@@ -261,7 +260,7 @@ def test_one_antenna_that_sends_and_hears_resolves_as_one_array_of_twice_the_len
     for name, view in (("two", two), ("one", one)):
         seen = replace(view, amplitude=np.zeros((3, view.u.size)))
         seen.amplitude[1, view.column(np.array(-0.1))] = 1.0
-        level[name] = side_lobes(seen)[1, view.column(np.array(-0.1 + far))]
+        level[name] = seen.side_lobes[1, view.column(np.array(-0.1 + far))]
     lobes = np.pi * 0.08 / two.wavelength * far
     assert level["two"] == pytest.approx(lobes**-2, rel=0.4)
     assert level["one"] == pytest.approx(0.5 / lobes, rel=0.4)

@@ -40,39 +40,13 @@ def noise_floor(view: ImageView) -> Array:
     return noise_limit(float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0, raw.size) * spreading
 
 
-def side_lobes(view: ImageView) -> Array:
-    """Amplitude that side lobes of brighter echoes at the same range may reach, (nr, nu).
-
-    Between the lobes of a uniform array the envelope is ``1 / (pi D u / lambda)`` each way, so an echo of amplitude A
-    may show as ``A / ((pi D_tx du)(pi D_rx du))`` a distance du away. Computed as the largest such claim, over
-    distances that double in steps of a resolution cell.
-    """
-    claim = np.zeros_like(view.amplitude)
-    half = max(1, round(1.5 * view.u_cell / view.du))
-    peak = view.amplitude
-    while half < view.u.size:
-        distance = half * view.du
-        envelope = 1.0 / (max(1.0, np.pi * view.aperture_tx * distance) * max(1.0, np.pi * view.aperture_rx * distance))
-        nxt = max(half + 1, int(1.3 * half))
-        # The brightest echo between `half` and `nxt` steps to either side.
-        window = nxt - half + 1
-        brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
-        offset = half + window // 2
-        brightest *= envelope
-        np.maximum(claim[:, offset:], brightest[:, :-offset], out=claim[:, offset:])
-        np.maximum(claim[:, :-offset], brightest[:, offset:], out=claim[:, :-offset])
-        half = nxt
-    return claim
-
-
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Array | None = None) -> Echoes:
     """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo.
 
     Where a `gain` (nr, nu) is given, the threshold is lower by it: there a known mirror dims what it shows.
     """
     amplitude = view.amplitude
-    quiet, floor = noise_floor(view), side_lobes(view)
-    floor *= 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+    quiet, floor = noise_floor(view), view.side_lobes * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
     np.maximum(quiet[:, None], floor, out=floor)
     above = amplitude > floor
     reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))

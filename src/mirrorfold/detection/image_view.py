@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
-from scipy.ndimage import map_coordinates, spline_filter
+from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.memory import check_room
@@ -199,6 +199,31 @@ class ImageView(View):
             for unit, piece in ((1.0, carried.real), (1j, carried.imag))
         )
         return depth, np.asarray(values)
+
+    @cached_property
+    def side_lobes(self) -> Array:
+        """Amplitude that side lobes of brighter echoes at the same range may reach, (nr, nu).
+
+        Between the lobes of a uniform array the envelope is ``1 / (pi D u / lambda)`` each way, so an echo of amplitude
+        A may show as ``A / ((pi D_tx du)(pi D_rx du))`` a distance du away. Computed as the largest such claim, over
+        distances that grow by a third from a resolution cell and a half on.
+        """
+        claim = np.zeros_like(self.amplitude)
+        half = max(1, round(1.5 * self.u_cell / self.du))
+        peak = self.amplitude
+        while half < self.u.size:
+            distance = half * self.du
+            tx, rx = (max(1.0, np.pi * length * distance) for length in (self.aperture_tx, self.aperture_rx))
+            nxt = max(half + 1, int(1.3 * half))
+            # The brightest echo between `half` and `nxt` steps to either side.
+            window = nxt - half + 1
+            brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
+            offset = half + window // 2
+            brightest *= 1.0 / (tx * rx)
+            np.maximum(claim[:, offset:], brightest[:, :-offset], out=claim[:, offset:])
+            np.maximum(claim[:, :-offset], brightest[:, offset:], out=claim[:, :-offset])
+            half = nxt
+        return claim
 
     @cached_property
     def _power(self) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from mirrorfold.common.geometry import segment_normal
@@ -14,6 +16,7 @@ TRUTH_SPACING = 0.002
 """True surfaces are sampled this densely [m], a tenth of the distance of a good point."""
 
 
+@lru_cache(4)  # a scene is judged again and again: in a report, in a score, by several methods
 def truth(scene: Scene, *, bounces: int = BOUNCES) -> Truth:
     """Samples of all surfaces, and which of them can be seen by way of at most so many mirrors."""
     samples = [(np.empty((0, 2)), np.empty((0, 2))), *(s.sample(TRUTH_SPACING)[:2] for s in scene.surface)]
