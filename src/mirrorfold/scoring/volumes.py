@@ -17,7 +17,7 @@ from mirrorfold.scoring.truth import Truth
 from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
 from mirrorfold.simulation.raster.rounds import round_faces, shown_in
-from mirrorfold.simulation.raster.sheets import Sheet
+from mirrorfold.simulation.raster.sheets import Sheet, sheet_of
 from mirrorfold.simulation.raster.speckle import image_frame, sample
 
 TRUTH_SPACING = 0.005
@@ -100,11 +100,11 @@ def visible_truth(
 def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
     """Panels that waves pass through, and which places (p, 3) [m] are seen through them; None where there are none."""
     parts = solids(scene)
-    sheets = traced_scene(scene, parts).sheets if parts else []
-    panels = {sheet.middle.surface for sheet in sheets}
-    things = _samples([solid for solid in parts if solid.surface not in panels])[0]
-    if not sheets or not len(things):
+    found = [(solid, sheet_of(scene, solid, 0)) for solid in parts]
+    sheets, others = [sheet for _, sheet in found if sheet], [solid for solid, sheet in found if not sheet]
+    if not sheets or not others:
         return None
+    things = _samples(others)[0]
     origin = np.array(scene.scanner.origin)
     met, incidence = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan)
     for sheet in sheets:
