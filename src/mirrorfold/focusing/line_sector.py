@@ -93,13 +93,16 @@ class LineArraySector:
         inner = np.tensordot(nodes.value, to_r, axes=(0, 1)).transpose(0, 2, 1)  # (w node, row, node)
         inner = np.ascontiguousarray(inner, dtype=np.complex64).reshape(n_w, -1).view(np.float32)
         self.value = np.empty((lines, rows, self.nodes), dtype=np.complex64)
-        np.matmul(to_w.astype(np.float32), inner, out=self.value.reshape(lines, -1).view(np.float32))
+        to_w = to_w.astype(np.float32)
         turns = float(k[middle]) * design.curvature / (2.0 * pi)
 
-        def bend(line: int) -> None:
-            self.value[line] *= np.exp(-2j * pi * turns * (1.0 - u[line] ** 2) / at_r)[:, None].astype(np.complex64)
+        def tabulate(first: int) -> None:
+            part = slice(first, min(first + LINES_A_BLOCK, lines))
+            value = self.value[part]
+            np.matmul(to_w[part], inner, out=value.reshape(len(value), -1).view(np.float32))
+            value *= np.exp(-2j * pi * turns * (1.0 - u[part, None] ** 2) / at_r)[..., None].astype(np.complex64)
 
-        for_each(bend, range(lines))
+        for_each(tabulate, range(0, lines, LINES_A_BLOCK))
         second = len(problem.rx)
         if problem.monostatic:
             self.pair, self.partner = lattice.tx, lattice.tx
