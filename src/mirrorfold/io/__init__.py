@@ -100,17 +100,17 @@ def _prepare_to_read(path: Path) -> None:
         hdf5.prepare()
 
 
-def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path:
-    """Write a sweep, an image or a reconstruction to a netCDF-4 file.
+def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: str | Path) -> Path:
+    """Write a sweep, an image or a reconstruction to a netCDF-4 file, or a scene to a TOML file.
 
     The file appears under its name once it is complete; when writing fails, what was there before stays.
 
     Parameters
     ----------
-    obj : xarray.Dataset, xarray.DataArray or xarray.DataTree
-        A sweep, an image or a reconstruction.
+    obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene or Scene3D
+        A sweep, an image, a reconstruction or a scene.
     path : path
-        Its directory must exist.
+        Its directory must exist; that of a scene ends in ``.toml``.
 
     Returns
     -------
@@ -124,6 +124,12 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: str | Path) -> Path
     OSError
         If the disk is full or fails.
     """
+    import xarray as xr
+
+    if not isinstance(obj, xr.Dataset | xr.DataArray | xr.DataTree):
+        from mirrorfold.io.scene_files import write_scene
+
+        return write_scene(obj, _path("save", path))
     from mirrorfold.io.netcdf import write
 
     return write(obj, _path("save", path))

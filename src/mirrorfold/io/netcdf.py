@@ -140,7 +140,7 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     Raises
     ------
     InputError
-        If the object is none of these or not valid, or nothing can be written there.
+        If the object is not valid, or nothing can be written there.
     OSError
         If the disk is full or fails; what was there before stays.
     """
@@ -149,10 +149,8 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
     elif isinstance(obj, xr.DataArray):
         image = check_image(obj)
         content = xr.DataTree(image.to_dataset(name="image").assign_attrs(mirrorfold_kind="image"))
-    elif isinstance(obj, xr.Dataset):
-        content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
     else:
-        raise InputError(f"save: got a {type(obj).__name__}, expected a sweep, an image or a reconstruction")
+        content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
     encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
     with written_whole(path) as temporary:

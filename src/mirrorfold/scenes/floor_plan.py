@@ -98,7 +98,25 @@ def load_scene(path: str | Path) -> Scene | Scene3D:
     path = Path(path)
     text = read_text(path, "give the path of a scene file")
     content = parsed(text, "TOML", str(path), "correct it or start from an example scene")
-    return parse_scene(_with_points_from_files(content, path), source=str(path))
+    return parse_scene(_with_files_beside(_with_points_from_files(content, path), path), source=str(path))
+
+
+def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content of a scene file in which meshes and tables of directions are found beside it.
+
+    What is not there stays as it is, and is looked for from the folder in which the program runs.
+    """
+
+    def found(entry: Any, name: str) -> Any:
+        if not isinstance(entry, dict) or not isinstance(entry.get(name), str):
+            return entry
+        beside = path.parent / entry[name]
+        return {**entry, name: str(beside)} if beside.exists() else entry
+
+    surfaces = content.get("surface")
+    if isinstance(surfaces, list):
+        content = {**content, "surface": [found(surface, "path") for surface in surfaces]}
+    return {**content, "scanner": found(content["scanner"], "directions")} if "scanner" in content else content
 
 
 def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:

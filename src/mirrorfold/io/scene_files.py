@@ -1,0 +1,35 @@
+"""Scene files that are written: TOML that `mirrorfold.scenes.floor_plan.load_scene` reads back to the same scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import tomli_w
+from pydantic import TypeAdapter
+
+from mirrorfold.errors import InputError
+from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.solids import Scene3D
+
+
+def write_scene(scene: Scene | Scene3D, path: Path) -> Path:
+    """Write a scene file; returns its path.
+
+    Every entry is written, with what it is by default, so that the file stays the same scene. Points that a curve had
+    in a file of its own stand in the scene file. Meshes and tables of directions stay where they are.
+
+    Raises
+    ------
+    InputError
+        If it is no scene, nothing can be written there, or the name does not end in ``.toml``.
+    OSError
+        If the disk is full or fails; what was there before stays.
+    """
+    if not isinstance(scene, Scene | Scene3D):
+        raise InputError(f"save: got a {type(scene).__name__}, expected a sweep, an image, a reconstruction or a scene")
+    check_output(path, suffixes=(".toml",))
+    content = TypeAdapter(type(scene)).dump_python(scene, mode="json", exclude_none=True)
+    with written_whole(path) as temporary:
+        temporary.write_text(tomli_w.dumps(content), encoding="utf-8")
+    return path
