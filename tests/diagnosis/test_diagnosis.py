@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import xarray as xr
-from scans import content, panel
+from scans import ball, content, panel
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
@@ -362,3 +362,12 @@ def test_mistakes_in_a_measured_ultrasonic_array(shared_data, mistake):
     sweep = mf.make_sweep(s, frequency=frequency[used], tx_position=place, rx_position=place, wave_speed=6300.0)
     waves = [finding.name for finding in diagnose(wrong(sweep, mistake))[0] if finding.name in str(MISTAKES)]
     assert tuple(waves) == MISTAKES[mistake]
+
+
+@pytest.mark.parametrize("snr_db", [None, 90.0])
+def test_beams_that_meet_nothing_are_no_silent_channels(snr_db):
+    """A ball in the middle of the scan: most beams pass beside it, and are 40 dB and more below those that meet it."""
+    scan = mf.simulate(content(ball(center=(0.0, 2.0, 0.0)), half=12.0, points=401), snr_db=snr_db)
+    power = np.mean(np.abs(scan["s"].values) ** 2, axis=0)
+    assert np.mean(power < 1e-4 * power.max()) > 0.5
+    assert diagnose(scan)[0] == []

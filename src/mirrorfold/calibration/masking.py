@@ -16,7 +16,8 @@ from mirrorfold.calibration.record import blocks, with_samples
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
-"""Level of a dead channel against the median channel [dB]; echoes and pattern make no such difference."""
+"""Level of a dead channel against the median channel [dB]; echoes and pattern make no such difference between the pairs
+of an array."""
 
 CLIPPED_SHARE = 0.02
 """Share of a channel's samples at its very largest real or imaginary value, from which on it is saturated."""
@@ -124,9 +125,11 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
-    dead = power <= 10.0 ** (DEAD_DB / 10.0) * typical
+    silent = power <= 10.0 ** (DEAD_DB / 10.0) * typical
+    # A steered beam that meets nothing is as silent as it should be.
+    dead = np.zeros_like(silent) if "azimuth" in sweep["s"].dims else silent
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
-    frequencies = gap | _spurs(s, gap, dead) if dead.size >= FEWEST_CHANNELS * frames else gap
+    frequencies = gap | _spurs(s, gap, silent) if silent.size >= FEWEST_CHANNELS * frames else gap
     if frequencies.any():
         s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
     clipped = np.zeros(s.shape[1:], dtype=int)
@@ -135,10 +138,10 @@ def find_bad(sweep: xr.Dataset) -> Bad:
             clipped[n] = clipped[n] + np.count_nonzero(
                 part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0
             )
-    saturated = ~dead & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
+    saturated = ~silent & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
-        noise = ~dead & ~saturated & _noise_elements(s, ~dead)
+        noise = ~silent & ~saturated & _noise_elements(s, ~silent)
     if "measured" in sweep.variables and sweep["measured"].shape == dead.shape:
         dead &= sweep["measured"].values.astype(bool)  # pairs that nobody measured are not silent
     return Bad(dead & ~undefined, saturated & ~undefined, noise & ~undefined, undefined, frequencies)
@@ -207,9 +210,9 @@ def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -
     return found
 
 
-def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], dead: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Frequencies that step out of their neighbours, in the median over the channels."""
-    good = np.flatnonzero(~dead)
+    good = np.flatnonzero(~silent)
     if s.shape[0] < 2 * NEIGHBOURS or not good.size or gap.all():
         return np.zeros(s.shape[0], dtype=bool)
     some = good[_spread(good.size, ENOUGH["channels"])]
