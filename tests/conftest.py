@@ -21,6 +21,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of what a shell runs
     with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
+collect_ignore_glob = ["*/conftest.py"]
+"""They hold no doctests; looked at for some, those of several folders would be in each other's way by their name."""
+
 ONE_WALL = Path(__file__).with_name("one_wall.toml")
 SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"
 

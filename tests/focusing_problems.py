@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import window
 from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.problem import Problem
+from mirrorfold.sweep import make_sweep
 
 BAND = np.linspace(296e9, 300e9, 41)
 
@@ -43,6 +45,12 @@ def noise(shape, seed=0) -> np.ndarray:
     """Complex white noise, single precision; real and imaginary part have variance one."""
     rng = np.random.default_rng(seed)
     return rng.standard_normal((*shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
+
+
+def small_sweep(**changes) -> xr.Dataset:
+    """White noise as 8 x 8 antennas measure it, with changes of its variables."""
+    tx = line(8, 0.5e-3)
+    return make_sweep(noise((41, 8, 8)), frequency=BAND, tx_position=tx, rx_position=tx).assign(**changes)
 
 
 def literal_sum(p: Problem, s: np.ndarray, points: np.ndarray) -> np.ndarray:

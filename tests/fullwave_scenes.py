@@ -15,6 +15,7 @@ WAVELENGTH = speed_of_light / TOP
 K = 2 * np.pi / WAVELENGTH
 WALL = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 TARGET = {"rms_height": 0.10e-3, "correlation_length": 0.2e-3}
+STRIP = {"kind": "segment", "start": [-0.01, 0.05], "end": [0.01, 0.055]}
 ANTENNAS = np.stack([np.linspace(-4e-3, 4e-3, 9), np.zeros(9)], axis=1)
 
 SHAPES = {

@@ -1,10 +1,13 @@
-"""Small three-dimensional scenes for the tests: a few mirrors, a few things, a coarse scan."""
+"""Small three-dimensional scenes for the tests: a few mirrors, a few things, a coarse scan; exact scans of points."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.constants import speed_of_light
 
+from mirrorfold.common.beams import beam_direction, beam_radius
 from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.sweep import make_raster_sweep
 
 ROUGH = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 BOARD = {"material": "plasterboard", "roughness": ROUGH, "volume_depth": 0.015}
@@ -75,3 +78,24 @@ def periscope():
         panel("third", (-0.8, 1.8, 0.0), (-1.0, -1.0, 0.0), 1.0, 1.0, **STEEL),
         ball("ball", (-1.5, 1.8, 0.0), 0.15),
     ]
+
+
+FREQUENCY = np.linspace(270e9, 300e9, 401)
+SPOT = {"spot_radius": 0.017, "focus_distance": 1.5}
+"""Frequencies [Hz] and beam [m] of the exact scans of points."""
+
+
+def point_sweep(*targets, half=3.0, beams=25, noise=0.0, **attrs):
+    """The exact sweep of point targets (x, y, z) [m]."""
+    angle = np.linspace(-half, half, beams)
+    sight = beam_direction(angle[:, None], angle)
+    s = np.zeros((FREQUENCY.size, beams, beams), dtype=complex)
+    for target in np.array(targets, dtype=float):
+        range_ = np.linalg.norm(target)
+        width = beam_radius(range_, wavelength=speed_of_light / FREQUENCY.mean(), **SPOT)
+        rho = np.linalg.norm(np.cross(sight, target), axis=-1)
+        wave = np.exp(-4j * np.pi * FREQUENCY * range_ / speed_of_light)
+        s += wave[:, None, None] * np.exp(-2.0 * (rho / width) ** 2)
+    generator = np.random.default_rng(0)
+    s += noise * (generator.standard_normal(s.shape) + 1j * generator.standard_normal(s.shape))
+    return make_raster_sweep(s, frequency=FREQUENCY, azimuth=angle, elevation=angle, **(SPOT | attrs))

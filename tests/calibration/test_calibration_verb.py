@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from test_calibration import sweep_of, with_delays
+from point_sweeps import sweep_of, with_delays
 
 import mirrorfold as mf
 from mirrorfold.cli import main

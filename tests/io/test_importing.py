@@ -1,10 +1,6 @@
-"""Import: mappings of any file to a sweep, proposals of mappings, and what they say when things do not fit."""
+"""Import: mappings of any file to a sweep, whatever the order of axes, the units and the form of the samples."""
 
 from __future__ import annotations
-
-import json
-import tomllib
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -12,52 +8,16 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from point_target import AXES, echo, line_of, same
 from profiles import examples
 from scipy.constants import speed_of_light
 from scipy.io import savemat
 
 import mirrorfold as mf
-from mirrorfold.cli import main
 from mirrorfold.errors import InputError
-from mirrorfold.io.guess import guess_mapping
 from mirrorfold.io.mapping import load_mapping, shipped
-from mirrorfold.io.proposal import Guess
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
-
-TARGET = np.array([0.05, 0.4, 0.02])
-
-
-def array_of(count, offset=0.0):
-    place = np.zeros((count, 3))
-    place[:, 0] = 0.5e-3 * (np.arange(count) - (count - 1) / 2) + offset
-    return place
-
-
-def echo(frequency, tx, rx, target=TARGET, speed=speed_of_light):
-    """The exact samples of a point, exp(-j k d)."""
-    d = np.linalg.norm(tx - target, axis=1)[:, None] + np.linalg.norm(rx - target, axis=1)
-    return np.exp(-2j * np.pi * frequency[:, None, None] / speed * d)
-
-
-@pytest.fixture
-def measured():
-    """Frequencies, antennas and samples of a point target, 5 x 7 elements."""
-    f = np.linspace(290e9, 300e9, 21)
-    tx, rx = array_of(5), array_of(7, 0.01)
-    return f, tx, rx, echo(f, tx, rx)
-
-
-def same(sweep, f, tx, rx, s):
-    np.testing.assert_allclose(sweep["frequency"], f, rtol=1e-12)
-    np.testing.assert_allclose(sweep["tx_position"], tx, atol=1e-12)
-    np.testing.assert_allclose(sweep["rx_position"], rx, atol=1e-12)
-    np.testing.assert_allclose(sweep["s"], s, atol=1e-5)
-    assert sweep["s"].dims == ("frequency", "tx", "rx")
-    assert sweep["s"].dtype == np.complex64
-
-
-AXES = ["frequency", "tx", "rx"]
 
 
 @ONE_FILE
@@ -127,7 +87,7 @@ def test_axes_are_renamed_turned_and_selected(tmp_path, measured):
 
 
 def test_a_half_matrix_becomes_a_full_one_by_reciprocity(tmp_path):
-    f, place = np.linspace(290e9, 300e9, 11), array_of(6)
+    f, place = np.linspace(290e9, 300e9, 11), line_of(6)
     s = echo(f, place, place)
     i, k = np.triu_indices(6)
     savemat(tmp_path / "fmc.mat", {"d": {"h": s[:, i, k], "tx": i + 1, "rx": k + 1, "el": place, "f": f}})
@@ -149,7 +109,7 @@ def test_a_half_matrix_becomes_a_full_one_by_reciprocity(tmp_path):
 
 
 def test_pairs_that_were_not_measured_are_missing_from_the_image(tmp_path):
-    f, place = np.linspace(290e9, 300e9, 41), array_of(6)
+    f, place = np.linspace(290e9, 300e9, 41), line_of(6)
     s = echo(f, place, place)
     i, k = np.triu_indices(6, 1)
     keep = (i + k) % 3 > 0
@@ -175,7 +135,7 @@ def test_pairs_that_were_not_measured_are_missing_from_the_image(tmp_path):
 
 
 def test_time_traces_become_frequencies(tmp_path):
-    speed, place = 6000.0, array_of(8) * 1.0
+    speed, place = 6000.0, line_of(8) * 1.0
     t = np.arange(1200) * 20e-9 + 1e-6
     target = np.array([0.001, 0.02, 0.0])
     d = np.linalg.norm(place - target, axis=1)
@@ -316,98 +276,6 @@ def test_the_cube_of_a_chirped_radar_becomes_a_sweep(tmp_path):
     assert y[peak[0]] == pytest.approx(4.0, abs=0.08)
 
 
-# --- what does not fit -----------------------------------------------------------------------------------------------
-
-GOOD = {
-    "s": {"variable": "s", "dims": ["frequency", "tx", "rx"]},
-    "frequency": "f",
-    "tx": {"position": "tx"},
-    "rx": {"position": "rx"},
-}
-
-
-@pytest.fixture
-def npz(tmp_path, measured):
-    f, tx, rx, s = measured
-    np.savez(tmp_path / "d.npz", s=s, f=f, tx=tx, rx=rx, ghz=f / 1e9, bad=np.append(f[:-1], np.nan), jump=f**2)
-    return tmp_path / "d.npz"
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"frequency": "freq"}, ["no variable 'freq'", "it holds s, f, tx"]),
-        ({"frequency": "ghz"}, ["290 to 300 Hz", "unit"]),
-        ({"frequency": "bad"}, ["not finite", "number 20"]),
-        ({"frequency": "jump"}, ["equal rising steps"]),
-        ({"frequency": {"start": 1e9, "step": 1e9, "points": 5}}, ["length 21 along 'frequency'", "5 values"]),
-        ({"tx": {"position": "rx"}}, ["7 places of tx", "5 samples"]),
-        ({"tx": {"position": "f"}}, ["shape (21,)", "(n, 3)"]),
-        ({"s": {"variable": "s", "dims": ["frequency", "tx"]}}, ["shape (21, 5, 7)", "2 axes"]),
-        ({"s": {"variable": "s", "dims": ["frequency", "tx", "rx"], "select": {"rx": 9}}}, ["length 7"]),
-        ({"frequency": {"variable": "f", "unit": "mm"}}, ["unit 'mm'", "GHz"]),
-        ({"s": {"variable": "s", "dims": ["tx", "frequency", "rx"]}}, ["length 5 along 'frequency'", "order of dims"]),
-    ],
-)
-def test_what_does_not_fit_is_said_with_its_place(npz, change, words):
-    with pytest.raises(InputError) as caught:
-        mf.import_data(npz, mapping=GOOD | change)
-    for word in [str(npz), *words]:
-        assert word in str(caught.value)
-
-
-def test_all_mistakes_of_a_mapping_are_said_at_once(tmp_path, npz):
-    path = tmp_path / "m.toml"
-    path.write_text(
-        's = {variable = "s", dims = ["frequency", "tx", "rx"], slect = {}}\nfrequncy = "f"\n'
-        'time_convention = "exp(jwt)"\ntx = {position = "tx", unit = "miles"}\n'
-    )
-    with pytest.raises(InputError) as caught:
-        mf.import_data(npz, mapping=path)
-    for word in (
-        "s.slect",
-        "did you mean 'select'",
-        "frequncy",
-        "did you mean 'frequency'",
-        "time_convention",
-        "tx.unit",
-    ):
-        assert word in str(caught.value)
-    path.write_text('s = {variable = "s",\n')
-    with pytest.raises(InputError, match="line 1"):
-        mf.import_data(npz, mapping=path)
-    path.write_text('s = {variable = "s", dims = ["frequency", "pair"]}\nfrequency = "f"\n')
-    with pytest.raises(InputError, match="'pair' needs pairs"):
-        mf.import_data(npz, mapping=path)
-
-
-def test_a_file_that_says_nothing_of_itself_asks_for_a_mapping(npz, tmp_path):
-    with pytest.raises(InputError, match="--guess"):
-        mf.import_data(npz)
-    (tmp_path / "a.s1p").write_text("# Hz S RI R 50\n1e9 0 1\n2e9 0 1\n")
-    with pytest.raises(InputError, match="--positions"):
-        mf.import_data(tmp_path / "a.s1p")
-    with pytest.raises(InputError, match="2 files are given"):
-        mf.import_data([npz, npz], mapping=GOOD)
-    with pytest.raises(InputError, match="no files"):
-        mf.import_data([])
-
-
-def test_pairs_beyond_the_elements_are_refused(tmp_path):
-    np.savez(tmp_path / "d.npz", s=np.ones((3, 2)) * 1j, tx=[1, 4], rx=[1, 2], el=array_of(3), twice=[1, 1])
-    mapping = {
-        "s": {"variable": "s", "dims": ["frequency", "pair"]},
-        "frequency": {"start": 1e9, "stop": 2e9, "points": 3},
-        "elements": {"position": "el"},
-        "pairs": {"tx": "tx", "rx": "rx"},
-    }
-    with pytest.raises(InputError, match="holds 4 as number 1, expected whole numbers from 1 to 3"):
-        mf.import_data(tmp_path / "d.npz", mapping=mapping)
-    mapping["pairs"] = {"tx": "twice", "rx": "twice"}
-    with pytest.raises(InputError, match="twice"):
-        mf.import_data(tmp_path / "d.npz", mapping=mapping)
-
-
 def test_a_sweep_of_our_own_is_imported_as_it_is(sweep, tmp_path):
     path = mf.save(sweep, tmp_path / "own.nc")
     xr.testing.assert_identical(mf.import_data(path), sweep)
@@ -419,143 +287,3 @@ def test_the_mappings_that_come_along_are_valid():
         load_mapping(name)
     with pytest.raises(InputError, match="arim, gotcha, merit"):
         load_mapping("nothing")
-
-
-# --- proposals -------------------------------------------------------------------------------------------------------
-
-
-@ONE_FILE
-@given(
-    names=st.sampled_from(
-        [
-            ("S", "freq", "tx_pos", "rx_pos"),
-            ("data", "f", "txLocations", "rxLocations"),
-            ("meas.s21", "meas.frequency", "meas.tx_position", "meas.rx_position"),
-        ]
-    ),
-    order=st.permutations(AXES),
-    unit=st.sampled_from([1.0, 1e9]),
-)
-def test_a_proposal_for_a_plain_file_makes_the_right_sweep(tmp_path, measured, names, order, unit):
-    f, tx, rx, s = measured
-    values = (s.transpose([AXES.index(name) for name in order]), f / unit, tx, rx)
-    content: dict = {}
-    for name, value in zip(names, values, strict=True):
-        group, _, leaf = name.rpartition(".")
-        (content.setdefault(group, {}) if group else content)[leaf] = value
-    savemat(tmp_path / "d.mat", content)
-    guess = guess_mapping(tmp_path / "d.mat")
-    assert guess.works
-    (tmp_path / "m.toml").write_text(guess.to_toml())
-    same(mf.import_data(tmp_path / "d.mat", mapping=tmp_path / "m.toml"), f, tx, rx, s)
-
-
-def test_proposals_recognise_magnitudes_and_phases_millimetres_and_coordinates_one_by_one(tmp_path, measured):
-    f, tx, rx, s = measured
-    content = {
-        "S21_dB": 20 * np.log10(2 * np.abs(s)),
-        "S21_phase": np.degrees(np.angle(s)),
-        "f_start": 290.0,
-        "f_stop": 300.0,
-    }
-    content |= {"tx_x": tx[:, 0] * 1e3, "rx_x": rx[:, 0] * 1e3, "tx_y": tx[:, 1], "rx_y": rx[:, 1]}
-    savemat(tmp_path / "d.mat", content)
-    guess = guess_mapping(tmp_path / "d.mat")
-    assert guess.works, guess.to_toml()
-    same(mf.import_data(tmp_path / "d.mat", mapping=guess.entries), f, tx, rx, 2 * s)
-
-
-@pytest.mark.parametrize("unit", ["degree", "radian"])
-def test_proposals_recognise_raster_scans(tmp_path, unit):
-    rng = np.random.default_rng(1)
-    azimuth, elevation, f = np.linspace(-15, 15, 7), np.linspace(-10, 10, 5), np.linspace(270e9, 300e9, 9)
-    s = rng.standard_normal((7, 5, 9)) + 1j * rng.standard_normal((7, 5, 9))
-    turn = np.radians if unit == "radian" else np.asarray
-    with h5py.File(tmp_path / "d.h5", "w") as file:
-        file["raw/s11"], file["raw/az"], file["raw/el"], file["raw/frequencies"] = s, turn(azimuth), turn(elevation), f
-    guess = guess_mapping(tmp_path / "d.h5")
-    assert guess.works, guess.to_toml()
-    sweep = mf.import_data(tmp_path / "d.h5", mapping=guess.entries)
-    np.testing.assert_allclose(sweep["azimuth"], azimuth)
-    np.testing.assert_allclose(sweep["s"].values, s.transpose(2, 0, 1), rtol=1e-5)
-
-
-def test_a_proposal_says_what_it_does_not_know(tmp_path, measured):
-    _, _, _, s = measured
-    np.savez(tmp_path / "d.npz", s=s)
-    guess = guess_mapping(tmp_path / "d.npz")
-    assert not guess.works
-    assert any("band" in sentence for sentence in guess.missing)
-    assert "TO DO" in guess.to_toml()
-    assert all(finding.sure in ("sure", "likely", "a guess") for finding in guess.findings)
-
-
-def test_what_a_proposal_lacks_can_be_added_at_its_end(tmp_path, measured):
-    f, tx, rx, s = measured
-    np.savez(tmp_path / "d.npz", s=s, tx_pos=tx, rx_pos=rx)
-    guess = guess_mapping(tmp_path / "d.npz")
-    assert any("[frequency]" in sentence for sentence in guess.missing)
-    band = '[frequency]\nstart = 290.0\nstop = 300.0\npoints = 21\nunit = "GHz"\n'
-    (tmp_path / "m.toml").write_text(guess.to_toml() + band)
-    same(mf.import_data(tmp_path / "d.npz", mapping=tmp_path / "m.toml"), f, tx, rx, s)
-
-
-def test_a_proposal_writes_any_name_so_that_it_is_read_again():
-    name = 'a "quoted"\\path\n\x7f\u00fc'
-    guess = Guess(Path("d.npz"), entries={"s": {"variable": name, "dims": ["frequency"]}, "reciprocal": True})
-    assert tomllib.loads(guess.to_toml()) == guess.entries
-
-
-def test_proposals_for_real_files_make_sweeps(shared_data, tmp_path):
-    for name in ("arim/contact_notch_aluminium.mat", "gotcha/data_3dsar_pass1_az001_HH.mat", "merit/B0_P3_p000.csv",
-                 "acconeer/corner-reflector.h5"):  # fmt: skip
-        guess = guess_mapping(shared_data / name)
-        assert guess.works, guess.to_toml()
-        (tmp_path / "m.toml").write_text(guess.to_toml())
-        assert mf.import_data(shared_data / name, mapping=tmp_path / "m.toml").sizes["frequency"] > 20
-    arim = guess_mapping(shared_data / "arim/contact_notch_aluminium.mat")
-    assert arim.entries["pairs"] == {"tx": "exp_data.tx", "rx": "exp_data.rx", "base": 1}
-    assert arim.entries["wave_speed"] == "exp_data.ph_velocity"
-    gotcha = guess_mapping(shared_data / "gotcha/data_3dsar_pass1_az001_HH.mat")
-    assert gotcha.entries["compensation"] == {"range": "data.r0"}
-
-
-# --- the command line ------------------------------------------------------------------------------------------------
-
-
-def test_the_command_imports_by_a_proposed_mapping(npz, tmp_path, capsys):
-    assert main(["import", "--guess", str(npz), "-o", str(tmp_path / "m.toml")]) == 0
-    assert "dims" in capsys.readouterr().out
-    out = tmp_path / "s.nc"
-    assert main(["import", str(npz), "--mapping", str(tmp_path / "m.toml"), "-o", str(out), "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["dimensions"] == {"frequency": 21, "tx": 5, "rx": 7}
-    assert mf.load(out).attrs["command"].startswith("mirrorfold import ")
-    assert main(["import", "--guess", str(npz), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["works"].startswith("s(frequency 21, tx 5, rx 7)")
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["import", "-o", "s.nc"],
-        ["import", "d.npz"],
-        ["import", "d.npz", "-o", "s.nc"],
-        ["import", "none.npz", "-o", "s.nc"],
-        ["import", "d.npz", "--mapping", "none.toml", "-o", "s.nc"],
-        ["import", "d.npz", "--positions", "none.csv", "-o", "s.nc"],
-        ["import", "d.npz", "-o", "none/s.nc"],
-        ["import", "d.npz", "-o", "d.npz"],
-        ["import", "d.npz", "--reader", "nonsense", "-o", "s.nc"],
-        ["export", "d.npz", "-o", "scan"],
-        ["export", "none.nc", "-o", "scan"],
-    ],
-)
-def test_wrong_commands_are_told_in_one_line(npz, monkeypatch, capsys, arguments):
-    monkeypatch.chdir(npz.parent)
-    before = sorted(npz.parent.iterdir())
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert sorted(npz.parent.iterdir()) == before

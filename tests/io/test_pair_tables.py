@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+import point_target
 import pytest
+from point_target import TARGET, echo, line_of
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.io.readers import read_contents
 
-TARGET = np.array([0.05, 0.4, 0.02])
-
-
-def line_of(count, offset=0.0):
-    place = np.zeros((count, 3))
-    place[:, 0] = 0.5e-3 * (np.arange(count) - (count - 1) / 2) + offset
-    return place
+same = partial(point_target.same, within=1e-9)
 
 
 @pytest.fixture
@@ -24,16 +22,7 @@ def measured():
     """Frequencies, antennas and exact samples of a point target, 3 transmitters x 12 receivers."""
     f = np.linspace(290e9, 300e9, 21)
     tx, rx = line_of(3), line_of(12, 0.01)
-    d = np.linalg.norm(tx - TARGET, axis=1)[:, None] + np.linalg.norm(rx - TARGET, axis=1)
-    return f, tx, rx, np.exp(-2j * np.pi * f[:, None, None] / speed_of_light * d)
-
-
-def same(sweep, f, tx, rx, s):
-    np.testing.assert_allclose(sweep["frequency"], f, rtol=1e-9)
-    np.testing.assert_allclose(sweep["tx_position"], tx, atol=1e-9)
-    np.testing.assert_allclose(sweep["rx_position"], rx, atol=1e-9)
-    np.testing.assert_allclose(sweep["s"], s, atol=1e-5)
-    assert sweep["s"].dims == ("frequency", "tx", "rx")
+    return f, tx, rx, echo(f, tx, rx)
 
 
 def places(tx, rx):

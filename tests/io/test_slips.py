@@ -6,27 +6,13 @@ import tomllib
 
 import numpy as np
 import pytest
+from point_target import AXES, TARGET, echo, line_of
 from scipy.constants import speed_of_light
 from scipy.io import savemat
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.io.guess import guess_mapping
-
-TARGET = np.array([0.05, 0.4, 0.02])
-AXES = ["frequency", "tx", "rx"]
-
-
-def line_of(count, offset=0.0, pitch=0.5e-3):
-    place = np.zeros((count, 3))
-    place[:, 0] = pitch * (np.arange(count) - (count - 1) / 2) + offset
-    return place
-
-
-def echo(f, tx, rx, speed=speed_of_light):
-    d = np.linalg.norm(tx - TARGET, axis=1)[:, None] + np.linalg.norm(rx - TARGET, axis=1)
-    return np.exp(-2j * np.pi * f[:, None, None] / speed * d)
-
 
 F, TX, RX = np.linspace(290e9, 300e9, 41), line_of(9), line_of(12, 0.01)
 S = echo(F, TX, RX)

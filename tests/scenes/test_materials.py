@@ -1,4 +1,4 @@
-"""How deep walls scatter inside: the mean depth and the spread that each profile promises, in both simulators."""
+"""Materials: how they reflect, what roughness takes from it, and how deep they scatter inside, in both simulators."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene
-from mirrorfold.scenes.materials import VolumeProfile, scattering_depth
+from mirrorfold.scenes.materials import VolumeProfile, coherent_factor, material, scattering_depth
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.speckle import freeze
 from mirrorfold.simulation.rays.outline import outline
@@ -85,3 +85,22 @@ def test_unknown_profile_is_refused_by_its_name():
     for make in (plan, space):
         with pytest.raises(InputError, match="volume_profile"):
             make(volume_profile="linear")
+
+
+@pytest.mark.parametrize(
+    ("name", "normal_db", "oblique_db"),
+    [("concrete", -8.2, -5.9), ("plasterboard", -12.7, -9.3), ("glass", -7.7, -5.5), ("wood", -16.5, -12.4)],
+)
+def test_building_materials_reflect_as_recommended(name: str, normal_db: float, oblique_db: float) -> None:
+    reflection = material(name).reflection(285e9, np.radians([0.0, 45.0, 90.0]))
+    np.testing.assert_allclose(20 * np.log10(np.abs(reflection)), [normal_db, oblique_db, 0.0], atol=0.06)
+
+
+def test_fine_roughness_weakens_a_mirror_less_than_coarse_roughness() -> None:
+    angle = np.radians([0.0, 30.0, 60.0])
+    ament = coherent_factor(0.05e-3, 300e9, angle)
+    np.testing.assert_allclose(coherent_factor(0.05e-3, 300e9, angle, correlation_length=15e-3), ament, rtol=1e-3)
+    fine = coherent_factor(0.05e-3, 300e9, angle, correlation_length=0.2e-3)
+    assert np.log(fine[0]) / np.log(ament[0]) == pytest.approx(0.5, abs=0.03)
+    # Heights without any correlation scatter into evanescent waves alone.
+    np.testing.assert_allclose(coherent_factor(0.05e-3, 300e9, angle, correlation_length=1e-9), 1.0, atol=1e-4)

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import partial
 
+import floor_plans
 import numpy as np
 import pytest
 import xarray as xr
+from floor_plans import HIDDEN, MIRROR, SCREEN, segment
 from numpy.testing import assert_allclose
 from scans import panel, scene
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.scenes.floor_plan import parse_scene
-from mirrorfold.scenes.visibility import visible_truth
 from mirrorfold.scoring import volumes
 from mirrorfold.scoring.figures import CELL, Figures, thin
 from mirrorfold.scoring.floor_plans import truth as plan_truth
 
-ARRAY = {"elements": 3, "pitch": 0.5e-3}
-BAND = {"start": 290e9, "stop": 300e9, "points": 401}
-
-
-def make_scene(*surfaces, **more):
-    named = [{"name": f"surface {i}", **surface} for i, surface in enumerate(surfaces)]
-    return parse_scene({"name": "test", "array": ARRAY, "band": BAND, "surface": named, **more})
-
-
-def segment(start, end, **more):
-    return {"kind": "segment", "start": list(start), "end": list(end), **more}
+make_scene = partial(floor_plans.make_scene, band={"start": 290e9, "stop": 300e9, "points": 401})
 
 
 def rebuilt(points, bounces=0, mirrors=()):
@@ -200,88 +191,6 @@ def test_the_scene_may_be_a_file(scene_file, reconstruction):
 def test_what_is_no_reconstruction_is_refused(what, words):
     with pytest.raises(mf.InputError, match=words):
         mf.score(what, make_scene(WALL))
-
-
-def seen(scene, *, bounces=3):
-    """Middle thirds of every surface: whether they are seen directly, and at all."""
-    points, normals, owner = [], [], []
-    for i, surface in enumerate(scene.surface):
-        p, n, _ = surface.sample(0.002)
-        part = slice(len(p) // 3, 2 * len(p) // 3)
-        points.append(p[part])
-        normals.append(n[part])
-        owner.append(np.full(len(p[part]), i))
-    points, normals, owner = map(np.concatenate, (points, normals, owner))
-    direct, reachable = visible_truth(scene, points, normals, bounces=bounces)
-    assert (direct <= reachable).all()
-    return [(float(direct[owner == i].mean()), float(reachable[owner == i].mean())) for i in range(len(scene.surface))]
-
-
-SCREEN = segment((-0.5, 1.0), (0.1, 1.0))
-MIRROR = segment((0.8, 0.5), (0.8, 2.4))
-HIDDEN = segment((-0.2, 1.6), (-0.2, 1.8))
-"""Behind the screen; the mirror at x = 0.8 shows it at x = 1.8."""
-
-
-def test_what_a_screen_hides_is_seen_by_way_of_a_mirror():
-    assert seen(make_scene(SCREEN, HIDDEN)) == [(1.0, 1.0), (0.0, 0.0)]
-    assert seen(make_scene(SCREEN, MIRROR, HIDDEN)) == [(1.0, 1.0), (1.0, 1.0), (0.0, 1.0)]
-    assert seen(make_scene(SCREEN, MIRROR, HIDDEN), bounces=0)[2] == (0.0, 0.0)
-
-
-def test_a_mirror_shows_only_what_reflects_on_it():
-    """The rays to x = 1.8, y = 1.6 to 1.8 m cross x = 0.8 at y = 0.71 to 0.8 m."""
-    for end, share in ((0.68, 0.0), (0.84, 1.0)):
-        assert seen(make_scene(SCREEN, segment((0.8, 0.5), (0.8, end)), HIDDEN))[2] == (0.0, share)
-    half = seen(make_scene(SCREEN, segment((0.8, 0.5), (0.8, 1.7 / 1.8 * 0.8)), HIDDEN))[2]
-    assert half == (0.0, pytest.approx(0.5, abs=0.04))
-    # Nor with something standing in the way, before the mirror or behind it.
-    for blocker in (segment((0.3, 0.2), (0.3, 0.6)), segment((0.3, 0.9), (0.3, 1.5))):
-        assert seen(make_scene(SCREEN, MIRROR, HIDDEN, blocker), bounces=1)[2] == (0.0, 0.0)
-
-
-def test_short_pieces_are_not_counted_on_as_mirrors_and_curved_ones_are():
-    for start, share in ((0.68, 1.0), (0.7, 0.0)):
-        assert seen(make_scene(SCREEN, segment((0.8, start), (0.8, 0.84)), HIDDEN))[2] == (0.0, share)
-    curved = {"kind": "arc", "center": [20.8, 1.6], "radius": 20.0, "start_angle": 178.0, "stop_angle": 183.0}
-    assert seen(make_scene(SCREEN, curved, HIDDEN))[2] == (0.0, 1.0)
-    # Turned away, or behind the screen itself, the arc shows nothing.
-    assert seen(make_scene(SCREEN, {**curved, "start_angle": 170.0, "stop_angle": 174.0}, HIDDEN))[2][1] == 0.0
-
-
-def test_two_mirrors_show_what_one_does_not():
-    """A periscope of two mirrors at 45 degrees, with walls all round what they show."""
-    first, second = segment((-0.3, 0.9), (0.3, 1.5)), segment((0.9, 0.8), (1.5, 1.6))
-    target = segment((1.1, 2.2), (1.3, 2.2))
-    screens = segment((0.35, 0.2), (0.35, 0.9)), segment((0.75, 1.7), (0.75, 3.0))
-    parts = (first, second, target, *screens)
-    assert seen(make_scene(*parts), bounces=1)[2][1] == 0.0
-    direct, reachable = seen(make_scene(*parts), bounces=2)[2]
-    assert direct == 0.0
-    assert reachable > 0.5
-
-
-def test_a_surface_is_seen_from_both_sides():
-    """Surfaces have no back: a screen's far side is seen in a mirror behind it."""
-    forward, backward = segment((-0.2, 1.0), (0.2, 1.0)), segment((0.2, 1.0), (-0.2, 1.0))
-    assert seen(make_scene(forward)) == seen(make_scene(backward)) == [(1.0, 1.0)]
-    assert seen(make_scene(SCREEN, MIRROR, segment((-0.2, 1.8), (-0.2, 1.6))))[2] == (0.0, 1.0)
-
-
-def test_nothing_is_seen_edge_on():
-    assert seen(make_scene(segment((0.0, 1.0), (0.0, 1.5)))) == [(0.0, 0.0)]
-    assert seen(make_scene(segment((0.0, 1.0), (0.3, 1.5)))) == [(1.0, 1.0)]
-
-
-def test_nothing_is_seen_beyond_the_ambiguous_range():
-    band = {"start": 290e9, "stop": 300e9, "points": 101}
-    limit = speed_of_light * 100 / (2 * 10e9)
-    assert limit == pytest.approx(1.499, abs=1e-3)
-    near, far = segment((-0.1, 1.45), (0.1, 1.45)), segment((-0.1, 1.55), (0.1, 1.55))
-    assert seen(make_scene(near, band=band)) == [(1.0, 1.0)]
-    assert seen(make_scene(far, band=band)) == [(0.0, 0.0)]
-    # The way by the mirror is 2.5 m long.
-    assert seen(make_scene(SCREEN, MIRROR, HIDDEN, band=band))[2] == (0.0, 0.0)
 
 
 def test_hidden_figures_are_of_hidden_surfaces_and_of_all_points_away_from_what_is_in_sight():

@@ -6,23 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from floor_plans import make_scene
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.scenes.floor_plan import Scene, parse_scene
 from mirrorfold.simulation import simulate
 from mirrorfold.simulation.rays.curved import CurvedChain, CurvedPaths, trace_curved
 from mirrorfold.simulation.rays.outline import Outline, outline
 from mirrorfold.simulation.rays.paths import Points
 
 Array = NDArray[np.float64]
-
-
-def make_scene(*surfaces: dict[str, Any], elements: int = 3, pitch: float = 0.5e-3, **entries: Any) -> Scene:
-    named = [{"name": f"surface {i}", **surface} for i, surface in enumerate(surfaces)]
-    array = {"elements": elements, "pitch": pitch}
-    band = {"start": 290e9, "stop": 300e9, "points": 5}
-    return parse_scene({"name": "test", "array": array, "band": band, "surface": named, **entries})
 
 
 def arc(center: tuple[float, float], radius: float, middle: float, half: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Sweeps as work: processes, clusters, resumption, estimates, and what is refused."""
+"""Full-wave sweeps as work: processes, clusters, resumption, estimates; and curves from files."""
 
 from __future__ import annotations
 
@@ -10,25 +10,22 @@ import sys
 import tempfile
 import time
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from fullwave_scenes import WALL, scene_of, small_two_walls
+from fullwave_scenes import STRIP, scene_of, small_two_walls
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.fullwave import sweep as fullwave
-from mirrorfold.simulation.fullwave.estimate import Estimate, estimate
+from mirrorfold.simulation.fullwave.estimate import estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
-from mirrorfold.simulation.fullwave.sweep import check_resources, longest_strong_echo
 from mirrorfold.simulation.fullwave.tasks import solve_frequencies
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*strong echoes")
 
-STRIP = {"kind": "segment", "start": [-0.01, 0.05], "end": [0.01, 0.055]}
 
 TOML = """
 name = "wall and corner"
@@ -308,56 +305,6 @@ def test_estimate_grows_with_the_scene():
     assert large.seconds_per_frequency > 1.3 * small.seconds_per_frequency
 
 
-# What is refused, and how
-
-
-def refused(*surfaces: dict, **options: object) -> str:
-    with pytest.raises(InputError) as error:
-        mf.simulate(scene_of(*surfaces), solver="fullwave", **options)
-    message = str(error.value)
-    assert "\n" not in message
-    assert len(message) < 400
-    return message
-
-
-def test_crossing_surfaces():
-    message = refused(STRIP, {"kind": "segment", "start": [0.0, 0.04], "end": [0.002, 0.06]})
-    assert "surface[0] 'surface 0' crosses or touches surface[1] 'surface 1' near (0.00" in message
-
-
-def test_a_surface_that_crosses_itself():
-    bow = {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.06], [0.01, 0.05], [-0.01, 0.06]]}
-    assert "crosses or touches itself near" in refused(bow)
-
-
-def test_surfaces_that_touch_at_a_corner_of_their_own():
-    message = refused(STRIP, {"kind": "segment", "start": [0.01, 0.055], "end": [0.02, 0.05]})
-    assert "join both to one polyline" in message
-
-
-@pytest.mark.parametrize(
-    "surface",
-    [
-        {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.05], [0.0, 0.07], [-0.01, 0.05]]},
-        {"kind": "circle", "center": [0.0, 0.06], "radius": 0.005},
-        {"kind": "polyline", "points": [[-0.01, 0.05], [0.01, 0.05], [-0.01, 0.056]]},
-    ],
-    ids=["triangle", "circle", "sharp"],
-)
-def test_closed_and_sharp_surfaces_do_not_cross_themselves(surface):
-    prepare(scene_of(surface))
-
-
-def test_profile_steeper_than_nodes_can_follow():
-    steep = {"rms_height": 1e-5, "correlation_length": 2e-6}
-    assert "rms slope of 7.07; expected at most 2" in refused({**STRIP, "roughness": steep})
-
-
-def test_a_scene_of_a_hundred_thousand_wavelengths_is_refused_before_the_work():
-    message = refused({"kind": "segment", "start": [-50.0, 10.0], "end": [50.0, 10.0]})
-    assert "GB of memory, but" in message
-
-
 def test_what_fails_before_its_first_result_leaves_no_folder(scene_file, tmp_path, monkeypatch):
     def fail(*_: object, **__: object):
         raise InputError("no cluster")
@@ -367,86 +314,6 @@ def test_what_fails_before_its_first_result_leaves_no_folder(scene_file, tmp_pat
     with pytest.raises(InputError, match="no cluster"):
         mf.simulate(scene_file, solver="fullwave", checkpoint=tmp_path / "done")
     assert not list(tmp_path.iterdir())
-
-
-def test_antenna_on_a_surface():
-    message = refused({"kind": "segment", "start": [-0.01, 0.0001], "end": [0.01, 0.0001]})
-    assert "array: the antenna at" in message
-    assert "stands on surface[0]" in message
-
-
-def test_surface_without_length():
-    with pytest.raises(InputError, match="start and end are the same point"):
-        scene_of({"kind": "segment", "start": [0.0, 0.05], "end": [0.0, 0.05]})
-
-
-def test_other_materials_name_the_solver_that_takes_them():
-    message = refused({**STRIP, "material": "concrete"})
-    assert "'concrete'" in message
-    assert "use solver 'rays'" in message
-    assert "volume_depth" in refused({**STRIP, "volume_depth": 0.01})
-
-
-def test_mesh_too_coarse_for_the_roughness():
-    fine = {"rms_height": 0.01e-3, "correlation_length": 0.1e-3}
-    scene = scene_of({**STRIP, "roughness": fine})
-    with pytest.raises(InputError, match=r"too coarse for spacings of half a correlation length; expected at least 20"):
-        prepare(scene, nodes_per_wavelength=12)
-    prepare(scene)
-
-
-def test_no_surfaces_and_antennas_out_of_the_plane():
-    assert "has no surfaces" in refused()
-    scene = scene_of(STRIP)
-    with pytest.raises(InputError, match=r"stands at z = 0\.1 m"):
-        mf.simulate(replace(scene, array=replace(scene.array, center=(0.0, 0.0, 0.1))), solver="fullwave")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"tolerance": 0.0}, "tolerance is 0.0, expected a number from 3e-05 to 0.1"),
-        ({"workers": 0}, "workers is 0, expected a whole number of at least 1"),
-        ({"resume": True}, "resume needs the folder"),
-        ({"bounces": 5}, "bounces is an option of the solver 'rays', not of 'fullwave'"),
-    ],
-)
-def test_wrong_options(options, message):
-    assert message in refused(STRIP, **options)
-
-
-def test_options_that_rays_do_not_know():
-    with pytest.raises(InputError, match="tolerance is an option of the solver 'fullwave', not of 'rays'"):
-        mf.simulate(scene_of(STRIP), tolerance=1e-4)
-
-
-@pytest.mark.slow
-def test_no_scheduler_at_the_address(monkeypatch):
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("mirrorfold.simulation.fullwave.tasks.CONNECT_SECONDS", 1)
-    assert "no Dask scheduler answers at 'tcp://127.0.0.1:9'" in refused(STRIP, scheduler="tcp://127.0.0.1:9")
-
-
-def test_not_enough_memory_or_disk(tmp_path):
-    huge = Estimate(unknowns=10**6, skeletons=10**5, seconds_per_frequency=1e4, memory=1e15, disk=1.0)
-    with pytest.raises(InputError, match=r"workers: 2 processes need 2000000.0 GB of memory.*smaller scene"):
-        check_resources(huge, workers=2, folder=None)
-    with pytest.raises(InputError, match=r"sweep needs 1e\+09 GB of disk"):
-        check_resources(replace(huge, memory=1.0, disk=1e18), workers=1, folder=tmp_path / "not" / "there")
-
-
-def test_too_few_frequencies_for_the_echoes_are_told_with_the_number_needed():
-    # The return over two parallel mirrors, there and back, comes from 0.4 m and beyond.
-    far = {"kind": "segment", "start": [-0.1, 0.4], "end": [0.1, 0.4], "roughness": WALL}
-    few, many = (scene_of(far, elements=3, points=points) for points in (11, 61))
-    assert longest_strong_echo(many) == pytest.approx(0.41, abs=0.05)
-    with pytest.warns(UserWarning, match="strong echoes come from up to 0.4.* m, but 11 frequencies") as caught:
-        fullwave.warn_of_wrapped_echoes(few)
-    needed = int(str(caught[0].message).split("use at least ")[1].split()[0])
-    assert 26 <= needed <= 32
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        fullwave.warn_of_wrapped_echoes(many)
 
 
 # Curves from files

@@ -18,18 +18,25 @@ FEWEST_PIXELS = 8
 """Pixels of a block along each axis, at least: fewer cost more to look up than they spare."""
 
 HALF_SAMPLE = 0.75
-"""Of the chord to the next sample, that a direction nearest to one is at most away from it: in equal steps of the sine,
-up to 0.71 at the edge of the view."""
+"""How far a direction may be from the sampled one that is nearest to it, as a share of the chord between neighbouring
+samples: half of it in equal steps of the angle; in equal steps of the sine up to 0.71 at the edge of the view."""
 
 SHARE_OF_BLOCK = 0.25
-"""Samples of one direction are taken together that so much of a block's edge holds."""
+"""Neighbouring samples of one direction are handled as one where they reach over no more than this share of the edge
+of a block."""
 
 
 class Blocks(NamedTuple):
-    """Blocks of so many pixels along y, x and z (`size`), and what is shown there by each of some maps.
+    """Blocks of pixels, and how bright each mirror may make anything in them.
 
-    The `bound` (y, maps, x, z) is no smaller than any amplitude shown in a block; `order` sorts those along z from the
-    brightest.
+    Attributes
+    ----------
+    size : tuple of int
+        Pixels of a block along y, x and z.
+    bound : (y, maps, x, z) array
+        In each block, no amplitude that a map shows there is larger; zero where it shows nothing.
+    order : (y, maps, x, z) array of int
+        Indices of the blocks along z, from the one with the largest bound on.
     """
 
     size: tuple[int, int, int]
@@ -51,14 +58,19 @@ def blocks(
     Parameters
     ----------
     view : View
+        The image by direction and range.
     maps : dict of int to Isometry
-        Where what each mirror shows stands, by its number.
+        By the number of each mirror, the way from where the image shows a thing to where it stands.
     grid : tuple of (n,) arrays [m]
+        Coordinates x, y and z of the pixels.
     blobs : (directions, ranges) array of int
-    amplitude, gain : arrays
-        What is drawn, (directions, ranges), and what normalises it, (ranges,).
+        Number of the mirror that each sample is folded by, see `mirrorfold.folding.points.owned_blobs`.
+    amplitude : (directions, ranges) array
+        What is drawn.
+    gain : (ranges,) array
+        Factors that undo the spreading with range.
     through : tuple
-        Passages of the lines of sight, see `LinesOfSight.passages`, and the margin behind walls [m].
+        Passages of the lines of sight, two arrays, see `LinesOfSight.passages`, and the margin behind walls [m].
     """
     across = _chords(view)
     reach = HALF_SAMPLE * view.range[-1] * float(np.median(across)) + view.dr
@@ -90,7 +102,7 @@ def blocks(
 
 
 def _chords(view: View) -> Array:
-    """From each direction to its neighbours, the longest chord along each axis summed, (directions,)."""
+    """The longer chord from each direction's unit vector to its neighbours', summed over the axes, (directions,)."""
     sight = view.sight.reshape(*view.shape, -1)
     total = np.zeros(view.shape)
     for axis in range(len(view.shape)):
@@ -103,13 +115,13 @@ def _chords(view: View) -> Array:
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def _span(middle, reach, count):  # type: ignore[no-untyped-def]
-    """First and last block of an interval, and none where it lies outside."""
+    """First and last of `count` blocks that ``middle +- reach`` [blocks] meets; the last below the first if none."""
     return max(int(np.floor(middle - reach)), 0), min(int(np.floor(middle + reach)), count - 1)
 
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def _passes(crossing, through, low, high, direction, mirror):  # type: ignore[no-untyped-def]
-    """Whether a mirror shows anything between two ranges of a direction."""
+    """Whether the radar sees by way of a mirror anywhere between two ranges [m] of a direction."""
     begin = -np.inf
     for k in range(crossing.shape[0] + 1):
         end = crossing[k, direction] if k < crossing.shape[0] else np.inf
@@ -124,10 +136,11 @@ def _fill(  # type: ignore[no-untyped-def]
     bound, shown, start, heading, scale, across, range_, together, amplitude, gain, number, crossing, through, margin,
     blobs,
 ):  # fmt: skip
-    """The bound of all blocks (x, y, z), and which of them are `shown` at all, by one map; lengths are in blocks.
+    """Raise the `bound` (x, y, z) of blocks by what one map shows, and mark those where it shows anything (`shown`).
 
-    A sample is interpolated up to the next one; whose it is, and what shows it, goes half as far. So many samples of
-    one direction are taken `together`.
+    Lengths are in blocks. The amplitude of a pixel is interpolated between samples, so that a sample counts as far as
+    the next one. Which mirror a pixel belongs to is asked of the nearest sample, so that this counts half as far. As
+    many samples of one direction as `together` says are handled as one.
     """
     dr = range_[1] - range_[0]
     for beam in range(heading.shape[0]):
@@ -143,7 +156,7 @@ def _fill(  # type: ignore[no-untyped-def]
                 own = _passes(crossing, through, r - margin - deep, r - margin + deep, beam, number)
             half = HALF_SAMPLE * (abs(r) + deep) * across[beam] + deep
             x, y, z = start[0] + r * heading[beam, 0], start[1] + r * heading[beam, 1], start[2] + r * heading[beam, 2]
-            for wide in range(2):  # whose it is, then how bright
+            for wide in range(2):  # first which mirror it belongs to, then how bright it is
                 if wide == 0 and not own:
                     continue
                 reach = half * (1.0 + wide)

@@ -35,11 +35,15 @@ def collect(
     ----------
     image : DataArray
         The unfolded image or volume.
-    found, points, settings
-        What the steps before returned, and what they were told.
+    found : Found
+        The tree of mirrors, the lines of sight and the echoes, as steps 2 to 4 found them.
+    points : Points
+        Every echo at its true place, as step 5 returns them.
+    settings : FoldSettings
+        What these steps were told.
     grid : tuple of 1D arrays [m], optional
-        Pixel coordinates (x, y) of the pictures, and of a volume z. By default that of the image, grown where something
-        folds to outside of it, or one around all points of a volume.
+        Coordinates x and y of the pictures' pixels, and of a volume z, too. By default those of the image, continued as
+        far as something folds to outside of it; of a volume, pixels around all points.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def collect(
 
 
 def _remark(found: Found, settings: FoldSettings) -> str:
-    """Why there is no mirror; or in which the radar sees itself."""
+    """Why no mirror was found; or in which mirrors the radar sees itself."""
     if not found.tree.mirrors:
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"

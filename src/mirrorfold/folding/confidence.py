@@ -1,9 +1,9 @@
 """How likely it is that something stands where a point says, and how well its place is known.
 
-An echo of multiple scattering is weak and lonely, dimmer than the face of the mirror that seems to show it, and of its
-energy not all comes back the way it went; and what was folded by mirrors that are not known well enough lands somewhere
-else. How much each of these says was fitted to scenes
-whose truth is known (logistic regression: Cox, J. R. Stat. Soc. B 20, 1958).
+An echo that was scattered more than once is weak and has few others beside it; it is dimmer than the face of the mirror
+that seems to show it, and part of its energy comes back another way than it went. What was folded by mirrors that are
+not known well enough lands beside its true place. How much each of these says was fitted to scenes whose truth is known
+(logistic regression: Cox, J. R. Stat. Soc. B 20, 1958).
 """
 
 from __future__ import annotations
@@ -32,51 +32,52 @@ NEIGHBOUR_CELLS = 2.5
 """Echoes of one surface follow each other within this many resolution cells: speckle tears gaps of one cell."""
 
 MOST_EXCESS_DB, MOST_ASTRAY = 20.0, 4.0
-"""More than this level over the threshold, or this many cells astray, say no more."""
+"""Levels over the threshold [dB], and distances astray in resolution cells, count as these where they are larger."""
 
 LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB = -20.0, 10.0
-"""What is weaker, or stronger, than the mirror's own face by more than this says no more."""
+"""Levels against the mirror's own face [dB] count as these where they are lower, or higher."""
 
 LEAST_SHARE = 0.7
-"""A smaller share of energy that came back the way it went says no more: what arrives from elsewhere at the same range
-lowers that of a true echo, too."""
+"""Shares of energy that came back the way it went count as this where they are smaller: what arrives from elsewhere at
+the same range lowers the share of a true echo, too."""
 
 WEIGHTS = {
     "in line of sight": (-1.9, 0.02, 1.7, 0.0),
     "behind mirrors": (-2.45, 0.12, 1.27, -1.8),
     "on mirrors": (4.0, 0.0, 0.0, -1.8),
 }
-"""Of the `evidence` in the logarithm of the odds, for objects in line of sight and behind mirrors, and for points on
-faces of mirrors: of these none was false in ray scenes, and one in fifty is allowed for. Fitted by
-`benchmarks/confidence.py`, where ray scenes, of four radars, and full waves weigh alike."""
+"""Weights of the first four columns of the `evidence`, for objects in line of sight, objects behind mirrors, and points
+on the faces of mirrors. The weighted sum is the logarithm of the odds that a point is true. No point on a face was
+false in the ray scenes; their 4.0 allows for one in fifty. Fitted by `benchmarks/confidence.py`, where ray scenes, of
+four radars, and full waves weigh alike."""
 
 WEIGHTS_MEASURED = {
     "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0),
     "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11),
     "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0),
 }
-"""The same where the sweep has told how much of the energy came back the way it went."""
+"""Weights of all six columns, where the sweep has told how much of the energy came back the way it went."""
 
 EXPLAINED = 0.1
-"""Probability of a point whose echo is explained otherwise: the share of them that stand at a surface by chance."""
+"""Confidence of a point whose echo comes from elsewhere: the share of such points that stand at a surface by chance."""
 
 OWN_ERROR = 0.3
 """Standard error of an echo's own place, in resolution cells along and across the line of sight."""
 
 
 Shares = Callable[[Array, Array], Array]
-"""`confocal_share` of echoes by their positions (n, d) [m] in the image and amplitudes (n,)."""
+"""Measures `confocal_share` of echoes, (n,), by their positions (n, d) [m] in the image and amplitudes (n,)."""
 
 
 def judged(points: Points, found: Found, shares: Shares | None = None) -> Points:
-    """The points with their confidence and standard errors, and those whose echoes come from elsewhere.
+    """The points with their confidence and standard errors; after them, echoes that come from elsewhere.
 
     Parameters
     ----------
     points : Points
         As `fold_back` returns them.
     found : Found
-        What they came from.
+        The tree of mirrors and the echoes that the points were made of.
     shares : callable, optional
         Measures how much of the energy of objects' echoes came back the way it went.
     """
@@ -110,21 +111,21 @@ def measured(points: Points, shares: Shares) -> Points:
 
 
 def kinds(points: Points) -> Index:
-    """Which of `WEIGHTS` each point has, (n,)."""
+    """Which row of `WEIGHTS` holds for each point, (n,): in line of sight 0, behind mirrors 1, on mirrors 2."""
     return np.where(points.mirror != "", 2, np.minimum(points.bounces, 1)).astype(np.intp)
 
 
 def mirror_confidence(points: Points, mirror: str) -> float:
-    """Mean of that of all points on the face of a mirror, named by its chain; one if it was given without any."""
+    """Mean confidence of the points on the face of a mirror, named by its chain; one if no echo lies on it."""
     own = points.confidence[points.mirror == mirror]
     return float(own.mean()) if own.size else 1.0
 
 
 def over_faces(points: Points, tree: MirrorTree) -> Array:
-    """By how much objects are brighter than the face of the mirror that shows them, by its median, (n,) [dB].
+    """By how much objects are brighter than the median of the face of the mirror that shows them, (n,) [dB].
 
-    What rough walls scatter twice is about as much weaker than what they scatter once. Zero for all that no mirror
-    shows, or one without a face; what a curved mirror spreads is no loss.
+    What rough walls scatter twice is weaker than the face, which scatters once. Zero for objects that no mirror
+    shows, or one on whose face no echo lies. What a curved mirror makes weaker by spreading the waves is added back.
     """
     level = np.zeros(len(points.initial))
     for chain, way in tree.ways().items():
@@ -139,10 +140,10 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
 def evidence(points: Points, view: View, astray: Array, over_face: Array) -> Array:
     """What speaks for and against each point, (n, 6).
 
-    One; the level over what had to be exceeded [dB]; the logarithm to base 2 of the number of resolution cells nearby
-    in which others of the same kind stand; how far astray mirrors may have led it, in resolution cells; the share of
-    the energy in those cells that came back the way it went, NaN where that is not known; and how much brighter it is
-    than the face of the mirror that shows it [dB].
+    The columns are: one; the level over what the echo had to exceed [dB]; the logarithm to base 2 of the number of
+    resolution cells nearby that hold points of the same chain and face, its own included; how far mirrors may have led
+    the point astray, in resolution cells; the share of the energy in those cells nearby that came back the way it went,
+    NaN where that is not known; and the level against the face of the mirror that shows the point [dB].
     """
     cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
@@ -157,8 +158,8 @@ def evidence(points: Points, view: View, astray: Array, over_face: Array) -> Arr
 
 
 def _neighbours(cells: Array, share: Array) -> tuple[Array, Array]:
-    """In how many resolution cells nearby others stand, itself included, by their places in cells (n, d); and the mean
-    of the shares (n,) in those where it is known.
+    """For each of some points, at `cells` (n, d) in units of resolution cells: how many cells nearby hold a point, its
+    own included, (n,); and the mean over these cells of the `share` (n,), where it is known in one of them, else NaN.
     """
     filled, which = np.unique(np.rint(cells), axis=0, return_inverse=True)
     which, near = which.ravel(), cKDTree(filled).query_ball_point(filled, NEIGHBOUR_CELLS)
@@ -172,10 +173,12 @@ def _neighbours(cells: Array, share: Array) -> tuple[Array, Array]:
 
 
 def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
-    """Standard errors of the positions, (n, d) [m]; and how far astray the mirrors may have led each, in cells, (n,).
+    """Standard errors of the positions, (n, d) [m]; and how far the mirrors may have led each point astray, (n,), in
+    resolution cells.
 
-    An echo is known to a part of its resolution cell; what lies on a mirror, to that of the mirror. Each mirror on the
-    way moves all behind it by twice its own errors, as a whole and by turning about its center.
+    The place of an echo is known to `OWN_ERROR` of its resolution cell; that of a point on the face of a mirror, across
+    the mirror, as well as the mirror's own place. Each mirror on the way moves all that it shows by twice its own
+    error: by that of its offset as a whole, and by that of its angle as a turn about its center.
     """
     folds, dimensions = tree.folds(), points.position.shape[1]
     sight = points.initial - view.radar

@@ -12,7 +12,10 @@ from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
-    """Where a map leads a point: along the two angles and range in steps of the view; outside at -1."""
+    """Where a map `m` (3, 4) leads a point x, y, z [m]: its two angles and its range in samples of the view.
+
+    All three are -1 where that lies outside of the view. An image is `flat`: it has the sine of one angle alone.
+    """
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
     py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
     pz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
@@ -33,9 +36,10 @@ def _shown(  # type: ignore[no-untyped-def]
     a, e, k, x, y, z, mirror, unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side,
     shape, grid, least,
 ):  # fmt: skip
-    """The amplitude of the image at place a, e, k if it shows there, by way of a mirror, what stands at x, y, z.
+    """The amplitude of the image at sample a, e, k, if a mirror shows there what stands at x, y, z [m].
 
-    Zero where it does not, or not more than the `least`.
+    Zero if the radar does not see by way of that mirror there, if something in front hides it, if the echo there is
+    doubted or folded by another mirror, or if the amplitude does not exceed the `least`.
     """
     columns, rows = shape
     if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):

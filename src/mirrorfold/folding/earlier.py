@@ -17,13 +17,13 @@ from mirrorfold.tree.misplaced import MIXED, known_confocal, known_ghosts
 
 
 def told_before(reconstruction: xr.DataTree) -> Teller:
-    """What a Reconstruction has kept of what its sweep told."""
+    """What the sweep of a Reconstruction told of its echoes, as far as the Reconstruction has kept it."""
     places, shares, hems = known_places(reconstruction), known_shares(reconstruction), known_hems(reconstruction)
 
     def told(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            beside=lambda order, echoes: hems,  # whatever the order
+            beside=lambda order, echoes: hems,  # those that were kept, whatever is asked
             share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
         )
 
@@ -52,7 +52,7 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
 
 
 def known_hems(reconstruction: xr.DataTree) -> Hems:
-    """How far beyond their ends the mirrors of a Reconstruction are met by lines of sight."""
+    """How far [m] beyond their ends lines of sight still meet the mirrors of a Reconstruction."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     if any(name not in mirrors for name in HEMS):
         return Hems.nothing()

@@ -80,7 +80,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
 
 
 def _moved(table: xr.Dataset, by: int) -> xr.Dataset:
-    """A table whose `parent`, the number of a row, if it has one, counts from another row on."""
+    """A table with so much added to its column `parent`, if it has one: numbers of rows, of which -1, none, stays."""
     if "parent" not in table:
         return table
     parent = table["parent"]

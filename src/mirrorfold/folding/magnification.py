@@ -1,11 +1,14 @@
 """What a curved mirror leaves of the resolution, and where its caustics are.
 
-A thin pencil of rays from the radar is as wide as ``q = r1 + s + 2 r1 s / (R cos(i))`` for each radian where it has
-met the mirror, of radius R (negative if concave) and at the angle of incidence i, after r1 and gone on for s. So the
-resolution cell of the array grows by ``|q| / (r1 + s)``. At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero;
-but there the waves from a point no longer arrive with the curvature ``1 / (r1 + s)`` for which the array is focused,
-but with ``(1 + 2 s / (R cos(i))) / q``. Over the array of length D they are inclined by the difference times D, of
-which the taper of a focused beam leaves about a half; at the distance of the image that is a blur of its own.
+A thin pencil of rays leaves the radar, meets the mirror after r1 at the angle of incidence i, and goes on for s. The
+mirror has the radius of curvature R, negative if it is concave. For each radian that the pencil opens by it is then
+``q = r1 + s + 2 r1 s / (R cos(i))`` wide, where behind a flat mirror it would be ``r1 + s``. So the resolution cell of
+the array grows by ``|q| / (r1 + s)``.
+
+At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero. But there the waves from a point do not arrive with the
+curvature ``1 / (r1 + s)`` for which the array is focused, but with ``(1 + 2 s / (R cos(i))) / q``. From one end of the
+array, of length D, to the other their direction is off by the difference of both curvatures times D, of which the taper
+of a focused beam leaves about a half. At the distance of the image, that is a blur of its own.
 """
 
 from __future__ import annotations
@@ -32,10 +35,11 @@ NEAR, BEYOND = "near", "beyond"
 
 
 def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[Array, Names]:
-    """Growth of the resolution cell across at points (n, d) of the image, (n,), and where they are of a caustic.
+    """How much wider the resolution cell is across the line of sight than behind flat mirrors, at points (n, d) [m] of
+    the image, (n,); and on which side of a caustic they are seen, (n,) of str.
 
-    "near" a caustic waves arrive out of focus: images blur and overlap. "beyond" it they are upside down; where both
-    apply, "near". Empty for what flat mirrors and convex ones show.
+    "near" a caustic waves arrive out of focus: images blur and overlap. "beyond" it images are upside down. Where both
+    hold it is "near"; for what flat and convex mirrors show it is empty.
     """
     growth, caustic = np.ones(len(points)), np.full(len(points), "", dtype=object)
     bent = last_curved(way)

@@ -18,14 +18,14 @@ RIDGE_ARRAYS = 3.0
 """Arrays of the size of the view that are held at once while noise, side lobes and ridges are found in it."""
 
 DRAWING_ARRAYS = 3.5
-"""The same while the pictures are drawn: its power as splines, and its amplitude twice in single precision, to
-interpolate between."""
+"""Arrays of that size while the pictures are drawn: its power as splines, and its amplitude twice in single precision,
+to interpolate between."""
 
 PROFILE_ARRAYS = 3.0
 """Tables of depths and of power across a mirror, that are held at once while it is fitted."""
 
 ECHO_BYTES = 24.0
-"""Of each place for an echo of a beam: its elevation, range and amplitude."""
+"""Bytes held for each echo that a beam may have: its elevation, range and amplitude."""
 
 
 def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
@@ -34,9 +34,9 @@ def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
     Parameters
     ----------
     image : DataArray
-        Its values are not looked at, but for whether they are finite.
+        Of its values nothing is asked but whether they are finite.
     sweep : xarray.Dataset, optional
-        That echoes are tested with.
+        The sweep that echoes are tested with.
 
     Raises
     ------

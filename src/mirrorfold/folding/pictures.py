@@ -33,11 +33,11 @@ LARGEST_GROWTH = 2.0
 """The corrected grid grows to hold what folds to outside of the image, by at most this share of the image's size."""
 
 PIXEL_RADII, BORDER_RADII = 0.6, 9.0
-"""Pixels of a volume's plan view, whose vertical columns are sampled twice that, and the space around its points: in
-radii of the beam where it is narrowest."""
+"""Edge of the pixels of a volume's plan view, and the border that is left around its points, in radii of the beam where
+it is narrowest. Vertical columns are sampled every two edges."""
 
 LARGEST_GRID = 60_000_000
-"""Voxels that are looked at for the plan view; the pixels grow beyond it."""
+"""Most voxels that are looked at for the plan view: where there would be more, the pixels grow."""
 
 
 LARGEST_ANGLE = np.radians(89.999)
@@ -67,7 +67,7 @@ def pictures(
 
 
 def _through(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
-    """One where the image shows what passed through a wall, to a resolution cell, zero elsewhere, (y, x)."""
+    """One at pixels within `BLOB_CELLS` of an echo that passed through a wall, zero elsewhere, (y, x)."""
     x, y = grid[:2]
     seen = points.initial[points.wall != ""]
     places = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
@@ -99,7 +99,7 @@ def draw(
     axes, frame, shape = [*view.axes, view.range], np.eye(3), (*view.shape, 1)[:2]
     if isinstance(view, VolumeView):
         amplitude, gain = view.amplitude, view.gain.astype(np.float32)
-    else:  # a volume of one row of directions, twice, to interpolate between
+    else:  # an image is a volume of one row of directions; it stands there twice, to interpolate between
         view = cast(ImageView, view)
         amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
         axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
@@ -154,7 +154,10 @@ def draw(
 
 
 def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
-    """What `draw_bent_row` asks of a curved mirror; None if it is not the last on the way."""
+    """What `draw_bent_row` asks of an arc: `unfold`, `column`, `place`, `heading` and `before`.
+
+    None if the last mirror on the way is no arc, or one before it is curved, too.
+    """
     arc = fold.way[-1]
     if not isinstance(arc, ArcMirror):
         return None
@@ -172,7 +175,10 @@ def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, A
 
 
 def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
-    """What `draw_round_row` asks of a cylinder or sphere; None if it is not the last on the way."""
+    """What `draw_round_row` asks of a cylinder or sphere: `unfold`, `middle`, `axis`, `radius` and `radar`.
+
+    None if the last mirror on the way is neither, or one before it is curved, too.
+    """
     mirror = fold.way[-1]
     back = fold_of(fold.way[:-1], 3)
     if not isinstance(mirror, RoundMirror) or not isinstance(back, Isometry):
@@ -182,7 +188,10 @@ def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
 
 
 def _boxed(fold: WayFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
-    """Which voxels along x, y and z may show what folds by that way, by the samples (directions, ranges) that do."""
+    """The voxels along x, y and z that hold all that a way folds; `shown` (directions, ranges) marks its samples.
+
+    None where it has no samples.
+    """
     direction, sample = np.nonzero(shown)
     if not direction.size:
         return None

@@ -41,7 +41,7 @@ class Points:
     amplitude, exceeded : (n,) arrays
         Of the echo, and what it had to exceed: noise, side lobes, and the threshold.
     bounces : (n,) array of int
-        Mirrors on the way: objects by the chain of their node, faces of mirrors by that of its parent.
+        Number of mirrors on the way to it; the mirror on whose face a point lies is not counted.
     chain, mirror : (n,) arrays of str
         By which chain of mirrors it was seen, such as "0/1", and the chain of the mirror on whose face it lies; empty
         for objects.
@@ -90,10 +90,16 @@ class Points:
 
 
 def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Window] = ()) -> Points:
-    """Every echo of the tree, of which the root is given, at its true place: depth first, objects before faces.
+    """Every echo at its true place.
 
-    The `view` tells what resolution remains behind curved mirrors. What passed through half-transparent walls, the
-    `windows`, comes last.
+    Parameters
+    ----------
+    tree : MirrorTree
+        The root. Its echoes come depth first, and of each node the objects before the face of its mirror.
+    view : View, optional
+        Tells what resolution remains behind curved mirrors; without it, as much as behind flat ones.
+    windows : sequence of Window, optional
+        What passed through half-transparent walls; these echoes come last.
     """
     folds, ways = tree.folds(), tree.ways()
     parts: list[tuple[Any, ...]] = []
@@ -160,11 +166,12 @@ def _through(window: Window, tree: MirrorTree) -> Points:
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
-    """Whose the blobs of the image are, (directions, ranges): the number of the mirror they fold by, `ROOT` for what
-    stands where the image shows it, `NOBODY` for points of less than the `least` confidence.
+    """By which mirror each sample of the image is folded, (directions, ranges): by its number, `ROOT` for what stands
+    where the image shows it, `NOBODY` around points of less than the `least` confidence.
 
-    What a mirror shows elsewhere is weak or contradicted by the radar's own view. No point stands for it, and no
-    picture may show it at a place where nothing was found.
+    A sample belongs to a mirror if it lies within `BLOB_CELLS` of a point that was folded by it. What else a mirror
+    shows is weak, or contradicted by the radar's own view: no point stands for it, and no picture may show it at a
+    place where nothing was found.
     """
     doubted, points = points.take(points.confidence < least), points.take(points.confidence >= least)
     view = sight.view

@@ -8,7 +8,7 @@ from mirrorfold.folding.settings import FoldSettings
 
 
 def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
-    """Points of at least that confidence, which are drawn, scored and exported; by default as it was folded.
+    """Points of at least that confidence, by default the one set for folding: these are drawn, scored and exported.
 
     Of files of earlier versions, whose confidence is no probability, all points count unless one is asked for.
 
@@ -26,7 +26,7 @@ def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = Non
 
 
 def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
-    """A reconstruction with those points alone."""
+    """A reconstruction with the points of `shown_points` alone."""
     kept = reconstruction.copy()
     kept["/objects"] = xr.DataTree(shown_points(reconstruction, min_confidence))
     return kept

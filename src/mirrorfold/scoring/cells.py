@@ -21,8 +21,8 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
 
     Along the line of sight it is ``c / (2 B)``. Across, at the length r of the way, it is ``r lambda / D`` for an array
     of length D, and the beam's width between half powers for a scan. Folding keeps the length of the way, so that r is
-    the distance of the point from the radar before it was folded. A curved mirror makes it wider across by the column
-    `growth`, unless what is asked for is not `grown`.
+    the distance of the point from the radar before it was folded. Behind curved mirrors the cell is wider across by the
+    factor in the column `growth`, which is left out unless `grown`.
 
     Returns
     -------

@@ -24,7 +24,8 @@ NEAR, COVERED, WIDE, INVENTED, FALSE = 0.02, 0.03, 0.05, 0.10, 0.15
 false. Chosen, not derived: a few resolution cells of a band of 10 to 30 GHz (5 to 15 mm each), up to tens of them."""
 
 WITHIN_CELLS = 1.5
-"""A good point in resolution cells, of which a point in the middle of its own is at most half a diagonal away."""
+"""A point is good, too, within this many diagonals of its resolution cell: what lies in the cell around it is at most
+half a diagonal away."""
 
 
 class Figures(Record):
@@ -72,9 +73,19 @@ def figures(
 ) -> Figures:
     """All the figures; None where they are undefined.
 
-    Thinned points (n, d), each of which stands for `count` (n,) points, have a `distance` (n,) from the nearest
-    surface, and where it is known a resolution `cell` (n,); `reachable` (m, d) is the truth that could be seen, all
-    [m]. A piece of truth is covered in cells where the point nearest to it is within that point's cells.
+    Parameters
+    ----------
+    points : (n, d) array [m]
+        Thinned, see `counted`.
+    count : (n,) array of int
+        How many points each of them stands for.
+    distance : (n,) array [m]
+        From the nearest true surface.
+    reachable : (m, d) array [m]
+        Samples of the truth that could be seen.
+    cell : (n,) array [m], optional
+        Diagonal of the resolution cell, where it is known. A sample of the truth is covered in cells where the point
+        nearest to it is no farther than `WITHIN_CELLS` of that point's cell.
     """
     nothing = np.full(len(reachable), np.inf), np.zeros(len(reachable), dtype=np.int64)
     to_points, nearest = cKDTree(points).query(reachable) if len(points) else nothing
@@ -106,7 +117,7 @@ def figures(
 
 
 def _share(distances: Array, limit: float) -> float | None:
-    """Of the distances that are within a limit."""
+    """Share of the distances that are within a limit; None if there are none."""
     return float(np.mean(distances <= limit)) if len(distances) else None
 
 

@@ -35,7 +35,9 @@ class Face:
     Attributes
     ----------
     surface : str
-    center, normal : (d,) arrays [m]
+        Its name.
+    center, normal : (d,) arrays
+        Its middle [m], and its unit normal.
     halves : (d - 1, d) array [m]
         From the center to the middle of each edge or end.
     """
@@ -78,7 +80,7 @@ def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:
 
 
 def _distance(center: Array, normal: Array, face: Face) -> float:
-    """Of the middle of a mirror from a face [m]; infinite where they are turned too far against each other."""
+    """Distance [m] of the middle of a mirror from a face; infinite where they are turned too far against each other."""
     if _angle_deg(normal, face.normal) > MIRROR_ANGLE_DEG:
         return np.inf
     lengths = np.linalg.norm(face.halves, axis=1)
@@ -87,6 +89,6 @@ def _distance(center: Array, normal: Array, face: Face) -> float:
 
 
 def _angle_deg(normal: Array, other: Array) -> float:
-    """Between two planes [degree], by the sine, which is exact for small angles."""
+    """Angle between two planes of unit normals [degree]: by its sine, since a cosine loses small angles to rounding."""
     aside = normal - (normal @ other) * other
     return float(np.degrees(np.arcsin(min(1.0, float(np.linalg.norm(aside))))))

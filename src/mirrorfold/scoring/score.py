@@ -197,11 +197,19 @@ SomeFigures = TypeVar("SomeFigures", PlanFigures, VolumeFigures)
 def _judge(
     points: Array, cells: tuple[Array | None, Array | None], truth: Truth, kind: type[SomeFigures], size: str
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
-    """The figures of all points (n, d); of those that claim to be out of sight; and of these by the surface at them.
+    """The figures of all points; of those that claim to be out of sight; and of these by the surface nearest to them.
 
-    `cells` (n,) [m] are those of resolution, where they are known, and the same without what curved mirrors add: a
-    wide cell is no claim to be in line of sight. `size` is what `kind` calls the length or area of
-    the reachable truth.
+    Parameters
+    ----------
+    points : (n, d) array [m]
+    cells : two (n,) arrays [m]
+        Diagonals of the resolution cells, None where they are unknown; with, and without, what curved mirrors add. The
+        latter tell who claims to be out of sight: a cell that a mirror has made wide is no claim to be in sight.
+    truth : Truth
+    kind : type
+        `PlanFigures` or `VolumeFigures`.
+    size : str
+        The field of `kind` for the length or area of the truth that can be seen.
     """
     every, count = counted(points)
     nearest_point = cKDTree(points).query(every)[1] if len(points) else np.zeros(0, dtype=np.intp)

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 NEAR = 0.06
-"""An echo is one of a thing that stands this close [m] to where it would be, twice the delay of a thick pane."""
+"""An echo is taken for that of a thing, or of its mirror image, that stands this close [m] to where the echo is shown:
+twice what a thick pane delays it."""
 
 SPACING = 0.002
 """Surfaces are sampled this densely [m]."""
 
 NEEDED = {"x_initial", "y_initial", "surface", "chain"}
-"""Columns without which nothing can be said; methods of others may leave them out."""
+"""Columns of points without which nothing can be said; other methods' reconstructions may lack them."""
 
 
 class Sides(NamedTuple):
@@ -33,11 +34,11 @@ class Sides(NamedTuple):
     Attributes
     ----------
     right : float or None
-        Share of them that are taken for reflected, or for passed, as they are; of those that are not doubtful.
+        Of the echoes that are not doubtful, the share that is rightly taken for reflected, or for passed.
     doubtful : float or None
-        Share of those with a probability for which it is between 0.1 and 0.9.
+        Share of the echoes whose probability to have passed lies between 0.1 and 0.9.
     distance : float or None
-        Median distance [m] of what passed from the surface that sent it.
+        Median distance [m] of echoes that passed, and were taken for such, from the nearest thing.
     """
 
     right: Number = None
@@ -55,7 +56,7 @@ class Behind(NamedTuple):
     passed : array
         Probability that they passed; NaN where that was not asked.
     taken : bool array
-        Which are taken for passed ones: they are left where the image shows them, up to the delay of a wall.
+        Which are taken for passed ones: they stay where the image shows them, but for the delay in the wall.
     truth : bool array
         Which did pass.
     incidence : array [rad]
@@ -99,7 +100,10 @@ class Walls(NamedTuple):
 
 
 def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
-    """Those of a floor plan, and which places (p, 2) [m] are seen through them; None where there are none."""
+    """The half-transparent walls of a floor plan, and which places (p, 2) [m] are seen through them.
+
+    None where there is no such wall, or nothing else.
+    """
     walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
     others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
     if not walls or not others:
@@ -118,10 +122,10 @@ def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
 
 
 def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
-    """What the points of a reconstruction are; None where there is no half-transparent wall, or nothing
-    behind it, or the points do not say where the image shows them.
+    """What the echoes behind half-transparent walls truly are: reflected by the wall, or passed through it.
 
-    What an echo is follows from where the image shows it: near a thing, or near the mirror image of one.
+    That follows from where the image shows them: near the mirror image of a thing, or near a thing. None where there is
+    no half-transparent wall, or nothing behind it, or the points do not say where the image shows them.
     """
     axes = "xy" if isinstance(scene, Scene) else "xyz"
     if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
@@ -155,7 +159,7 @@ def doubted(passed: Array) -> Mask:
 
 
 def sides(objects: xr.Dataset, scene: Scene | Scene3D) -> Sides:
-    """How often they are told apart; None where no wall was asked about."""
+    """How often a reconstruction tells passed echoes from reflected ones; all None where no wall was asked about."""
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():
         return Sides()

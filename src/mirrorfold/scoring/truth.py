@@ -49,11 +49,11 @@ class Truth:
         return [index for index in self.names if index not in in_sight]
 
     def distances(self, points: Array, of: Mask | None = None) -> tuple[Array, Index]:
-        """Distance [m] of points (m, d) from the nearest surface, infinite where there is none; index of its sample.
+        """Distance [m] of points (m, d) from the nearest surface, (m,), and the index of its nearest sample, (m,).
 
-        Of those samples alone that are chosen, (n,) bool, if any are.
-
-        Around a sample the surface counts as flat, so that the distance between samples does not matter.
+        The mask `of` (n,) chooses among the samples, by default all of them; where there are none the distance is
+        infinite. Around a sample the surface counts as flat up to `reach`, so that the spacing of the samples does not
+        matter.
         """
         index = np.arange(len(self.place)) if of is None else np.flatnonzero(of)
         if not len(index) or not len(points):

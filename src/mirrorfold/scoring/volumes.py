@@ -24,7 +24,8 @@ TRUTH_SPACING = 0.005
 """Mean distance of the samples of the true surfaces [m], a quarter of that of a good point."""
 
 RING, GUARD = 0.10, 0.02
-"""A patch is compared with what surrounds it up to the first distance, without the beam that straddles its edge [m]."""
+"""A patch is compared with its surroundings up to the first distance [m]; without a strip as wide as
+the second [m] along its edge, where the beam falls on both."""
 
 FAN = 81
 """Rays along each side of the scan that look for mirrors: in a scan of 80 degrees one for each degree."""
@@ -98,7 +99,10 @@ def visible_truth(
 
 
 def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
-    """Panels that waves pass through, and which places (p, 3) [m] are seen through them; None where there are none."""
+    """The panels that waves pass through, and which places (p, 3) [m] are seen through them.
+
+    None where there is no such panel, or nothing else.
+    """
     parts = solids(scene)
     found = [(solid, sheet_of(scene, solid, 0)) for solid in parts]
     sheets, others = [sheet for _, sheet in found if sheet], [solid for solid, sheet in found if not sheet]
@@ -129,7 +133,7 @@ def patch_contrasts(scene: Scene3D, points: Array, amplitude: Array) -> dict[str
 def patch_contrast(scene: Scene3D, patch: Patch, points: Array, amplitude: Array) -> float | None:
     """Mean power of the points on a patch over that of the points around it [dB]; None without any.
 
-    The scene need not hold the patch: the control without it is judged in the same region.
+    The scene need not hold the patch: a scene without it, as a control, is judged in the same region.
     """
     below = next(surface for surface in scene.surface if surface.name == patch.on)
     solid = next(s for s in solids(scene) if scene.surface[s.surface].name == patch.on)
