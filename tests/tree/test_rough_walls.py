@@ -87,3 +87,13 @@ def test_a_bright_thing_is_not_seen_again_all_along_the_wall():
     points = shown(found(bright, again))
     assert near(points, again[0][far]).mean() < 0.05
     assert near(points, image).all()
+
+
+def test_what_stands_alone_where_a_wall_might_show_a_bright_thing_once_more_is_a_thing():
+    """All along the wall else the image is empty there."""
+    corner = np.array([[0.95, 0.75]])
+    place = ROUGH[0] + 0.15 * (ROUGH[1] - ROUGH[0])
+    thing = (place * (1.0 + np.linalg.norm(place - corner) / np.linalg.norm(place)))[None]
+    image = seen_in(ROUGH, corner)
+    assert np.linalg.norm(thing) > np.linalg.norm(image) + 2.5 * RANGE_CELL
+    assert near(shown(found((image, np.array([150.0 + 0j])), (thing, np.array([3.0 + 0j])))), thing).all()

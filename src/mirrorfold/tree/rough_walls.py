@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirror import Fold, fold_of
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 
@@ -27,6 +27,10 @@ CELLS = 0.75
 BRIGHT = 0.9
 """What is scattered twice is weaker than what the same wall scatters once: than this quantile of the echoes of its
 face, of which a few may be glints."""
+
+FADED_DB = 20.0
+"""A rough wall scatters all along: what is so much stronger than the median of all that stands where the wall would show
+the same thing is no such echo. Speckle fades by as much."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
@@ -59,49 +63,88 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (through == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        seen, place = echoes.take(own), fold(view.points(begin[own], echoes.direction[own]))
-        way = seen.range - begin[own]
+        surface = _Surface(view, sight.crossing[rough], fold)
+        seen = echoes.take(own)
         for other, wall in enumerate(order.mirrors):
             if other != rough and not wall.curved:
-                sent_back = _square_to(before[other](wall.ends), view, seen, place, way)
+                sent_back = _square_to(before[other](wall.ends), surface, seen)
                 found[own[sent_back & (order.face[own] != other)]] = True
-        found[own[_of_things(*things, order, rough, seen, order.face[own] == ROOT, place, way)]] = True
+        found[own[_of_things(*things, order, rough, surface, seen, order.face[own] == ROOT)]] = True
     return found
 
 
-def _square_to(wall: Array, view: ImageView, echoes: Echoes, place: Array, way: Array) -> Mask:
-    """Which echoes have come a `way` [m] behind places of a rough wall that is the distance of a wall before it, (n,).
+class _Surface:
+    """A rough wall as the radar sees it.
+
+    Parameters
+    ----------
+    view : ImageView
+    crossing : (nu,) array [m]
+        Range at which each direction meets it, infinite where none does.
+    fold : callable
+        Maps what is seen on it to its true place.
+    """
+
+    def __init__(self, view: ImageView, crossing: Array, fold: Fold) -> None:
+        self.view, self.crossing = view, crossing
+        self.directions = np.flatnonzero(np.isfinite(crossing))
+        self.places = fold(view.points(crossing[self.directions], self.directions))
+
+    def of(self, echoes: Echoes) -> Index:
+        """Which of the `directions`, each with its place, is that of each echo, (n,)."""
+        return np.searchsorted(self.directions, echoes.direction)
+
+    def way(self, echoes: Echoes) -> Array:
+        """From the wall to where each echo is seen, (n,) [m]."""
+        return np.asarray(echoes.range - self.crossing[echoes.direction])
+
+    def usual(self, way: Array, counts: Mask) -> Array:
+        """Median amplitude of the image so far [m] behind every place of the wall, (directions, m), over those that
+        count: (m,); infinite where none does."""
+        view, half = self.view, round(CELLS * self.view.range_cell / self.view.dr)
+        row = np.rint((self.crossing[self.directions, None] + way - view.range[0]) / view.dr).astype(np.intp)
+        rows = row[..., None] + np.arange(-half, half + 1)
+        inside = (rows >= 0) & (rows < view.range.size)
+        shown = view.amplitude[np.where(inside, rows, 0), self.directions[:, None, None]]
+        shown = np.where(counts, np.where(inside, shown, 0.0).max(axis=-1, initial=0.0), np.nan)
+        return np.array([np.nanmedian(one) if np.isfinite(one).any() else np.inf for one in shown.T])
+
+
+def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
+    """Which echoes have come as far behind places of a rough wall as it is from a wall before it, (n,).
 
     Parameters
     ----------
     wall : (2, 2) array [m]
         Its ends.
-    view : ImageView
+    rough : _Surface
     echoes : Echoes
-    place : (n, 2) array [m]
-        Where the rough wall scatters each.
-    way : (n,) array [m]
-        From there to where each is seen.
     """
     start, end = wall
-    distance = np.abs(signed_distance(place, start, segment_normal(start, end)))
-    along = np.abs((place - 0.5 * (start + end)) @ unit(end - start))
-    met = along <= 0.5 * np.linalg.norm(end - start) + view.cell(echoes.range)
-    return np.asarray(met & (np.abs(distance - way) <= CELLS * view.range_cell))
+    distance = np.abs(signed_distance(rough.places, start, segment_normal(start, end)))
+    along = np.abs((rough.places - 0.5 * (start + end)) @ unit(end - start)) - 0.5 * float(np.linalg.norm(end - start))
+    at, cell = rough.of(echoes), rough.view.cell(echoes.range)
+    met = (along[at] <= cell) & (np.abs(distance[at] - rough.way(echoes)) <= CELLS * rough.view.range_cell)
+    usual = rough.usual(distance[:, None], (along <= 0.0)[:, None])
+    return np.asarray(met & (echoes.amplitude <= 10.0 ** (FADED_DB / 20.0) * usual))
 
 
 def _of_things(
-    things: Array, level: Array, order: Order, rough: int, echoes: Echoes, single: Mask, place: Array, way: Array
+    things: Array, level: Array, order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask
 ) -> Mask:
     """The same for bright things (m, 2) [m] of that level (m,), (n,); those that are `single` (n,) lie in no row."""
     view = order.sight.view
     # The wall reflects a thing where it is seen nearest; all along the wall it is seen farther.
-    nearest = np.linalg.norm(_image(order, rough, things) - view.radar, axis=1)
-    distance = np.linalg.norm(place[:, None] - things, axis=2)
-    found = np.abs(distance - way[:, None]) <= CELLS * view.range_cell
-    found &= echoes.range[:, None] >= nearest + np.where(single, APART_CELLS * view.range_cell, 0.0)[:, None]
+    nearest = np.linalg.norm(_image(order, number, things) - view.radar, axis=1)
+    apart = APART_CELLS * view.range_cell
+    distance = np.linalg.norm(rough.places[:, None] - things, axis=2)
+    found = np.abs(distance[rough.of(echoes)] - rough.way(echoes)[:, None]) <= CELLS * view.range_cell
+    found &= echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
-    return np.asarray(found.any(axis=1))
+    some = np.flatnonzero(found.any(axis=0))
+    far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
+    usual = rough.usual(distance[:, some], far)
+    return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= 10.0 ** (FADED_DB / 20.0) * usual)).any(axis=1))
 
 
 def _image(order: Order, mirror: int, places: Array) -> Array:
