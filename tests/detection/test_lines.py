@@ -497,3 +497,19 @@ def test_two_lines_are_told_from_one():
     assert place == pytest.approx(0.7, abs=0.03)
     assert left < 0.2
     assert broken(along[:3], noise[:3], weight[:3]) == (along[2], 1.0)
+
+
+def lengths(seed, inside):
+    """Of the mirrors [decimetre] that a metre of a thick wall shows."""
+    start, end = random_wall(seed, length=1.0)
+    _, _, mirrors = look(*thick(start, end, seed, 0.01, inside), seed=seed)
+    return [round(10.0 * mirror.length) for mirror in mirrors]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inside", ["uniform", "front and back"])
+def test_a_wall_that_scatters_from_inside_is_one(inside, monkeypatch):
+    """Its centres of power stray by its depth, and would sometimes lie on two lines."""
+    assert all(lengths(seed, inside) == [10] for seed in range(16))
+    monkeypatch.setattr("mirrorfold.detection.lines.WIDE", np.inf)
+    assert any(lengths(seed, inside) != [10] for seed in range(16))

@@ -29,8 +29,8 @@ BRIGHT = 0.9
 face, of which a few may be glints."""
 
 FADED_DB = 20.0
-"""A rough wall scatters all along: what is so much stronger than the median of all that stands where the wall would show
-the same thing is no such echo. Speckle fades by as much."""
+"""A rough wall scatters all along: what is so much stronger than the median of all that stands where it would show the
+same thing is no such echo. Speckle fades by as much."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
@@ -99,8 +99,14 @@ class _Surface:
         return np.asarray(echoes.range - self.crossing[echoes.direction])
 
     def usual(self, way: Array, counts: Mask) -> Array:
-        """Median amplitude of the image so far [m] behind every place of the wall, (directions, m), over those that
-        count: (m,); infinite where none does."""
+        """Median amplitude of the image so far behind the places of the wall that count, (m,); infinite for none.
+
+        Parameters
+        ----------
+        way : (directions, m) array [m]
+        counts : (directions, m) bool array
+            May be (directions, 1).
+        """
         view, half = self.view, round(CELLS * self.view.range_cell / self.view.dr)
         row = np.rint((self.crossing[self.directions, None] + way - view.range[0]) / view.dr).astype(np.intp)
         rows = row[..., None] + np.arange(-half, half + 1)
