@@ -30,7 +30,7 @@ face, of which a few may be glints."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
-range cells farther than where the wall reflects that thing, which has neighbours there."""
+range cells farther than where the wall reflects that thing, or resolution cells beside it: it has neighbours there."""
 
 
 def scattered(order: Order, echoes: Echoes) -> Mask:
@@ -96,10 +96,13 @@ def _of_things(
     """The same for bright things (m, 2) [m] of that level (m,), (n,); those that are `single` (n,) lie in no row."""
     view = order.sight.view
     # The wall reflects a thing where it is seen nearest; all along the wall it is seen farther.
-    nearest = np.linalg.norm(_image(order, rough, things) - view.radar, axis=1)
+    image = _image(order, rough, things)
+    nearest = np.linalg.norm(image - view.radar, axis=1)
     distance = np.linalg.norm(place[:, None] - things, axis=2)
     found = np.abs(distance - way[:, None]) <= CELLS * view.range_cell
-    found &= echoes.range[:, None] >= nearest + np.where(single, APART_CELLS * view.range_cell, 0.0)[:, None]
+    beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
+    apart = np.where(single[:, None] & ~beside, APART_CELLS * view.range_cell, 0.0)
+    found &= echoes.range[:, None] >= nearest + apart
     found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
     return np.asarray(found.any(axis=1))
 
