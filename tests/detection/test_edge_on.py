@@ -9,7 +9,7 @@ import pytest
 from synthetic import RANGE_CELL, diffuse, radar_image, together
 
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.detection.edge_on import _between, edge_on
+from mirrorfold.detection.edge_on import _as_far_as_lit, _between, edge_on
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see
 from mirrorfold.detection.line_mirror import LineMirror
 
@@ -87,6 +87,15 @@ def test_a_short_image_tells_a_mirror_whose_line_is_long_enough():
     assert angle_deg(found, SIDE) < 0.3
     # No more than the line itself: a mirror must be as long as that of others.
     assert edge_on([wall], [short], view, echoes, 1.1 * found.length) == []
+
+
+def test_the_line_ends_where_it_has_faded_however_dark_it_is_beside_it(monkeypatch):
+    """What goes on there, 40 dB weaker, is what bends round the edge of the wall."""
+    longer = LineMirror(SIDE[0], SIDE[1] + 0.35 * (SIDE[1] - SIDE[0]))
+    view, _, _ = scene(diffuse(SIDE[1], longer.end, seed=4, strength=0.01), side_level=1.0)
+    assert _as_far_as_lit(longer, view).ends[:, 1].max() == pytest.approx(SIDE[1, 1], abs=RANGE_CELL)
+    monkeypatch.setattr("mirrorfold.detection.edge_on.FADED", 0.0)
+    assert _as_far_as_lit(longer, view).ends[:, 1].max() > SIDE[1, 1] + 2.0 * RANGE_CELL
 
 
 def test_where_no_faint_line_halves_the_angle_of_two_walls_there_is_no_mirror():

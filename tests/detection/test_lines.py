@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from profiles import examples
-from synthetic import WAVELENGTH, diffuse, empty_view, envelope, radar_view, together
+from synthetic import RANGE_CELL, WAVELENGTH, diffuse, empty_view, envelope, radar_view, together
 
 from mirrorfold.common.geometry import cross2
 from mirrorfold.detection import find_mirrors
@@ -513,3 +513,19 @@ def test_a_wall_that_scatters_from_inside_is_one(inside, monkeypatch):
     assert all(lengths(seed, inside) == [10] for seed in range(16))
     monkeypatch.setattr("mirrorfold.detection.lines.WIDE", np.inf)
     assert any(lengths(seed, inside) != [10] for seed in range(16))
+
+
+@pytest.mark.parametrize(("level", "before", "whole"), [(8.0, False, False), (1.0, False, True), (8.0, True, True)],
+                         ids=["shines", "as the wall", "behind something"])  # fmt: skip
+@pytest.mark.parametrize("seed", range(2))
+def test_what_shines_beyond_a_gap_at_the_end_of_a_wall_is_no_part_of_it(seed, level, before, whole):
+    """It may be a curved wall there; behind other things, gaps are the shadows of those."""
+    start, end = wall_at(np.array([-0.1, 1.4]), 60.0, 1.0)
+    direction = end - start
+    beyond = diffuse(end + 0.06 * direction, end + 0.2 * direction, 7 + seed, strength=level)
+    screen = diffuse(0.6 * (end + 0.05 * direction), 0.6 * (end + 0.25 * direction), 9 + seed, strength=2.0)
+    parts = [diffuse(start, end, seed), beyond, *([screen] if before else [])]
+    view = replace(radar_view(*together(*parts), noise=NOISE, seed=seed), wavelength=WAVELENGTH)
+    longest = max(find_mirrors(view, find_ridges(view)), key=lambda mirror: mirror.length)
+    assert longest.length == pytest.approx(1.2 if whole else 1.0, abs=RANGE_CELL)
+    assert errors(longest, start, end)[0] < 0.3

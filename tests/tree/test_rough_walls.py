@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import RANGE_CELL, build_tree, diffuse, radar_view, together
+from synthetic import RANGE_CELL, U_CELL, build_tree, diffuse, radar_view, together
 
 from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
 from mirrorfold.detection.image_echoes import find_ridges
@@ -73,16 +73,20 @@ def test_it_is_no_wall_either(twice):
     assert len(found(twice, rough_walls=False)) > len(found(twice)) == len(found()) == 3
 
 
-def test_a_bright_thing_is_not_seen_again_all_along_the_wall():
-    """Where the wall reflects it, it stays."""
+@pytest.mark.parametrize("farther", [True, False], ids=["farther", "beside"])
+def test_a_bright_thing_is_not_seen_again_all_along_the_wall(farther):
+    """Where the wall reflects it, it stays: up to some cells farther and to either side."""
     corner = np.array([[0.95, 0.75]])
     image, (rough, speckle) = seen_in(ROUGH, corner), diffuse(*ROUGH, 0)
     away = np.linalg.norm(rough - corner, axis=1) / np.linalg.norm(rough, axis=1)
     again = rough * (1.0 + away)[:, None], 0.3 * np.abs(speckle) * speckle
-    far = np.linalg.norm(again[0], axis=1) > np.linalg.norm(image) + 3.0 * RANGE_CELL
+    (range_, *_), sine = np.linalg.norm(image, axis=1), again[0][:, 0] / np.linalg.norm(again[0], axis=1)
+    far = np.linalg.norm(again[0], axis=1) > range_ + 3.0 * RANGE_CELL
+    if not farther:
+        far = ~far & (np.abs(sine - image[0, 0] / range_) > 3.0 * U_CELL)
     bright = image, np.array([150.0 + 0j])
     far &= rough[:, 0] < 0.9  # not at the end of the wall, where a half of each beam passes it by
-    assert far.sum() > 30
+    assert far.sum() > (30 if farther else 5)
     assert near(shown(found(bright, again, rough_walls=False)), again[0][far]).mean() > 0.3
     points = shown(found(bright, again))
     assert near(points, again[0][far]).mean() < 0.05

@@ -35,6 +35,10 @@ CONTRAST = 2.7
 and 13 or more in full waves but once, 3.1, where wrapped echoes fill one side; on lines that halve the angle of two
 walls by chance it was at most 2.3."""
 
+FADED = 10.0 ** (-20.0 / 20.0)
+"""The line ends where it is 20 dB weaker than its median, as little as the image may hold beside it: speckle
+fades by less."""
+
 ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
 """Where amplitudes are compared, in resolution cells across the line; on either side."""
 
@@ -151,9 +155,10 @@ def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
     near, far = sorted(mirror.ends, key=lambda end: float(np.linalg.norm(end - view.radar)))
     longer = replace(mirror, start=near + BEYOND * (near - far), end=far)
     on_it = np.median(_levels(longer, view, ON_LINE), axis=1)
-    lit = np.flatnonzero(on_it > CONTRAST * _beside(longer, view, axis=1))
-    if not lit.size:
+    shown = on_it > CONTRAST * _beside(longer, view, axis=1)
+    if not shown.any():
         return mirror
+    lit = np.flatnonzero(shown & (on_it > FADED * np.median(on_it[shown])))
     place = longer.length * lit / (len(on_it) - 1)
     gap = GAP_CELLS * float(view.extent(mirror.center[None], mirror.direction)[0])
     longest = max(np.split(place, np.flatnonzero(np.diff(place) > gap) + 1), key=np.ptp)

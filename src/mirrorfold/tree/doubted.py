@@ -13,10 +13,13 @@ from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls,
 from mirrorfold.tree.late_edges import late_edges
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.misplaced import LATE
+from mirrorfold.tree.to_and_fro import TO_AND_FRO, to_and_fro
 
 
 def without_doubted(found: Found, view: View) -> Found:
-    """What was found, without objects that would stand behind known walls, or that edges of these send on too late.
+    """What was found, without objects that known walls speak against.
+
+    Those would stand behind these walls, went to and fro before them, or are sent on too late by their edges.
 
     Parameters
     ----------
@@ -24,11 +27,16 @@ def without_doubted(found: Found, view: View) -> Found:
     view : View
     """
     ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_things(found)
+    between = to_and_fro(found, view)
+    told = (
+        (LATE, lambda node: late_edges(node.objects, ways, view)),
+        (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
+        (TO_AND_FRO, lambda node: between[node.chain]),
+    )
 
     def why(node: MirrorTree) -> Names:
         """What speaks against each of the objects of a node, (n,); empty for those that stay."""
-        late, behind = late_edges(node.objects, ways, view), behind_walls(node.objects, node.chain, longer, view)
-        return np.select([late, behind], [LATE, BEHIND], "")
+        return np.select([tells(node) for _, tells in told], [reason for reason, _ in told], "")
 
     reasons = {node.chain: why(node) for node in found.tree.walk()}
     if not any((reason != "").any() for reason in reasons.values()):

@@ -34,7 +34,7 @@ same thing is no such echo. Speckle fades by as much."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
-range cells farther than where the wall reflects that thing, which has neighbours there."""
+range cells farther than where the wall reflects that thing, or resolution cells beside it: it has neighbours there."""
 
 
 def scattered(order: Order, echoes: Echoes) -> Mask:
@@ -141,11 +141,12 @@ def _of_things(
     """The same for bright things (m, 2) [m] of that level (m,), (n,); those that are `single` (n,) lie in no row."""
     view = order.sight.view
     # The wall reflects a thing where it is seen nearest; all along the wall it is seen farther.
-    nearest = np.linalg.norm(_image(order, number, things) - view.radar, axis=1)
-    apart = APART_CELLS * view.range_cell
+    image = _image(order, number, things)
+    nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - things, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.way(echoes)[:, None]) <= CELLS * view.range_cell
-    found &= echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
+    beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
+    found &= echoes.range[:, None] >= nearest + np.where(single[:, None] & ~beside, apart, 0.0)
     found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
