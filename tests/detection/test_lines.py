@@ -511,7 +511,7 @@ def lengths(seed, inside):
 def test_a_wall_that_scatters_from_inside_is_one(inside, monkeypatch):
     """Its centres of power stray by its depth, and would sometimes lie on two lines."""
     assert all(lengths(seed, inside) == [10] for seed in range(16))
-    monkeypatch.setattr("mirrorfold.detection.lines.WIDE", np.inf)
+    monkeypatch.setattr("mirrorfold.detection.lines.LOBE_SPREAD", np.inf)
     assert any(lengths(seed, inside) != [10] for seed in range(16))
 
 

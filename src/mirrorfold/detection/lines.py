@@ -65,10 +65,11 @@ BREAK = 10.0
 ``n ln(squares that one leaves / squares that two leave)``, of n places each with a speckle of its own. Of 700 rough
 walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of a hundred."""
 
-WIDE, WIDE_CELLS = 0.1, 1.25
-"""A row whose profiles across it, so many cells to either side, are wider than this is not asked: the variance of their
-power about its centre, in squared cells, in the median. That of one lobe is 0.07 to 0.09. Of walls that scatter from
-inside, 1 to 3 cm deep, it is 0.1 to 0.3, their centres stray by the depth, and up to one in six seemed to be two."""
+LOBE_SPREAD, SPREAD_CELLS = 0.08, 1.25
+"""Variance of the power of one lobe about its centre, in squared cells, up to so many cells to either side: 0.07 to
+0.09 on thin walls. Where it is larger in the median, as on walls that scatter from inside, 0.1 to 0.4, `BREAK` is
+larger by as much, for their centres stray by the depth: one in ten such walls, a metre long, would be two by more
+than 10. That is so in line of sight; behind other things, wide rows are mostly multiple scattering."""
 
 SPREAD_SAMPLES = 21
 """Places of such a profile."""
@@ -212,6 +213,10 @@ class _Lines(Search[LineMirror]):
         crossing = mirror.crossing(self.view)
         return np.asarray(~np.isfinite(crossing) | (nearest > crossing - self.view.object_depth(crossing)))
 
+    def _in_sight(self, mirror: LineMirror) -> bool:
+        """Whether nothing stands before most of the mirror."""
+        return bool(np.mean(self._nothing_before(mirror)[np.isfinite(mirror.crossing(self.view))]) > 0.5)
+
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""
         points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # what shines says no more than the rest
@@ -222,9 +227,8 @@ class _Lines(Search[LineMirror]):
         if np.count_nonzero(inside) < FEWEST_PLACES:
             return mirror
         place, left = broken(along[inside], beside[inside], weight[inside])
-        if left > np.exp(-BREAK / (inside.mean() * mirror.independent(self.view))):
-            return mirror
-        if _spread(mirror, self.view) > WIDE:
+        likelier = -inside.mean() * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
+        if likelier < BREAK or (self._in_sight(mirror) and likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD):
             return mirror
         parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
         longer = max(parts, key=lambda part: part.length)
@@ -233,7 +237,7 @@ class _Lines(Search[LineMirror]):
 
 def _spread(mirror: LineMirror, view: ImageView) -> float:
     """Median variance of the power across a mirror about the centre of each profile, in squared cells."""
-    places, across = mirror.places(view), np.linspace(-WIDE_CELLS, WIDE_CELLS, SPREAD_SAMPLES)
+    places, across = mirror.places(view), np.linspace(-SPREAD_CELLS, SPREAD_CELLS, SPREAD_SAMPLES)
     power = mirror.profiles(view, places, view.extent(places, mirror.normal)[:, None] * across)[1]
     total = np.maximum(power.sum(axis=1), np.finfo(float).tiny)
     return float(np.median((power @ across**2) / total - ((power @ across) / total) ** 2))

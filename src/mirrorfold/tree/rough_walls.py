@@ -28,9 +28,9 @@ BRIGHT = 0.9
 """What is scattered twice is weaker than what the same wall scatters once: than this quantile of the echoes of its
 face, of which a few may be glints."""
 
-FADED_DB = 20.0
+FADED_DB = 30.0
 """A rough wall scatters all along: what is so much stronger than the median of all that stands where it would show the
-same thing is no such echo. Speckle fades by as much."""
+same thing is no such echo. Speckle fades by up to 20 dB, and outshines its mean by up to 10."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
@@ -130,9 +130,7 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     distance = np.abs(signed_distance(rough.places, start, segment_normal(start, end)))
     along = np.abs((rough.places - 0.5 * (start + end)) @ unit(end - start)) - 0.5 * float(np.linalg.norm(end - start))
     at, cell = rough.of(echoes), rough.view.cell(echoes.range)
-    met = (along[at] <= cell) & (np.abs(distance[at] - rough.way(echoes)) <= CELLS * rough.view.range_cell)
-    usual = rough.usual(distance[:, None], (along <= 0.0)[:, None])
-    return np.asarray(met & (echoes.amplitude <= 10.0 ** (FADED_DB / 20.0) * usual))
+    return np.asarray((along[at] <= cell) & (np.abs(distance[at] - rough.way(echoes)) <= CELLS * rough.view.range_cell))
 
 
 def _of_things(
