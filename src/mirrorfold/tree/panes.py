@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Index, Mask
 
 Spectra = NDArray[np.complex128]
 
@@ -95,7 +95,10 @@ class Pairs:
         """No more than so many, evenly chosen by the angle of incidence."""
         if self.angle.size <= most:
             return self
-        which = np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)])
+        return self.take(np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)]))
+
+    def take(self, which: Index) -> Pairs:
+        """Some of them."""
         each = {name: getattr(self, name)[which] for name in ("te", "tm", "angle", "noise")}
         return replace(self, **each)
 
@@ -103,15 +106,8 @@ class Pairs:
         """Those of reflection and of transmission at walls (w,), (w, n) each."""
         walls = permittivity[:, None, None], thickness[:, None, None]
         te, tm = (slab(*walls, self.wavenumber, self.angle[:, None], name) for name in POLARIZATIONS)
-        return self._misfit(te[0] ** 2, tm[0] ** 2), self._misfit(te[1] ** 2, tm[1] ** 2)
-
-    def _misfit(self, te: Spectra, tm: Spectra) -> Array:
-        """The share of the power that is not parallel to (te, tm), (w, n)."""
-        size = np.maximum(np.abs(te) ** 2 + np.abs(tm) ** 2, np.finfo(float).tiny)
-        one, other = tm * self.te, te * self.tm
-        left = np.sum((np.abs(one) ** 2 + np.abs(other) ** 2) / size, axis=-1)
-        left = left - 2.0 * np.abs(np.sum(np.conj(one) * other / size, axis=-1))
-        return np.asarray(left / np.sum(np.abs(self.te) ** 2 + np.abs(self.tm) ** 2, axis=-1))
+        reflected, passed = (parallel_misfit(self.te, self.tm, a**2, b**2) for a, b in zip(te, tm, strict=True))
+        return reflected, passed
 
     def log_likelihood(self, misfit: Array) -> Array:
         """That of a misfit, without a constant."""
@@ -166,6 +162,15 @@ class Pairs:
         return np.clip(two - one, -MOST_ODDS, MOST_ODDS), np.maximum(one, two) < self.other
 
 
+def parallel_misfit(echo_te: Spectra, echo_tm: Spectra, te: Spectra, tm: Spectra) -> Array:
+    """The share of the power of echoes (n, m) that is not parallel to the pair (te, tm) of walls, (w, n)."""
+    size = np.maximum(np.abs(te) ** 2 + np.abs(tm) ** 2, np.finfo(float).tiny)
+    one, other = tm * echo_te, te * echo_tm
+    left = np.sum((np.abs(one) ** 2 + np.abs(other) ** 2) / size, axis=-1)
+    left = left - 2.0 * np.abs(np.sum(np.conj(one) * other / size, axis=-1))
+    return np.asarray(left / np.sum(np.abs(echo_te) ** 2 + np.abs(echo_tm) ** 2, axis=-1))
+
+
 @dataclass(frozen=True)
 class Pane:
     """A wall that lets waves through.
@@ -185,6 +190,8 @@ class Pane:
     against_alike : float
         The same as `against_metal`, if what metal shows sends both polarizations back by one ratio: what passes a thin
         wall at small angles may be shown by metal as well.
+    rms_height : float [m]
+        Of the roughness of both faces, as it dims the coherent wave.
     """
 
     permittivity: complex
@@ -195,6 +202,7 @@ class Pane:
     against_metal: float
     share: float
     against_alike: float = np.inf
+    rms_height: float = 0.0
 
 
 def find_pane(pairs: Pairs) -> Pane:
@@ -272,15 +280,17 @@ def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, floa
     corners = np.concatenate([np.zeros((1, 3)), np.diag([2.0, 2.0, 2.0])])
     options = {"initial_simplex": corners, "maxiter": 150, "xatol": 0.01, "fatol": 0.01}
     found = minimize(cost, np.zeros(3), method="Nelder-Mead", options=options)
-    return start + found.x * scale, -float(found.fun), _covariance(cost, found.x) * np.outer(scale, scale)
+    return start + found.x * scale, -float(found.fun), covariance(cost, found.x) * np.outer(scale, scale)
 
 
-def _covariance(cost: Callable[[Array], float], at: Array) -> Array:
-    """Inverse of the second derivatives of a negative logarithm of a likelihood, (3, 3)."""
-    step = 0.3
-    units = step * np.eye(3)
+def covariance(cost: Callable[[Array], float], at: Array, *, step: float = 0.3, least: float = 1e-6) -> Array:
+    """Inverse of the second derivatives of a negative logarithm of a likelihood of n numbers, (n, n).
+
+    They are differences over twice a `step`, and taken for no smaller than the `least`, where nothing tells.
+    """
+    units = step * np.eye(at.size)
     slopes = np.array([
         [cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in units] for a in units
     ]) / (4.0 * step**2)  # fmt: skip
     value, vector = np.linalg.eigh(slopes)
-    return np.asarray((vector / np.maximum(value, 1e-6)) @ vector.T)
+    return np.asarray((vector / np.maximum(value, least)) @ vector.T)

@@ -22,11 +22,12 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.spectra import independent, offsets, spectra
+from mirrorfold.detection.spectra import independent, offsets, spectra, tapers
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import Cover
 from mirrorfold.tree.panes import Pairs, Pane, find_pane
+from mirrorfold.tree.wall_glints import Glints, measured
 
 EVIDENCE, AGAINST_METAL = 5.0, 15.0
 """Least logarithm of the odds of a transparent wall against one of its material that only reflects, and against one of
@@ -152,13 +153,17 @@ def look_through(
         return None
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
     pane = find_pane(pairs.some(MOST_PAIRS))
-    if min(pane.evidence, pane.against_alike) < EVIDENCE:
-        return None
     known = pane.against_metal >= AGAINST_METAL
+    if pane.against_alike < EVIDENCE or not (known or pane.evidence >= EVIDENCE):
+        return None
     passed = np.full(len(echoes), UNDECIDED)
     through = np.zeros(len(echoes), dtype=bool)
     if known:
-        odds, neither = pairs.log_odds(pane)
+        glints = glints_of(view, images, echoes.take(brightest), pairs)
+        pane = measured(glints, pane)
+        if pane.evidence < EVIDENCE:
+            return None
+        odds, neither = glints.log_odds(pane), pairs.log_odds(pane)[1]
         passed = expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell]
         through = passed > UNDECIDED
         # What is like neither and stands behind what passed is multiple scattering: between that and the wall's back.
@@ -200,6 +205,12 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
     )
 
 
+def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints:
+    """The same echoes, of which any may be glints."""
+    te, tm = (spectra(view, images[name], echoes.position, whole=True) for name in ("TE", "TM"))
+    return Glints(pairs, te, tm, tapers(images["TE"]), view.in_cells(echoes.position))
+
+
 def incidence(view: View, position: Array, mirror: Mirror) -> Array:
     """Angles [rad] at which lines of sight through places (n, d) [m] meet a mirror, (n,)."""
     sight = position - view.radar
@@ -232,7 +243,8 @@ def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
 
     The delay of the middle of the pulse: the mean slope of the phase of T over the band, with the weights of its power.
     """
-    passed = slab(pane.permittivity, pane.thickness, wavenumber, angle[:, None], "TE")[1]
+    wall = pane.permittivity, pane.thickness, wavenumber, angle[:, None]
+    passed = slab(*wall, "TE", rms_height=pane.rms_height)[1]
     step = wavenumber[1] - wavenumber[0]
     turn = np.sum(passed[:, 1:] * np.conj(passed[:, :-1]) * hann(wavenumber.size - 1), axis=1)
     return np.asarray(-np.angle(turn) / step)
