@@ -8,51 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from synthetic import build_tree, diffuse, empty_view, radar_image, radar_view, together
+from seen_scenes import behind, line_errors, nearest, seen_by, tree_of, wall
+from synthetic import diffuse, empty_view, radar_image, together
 
 import mirrorfold as mf
-from mirrorfold.common.geometry import cross2, reflect, segment_normal
-from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.common.geometry import cross2
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import led_astray
 
-NOISE = 0.01
-
-
-def wall(middle, angle, length):
-    """Ends of a wall around `middle`; the angle [degree] counts from +x."""
-    half = 0.5 * length * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-    return np.stack([middle - half, middle + half])
-
-
-def seen_by(chain, points):
-    """Where points appear that are seen through mirrors at their true places, the first one first."""
-    for mirror in reversed(chain):
-        points = reflect(points, mirror[0], segment_normal(*mirror))
-    return points
-
-
-def tree_of(*parts, reach=(0.3, 3.0), noise=NOISE, **settings):
-    view = radar_view(*together(*parts), noise=noise, reach=reach)
-    echoes = find_ridges(view)
-    tree, sight = build_tree(echoes, view, **settings)
-    return tree, sight, view, echoes
-
-
-def line_errors(found, true):
-    """Angle [degree] between two lines given by their ends, and distance [mm] of the middle of the first."""
-    span, direction = found[1] - found[0], true[1] - true[0]
-    sine = cross2(direction, span) / np.linalg.norm(direction) / np.linalg.norm(span)
-    away = cross2(direction, found.mean(axis=0) - true[0]) / np.linalg.norm(direction)
-    return np.degrees(np.arcsin(abs(sine))), 1e3 * abs(away)
-
-
-def nearest(points, truth):
-    return np.linalg.norm(points[:, None] - truth, axis=-1).min(axis=1)
-
-
-# A periscope: the radar sees mirror A, in it mirror B, in that mirror C, and in that one the targets.
 A, B, C = wall((0.0, 1.2), 47.0, 0.8), wall((1.0, 1.25), 44.0, 0.9), wall((1.05, 2.05), 42.0, 1.0)
+
 TARGETS = np.array([[1.6, 2.0], [1.7, 2.15], [1.65, 1.75]])
 
 
@@ -208,122 +173,6 @@ def test_the_radars_view_of_the_periscope_opens_mirror_by_mirror(periscope_tree)
     column = view.column(np.atleast_1d(u))
     for distance, owner in ((0.5, ROOT), (range_, number[0,]), (2.4, number[0, 0]), (3.6, number[0, 0, 0])):
         assert sight.seen_through(np.atleast_1d(distance), column)[0] == owner
-
-
-MIRROR = wall((0.1, 1.2), 35.0, 0.9)
-"""A mirror that all of the following is seen through."""
-
-
-def behind(range_, width, u=0.02, number=7):
-    """Points side by side on an arc around the radar, at that range and that many radians wide."""
-    angle = u + np.linspace(-0.5, 0.5, number) * width
-    return range_ * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-
-
-@pytest.fixture(scope="module")
-def clutter_behind_an_object():
-    """A mirror; in it an object at 1.8 m; behind that along the same rays clutter, and beside it a free point."""
-    return [
-        diffuse(*MIRROR, 3),
-        (behind(1.8, 0.12), np.full(7, 5.0)),
-        (behind(2.15, 0.08, number=4), np.full(4, 2.5)),
-        (behind(2.2, 0.0, u=-0.15, number=1), np.array([3.0])),
-    ]
-
-
-def counts(tree, range_, u=0.02):
-    """Number of object echoes seen through the only mirror near a range and direction."""
-    (node,) = tree.mirrors
-    sine = node.objects.position[:, 0] / node.objects.range  # the radar stands at the origin, its array along x
-    near = (np.abs(node.objects.range - range_) < 0.04) & (np.abs(sine - u) < 0.08)
-    return int(np.count_nonzero(near))
-
-
-def test_what_is_behind_an_object_is_multiple_scattering(clutter_behind_an_object):
-    tree, *_ = tree_of(*clutter_behind_an_object)
-    assert counts(tree, 1.8) > 10
-    assert counts(tree, 2.15) == 0
-    assert counts(tree, 2.2, u=-0.15) > 0
-
-
-def test_transparent_objects_hide_nothing(clutter_behind_an_object):
-    opaque, *_ = tree_of(*clutter_behind_an_object)
-    clear, *_ = tree_of(*clutter_behind_an_object, opaque=False)
-    assert counts(clear, 1.8) == counts(opaque, 1.8)
-    assert counts(clear, 2.15) > 4
-    folds = clear.folds()
-    places = folds[0,](clear.mirrors[0].objects.position)
-    assert nearest(seen_by([MIRROR], behind(2.15, 0.08, number=4)), places).max() < 0.01
-
-
-@pytest.mark.parametrize(("decibel", "kept"), [(14.0, False), (26.0, True)])
-def test_what_is_much_stronger_than_all_before_it_is_a_thing_all_the_same(decibel, kept):
-    glint = behind(2.15, 0.0, number=1)
-    tree, *_ = tree_of(
-        diffuse(*MIRROR, 3), (behind(1.8, 0.12), np.full(7, 5.0)), (glint, np.array([5.0 * 10.0 ** (decibel / 20.0)]))
-    )
-    assert (counts(tree, 2.15) > 0) == kept
-
-
-@pytest.mark.parametrize(("depth", "kept"), [(0.045, True), (0.15, False)])
-def test_an_object_hides_what_is_more_than_its_own_depth_behind_it(depth, kept):
-    """The object is 7.5 cm deep: 2.5 range cells."""
-    tree, *_ = tree_of(
-        diffuse(*MIRROR, 3), (behind(1.8, 0.12), np.full(7, 5.0)), (behind(1.8 + depth, 0.02, number=1), [5.0])
-    )
-    (node,) = tree.mirrors
-    assert (node.objects.range.max() > 1.8 + 0.75 * depth) == kept
-
-
-def test_objects_in_line_of_sight_hide_what_is_behind_them_too():
-    parts = [(behind(1.0, 0.12), np.full(7, 5.0)), (behind(1.4, 0.08, number=4), np.full(4, 2.5))]
-    opaque, *_ = tree_of(*parts)
-    clear, *_ = tree_of(*parts, opaque=False)
-    assert opaque.mirrors == clear.mirrors == ()
-    assert opaque.objects.range.max() < 1.1
-    assert clear.objects.range.max() > 1.35
-
-
-def test_a_row_of_clutter_behind_objects_is_no_mirror():
-    screen = np.concatenate([behind(r, 0.2, u=u, number=5) for r, u in ((1.6, 0.01), (1.73, 0.02), (1.86, 0.03))])
-    row = behind(2.3, 0.16, number=2)
-    parts = [diffuse(*MIRROR, 3), (screen, np.full(15, 20.0)), diffuse(*row, 5)]
-    opaque, *_ = tree_of(*parts)
-    clear, *_ = tree_of(*parts, opaque=False)
-    assert [node.chain for node in opaque.walk()] == [(), (0,)]
-    assert [node.chain for node in clear.walk()] == [(), (0,), (0, 0)]
-    assert (
-        line_errors(np.stack([clear.mirrors[0].mirrors[0].line.start, clear.mirrors[0].mirrors[0].line.end]), row)[1]
-        < 1
-    )
-
-
-def beyond(distance):
-    """A point on the line of sight that meets MIRROR in its middle, that far square behind it."""
-    middle = MIRROR.mean(axis=0)
-    away = segment_normal(*MIRROR)
-    cosine = float(middle @ away) / np.linalg.norm(middle)
-    return (middle * (1.0 + distance / abs(cosine) / np.linalg.norm(middle)))[None]
-
-
-@pytest.mark.parametrize(
-    ("distance", "margin", "kept"), [(0.05, 0.04, False), (0.05, 0.0, True), (0.12, 0.04, True), (0.12, 0.15, False)]
-)
-def test_echoes_from_inside_a_wall_are_nothing(distance, margin, kept):
-    """The margin begins where the wall's own resolution cell ends, 2.6 cm behind it."""
-    tree, *_ = tree_of(diffuse(*MIRROR, 3), (beyond(distance), [6.0]), wall_margin=margin)
-    assert len(tree.mirrors) == 1
-    assert (tree.mirrors[0].objects.range.size > 0) == kept
-    assert tree.objects.range.size == 0
-
-
-def test_the_folded_image_leaves_out_what_is_inside_a_wall():
-    x, y = np.arange(-0.7, 0.8, 0.006), np.arange(0.5, 1.8, 0.006)
-    image = radar_image(*together(diffuse(*MIRROR, 3), (beyond(0.05), [6.0])), x, y)
-    place = seen_by([MIRROR], beyond(0.05))[0]
-    thin, thick = (mf.fold(image, wall_margin=margin) for margin in (0.0, 0.1))
-    for result, bright in ((thin, True), (thick, False)):
-        assert (float(result["intensity"].interp(x=place[0], y=place[1])) > 4.0) == bright
 
 
 @pytest.fixture(scope="module")
