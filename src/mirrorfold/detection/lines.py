@@ -215,7 +215,8 @@ class _Lines(Search[LineMirror]):
 
     def _in_sight(self, mirror: LineMirror) -> bool:
         """Whether nothing stands before most of the mirror."""
-        return bool(np.mean(self._nothing_before(mirror)[np.isfinite(mirror.crossing(self.view))]) > 0.5)
+        met = np.isfinite(mirror.crossing(self.view))
+        return bool(2 * np.count_nonzero(self._nothing_before(mirror) & met) > np.count_nonzero(met))
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""

@@ -41,8 +41,11 @@ SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
 """Power of the errors of an echo over its own, from 1 % of the amplitude, what the model of plane waves leaves out
 (`mirrorfold.simulation.rays.slabs`), to no agreement."""
 
-POWERS = 0.0, -1.0, -2.0
-"""Of frequency, by which glints change: the spreading of line sources, and the roughness of what glints."""
+STEEPEST = -2.0
+"""Power of frequency by which glints change at most: the spreading of line sources, and the roughness of what glints."""
+
+POWERS = 0.0, 0.5 * STEEPEST, STEEPEST
+"""Powers that are tried."""
 
 UNLIKE = np.log(10.0) / 20.0 * np.array([0.3, 1.0, 3.0])
 """By so much [neper and rad] glints of TE and TM may be unlike, but for a sign: of conductors little, where something
