@@ -42,7 +42,7 @@ SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
 (`mirrorfold.simulation.rays.slabs`), to no agreement."""
 
 STEEPEST = -2.0
-"""Power of frequency by which glints change at most: the spreading of line sources, and the roughness of what glints."""
+"""Power of frequency by which glints change at most: by the spreading of line sources, and by roughness."""
 
 POWERS = 0.0, 0.5 * STEEPEST, STEEPEST
 """Powers that are tried."""
