@@ -156,14 +156,18 @@ def look_through(
     known = pane.against_metal >= AGAINST_METAL
     if pane.against_alike < EVIDENCE or not (known or pane.evidence >= EVIDENCE):
         return None
+    glints = None
+    if known and view.dimensions == 2:  # what a beam of a scan meets has a depth of its own, and is no glint
+        glints = glints_of(view, images, echoes.take(brightest), pairs)
+        pane = measured(glints, pane)
+    if pane.evidence < EVIDENCE:
+        return None
     passed = np.full(len(echoes), UNDECIDED)
     through = np.zeros(len(echoes), dtype=bool)
     if known:
-        glints = glints_of(view, images, echoes.take(brightest), pairs)
-        pane = measured(glints, pane)
-        if pane.evidence < EVIDENCE:
-            return None
-        odds, neither = glints.log_odds(pane), pairs.log_odds(pane)[1]
+        odds, neither = pairs.log_odds(pane)
+        if glints is not None:
+            odds = glints.log_odds(pane)
         passed = expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell]
         through = passed > UNDECIDED
         # What is like neither and stands behind what passed is multiple scattering: between that and the wall's back.
