@@ -48,3 +48,17 @@ surface = [
     assert [np.ptp(angles) for angles in scene.scanner.angles] == [10.0, 4.0]
     assert scene.surface[0].path.samefile(folder / "ball.stl")
     assert scene.surface[1].path.samefile(tmp_path / "elsewhere.stl")
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "nul\\u0000", "../" * 2000 + "ball.stl"], ids=["long", "null", "far"])
+def test_a_mesh_of_an_impossible_name_is_refused_in_a_sentence(tmp_path, name):
+    path = tmp_path / "scene.toml"
+    path.write_text(f"""
+name = "ball"
+dimensions = 3
+band = {{start = 270e9, stop = 300e9, points = 51}}
+scanner = {{directions = "{name}", spot_radius = 0.017, focus_distance = 1.5}}
+surface = [{{name = "ball", kind = "mesh", path = "{name}", position = [0.0, 2.0, 0.0]}}]
+""")
+    with pytest.raises(mf.InputError):
+        mf.load(path)

@@ -93,11 +93,16 @@ def test_a_bright_thing_is_not_seen_again_all_along_the_wall(farther):
     assert near(points, image).all()
 
 
-def test_what_stands_alone_where_a_wall_might_show_a_bright_thing_once_more_is_a_thing():
+@pytest.mark.parametrize("farther", [True, False], ids=["farther", "beside"])
+def test_what_stands_alone_where_a_wall_might_show_a_bright_thing_once_more_is_a_thing(farther):
     """All along the wall else the image is empty there."""
     corner = np.array([[0.95, 0.75]])
-    place = ROUGH[0] + 0.15 * (ROUGH[1] - ROUGH[0])
-    thing = (place * (1.0 + np.linalg.norm(place - corner) / np.linalg.norm(place)))[None]
     image = seen_in(ROUGH, corner)
-    assert np.linalg.norm(thing) > np.linalg.norm(image) + 2.5 * RANGE_CELL
-    assert near(shown(found((image, np.array([150.0 + 0j])), (thing, np.array([3.0 + 0j])))), thing).all()
+    along = ROUGH[0] + np.linspace(0.0, 1.0, 201)[:, None] * (ROUGH[1] - ROUGH[0])
+    again = along * (1.0 + np.linalg.norm(along - corner, axis=1) / np.linalg.norm(along, axis=1))[:, None]
+    later = np.linalg.norm(again, axis=1) - np.linalg.norm(image)
+    beside = np.abs(again[:, 0] / np.linalg.norm(again, axis=1) - image[0, 0] / np.linalg.norm(image))
+    fits = later > 2.5 * RANGE_CELL if farther else (later > 0.5 * RANGE_CELL) & (later < RANGE_CELL)
+    thing = again[fits & (beside > 3.0 * U_CELL)][:1]
+    amplitude = 3.0 if farther else 0.72  # 30 dB above the noise would be more
+    assert near(shown(found((image, np.array([150.0 + 0j])), (thing, np.array([amplitude + 0j])))), thing).all()

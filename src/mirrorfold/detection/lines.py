@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -208,10 +209,15 @@ class _Lines(Search[LineMirror]):
 
     def _nothing_before(self, mirror: LineMirror) -> Mask:
         """In which directions no echo stands before the mirror, (nu,)."""
+        crossing = mirror.crossing(self.view)
+        return np.asarray(~np.isfinite(crossing) | (self._nearest > crossing - self.view.object_depth(crossing)))
+
+    @cached_property
+    def _nearest(self) -> Array:
+        """Range of the first echo in each direction, (nu,) [m]."""
         nearest = np.full(len(self.view.sight), np.inf)
         np.minimum.at(nearest, self.echoes.direction, self.echoes.range)
-        crossing = mirror.crossing(self.view)
-        return np.asarray(~np.isfinite(crossing) | (nearest > crossing - self.view.object_depth(crossing)))
+        return nearest
 
     def _in_sight(self, mirror: LineMirror) -> bool:
         """Whether nothing stands before most of the mirror."""

@@ -5,6 +5,7 @@ A scene file is TOML; `load_scene` reads it and reports everything that is wrong
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -110,8 +111,8 @@ def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
     def found(entry: Any, name: str) -> Any:
         if not isinstance(entry, dict) or not isinstance(entry.get(name), str):
             return entry
-        beside = path.parent / entry[name]
-        return {**entry, name: str(beside)} if beside.exists() else entry
+        beside = os.path.join(path.parent, entry[name])
+        return {**entry, name: beside} if os.path.exists(beside) else entry
 
     surfaces = content.get("surface")
     if isinstance(surfaces, list):

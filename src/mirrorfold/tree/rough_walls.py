@@ -28,9 +28,10 @@ BRIGHT = 0.9
 """What is scattered twice is weaker than what the same wall scatters once: than this quantile of the echoes of its
 face, of which a few may be glints."""
 
-FADED_DB = 30.0
+OUTSHINES_DB, FADED_DB = 10.0, 30.0
 """A rough wall scatters all along: what is so much stronger than the median of all that stands where it would show the
-same thing is no such echo. Speckle fades by up to 20 dB, and outshines its mean by up to 10."""
+same thing is no such echo. Speckle outshines its mean by up to 10 dB, and where it is faded the mean is up to 20 dB
+lower. The first counts for what stands beside the image of the thing, no later than its neighbours do."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """What a wall scatters twice is so much weaker than the thing that it is of; and, unless it lies in a row, so many
@@ -144,12 +145,13 @@ def _of_things(
     distance = np.linalg.norm(rough.places[:, None] - things, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.way(echoes)[:, None]) <= CELLS * view.range_cell
     beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
-    found &= echoes.range[:, None] >= nearest + np.where(single[:, None] & ~beside, apart, 0.0)
+    later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
+    found &= later | (beside & (echoes.range[:, None] >= nearest))
     found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
-    usual = rough.usual(distance[:, some], far)
-    return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= 10.0 ** (FADED_DB / 20.0) * usual)).any(axis=1))
+    most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * rough.usual(distance[:, some], far)
+    return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= most)).any(axis=1))
 
 
 def _image(order: Order, mirror: int, places: Array) -> Array:
