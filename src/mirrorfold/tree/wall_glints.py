@@ -15,13 +15,13 @@ section 3.4): good echoes tell much, and bad ones little.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.common.types import Array
@@ -129,7 +129,7 @@ class Glints:
             self, pairs=self.pairs.take(which), te=self.te[which], tm=self.tm[which], place=self.place[which]
         )
 
-    @property
+    @cached_property
     def weight(self) -> Array:
         """One over the number of echoes that each overlaps with, (n,)."""
         apart = np.abs(self.place[:, None] - self.place)
@@ -153,7 +153,7 @@ class Glints:
         # Of two spectra, two amplitudes and a delay are free; of something rough a whole spectrum, and a phase.
         glint = _averaged(misfit, noise, 2.0 * independent - 2.5, 2.5)
         spread = UNLIKE[:, None, None]
-        glint += logsumexp(np.log(0.5 * LEVELS / spread**2) - 0.5 * unlike / spread**2, axis=0) - np.log(UNLIKE.size)
+        glint += np.logaddexp.reduce(np.log(0.5 * LEVELS / spread**2) - 0.5 * unlike / spread**2) - np.log(UNLIKE.size)
         ratio = parallel_misfit(self.pairs.te, self.pairs.tm, te, tm)
         rough = _averaged(ratio, noise, independent - 0.5, independent + 0.5)
         return np.asarray(np.logaddexp(glint, rough) - np.log(2.0))
@@ -209,9 +209,8 @@ def _averaged(misfit: Array, noise: Array, left: float, explained: float) -> Arr
     """
     variance = SCALES[:, None, None] + noise
     each = left * (np.log(left / variance) - misfit / variance)
-    return np.asarray(
-        logsumexp(each, axis=0) - np.log(SCALES.size) + gammaln(explained) - gammaln(left + explained)
-    )  # fmt: skip
+    usual = np.log(SCALES.size) - gammaln(explained) + gammaln(left + explained)
+    return np.asarray(np.logaddexp.reduce(each) - usual)
 
 
 def _peak(values: Array) -> Array:
@@ -278,7 +277,7 @@ def measured(glints: Glints, pane: Pane) -> Pane:
     # Narrow peaks beside each other, one for every turn of the phase, are climbed one by one.
     best = [place for _, place in sorted((climb.climbed(start, 60) for start in _starts(climb)), key=_lower)]
     beside = [best[0] + climb.turns(turns) for turns in TURNS]
-    peaks = sorted((climb.climbed(start, 250) for start in best[:LAST] + beside), key=_lower)
+    peaks = _distinct(sorted((climb.climbed(start, 250) for start in best[:LAST] + beside), key=_lower))
     height, at = peaks[0]
     real, thickness = _figures(climb, at)
     spread = covariance(climb.cost, at, step=1.0, least=LEAST_BEND)
@@ -306,6 +305,15 @@ def measured(glints: Glints, pane: Pane) -> Pane:
 def _lower(peak: tuple[float, Array]) -> float:
     """What sorts peaks by their height."""
     return -peak[0]
+
+
+def _distinct(peaks: list[tuple[float, Array]]) -> list[tuple[float, Array]]:
+    """Those of sorted peaks that are more than a unit of `_Climb` from each higher one."""
+    found: list[tuple[float, Array]] = []
+    for height, place in peaks:
+        if all(np.abs(place - other).max() > 1.0 for _, other in found):
+            found.append((height, place))
+    return found
 
 
 def _figures(climb: _Climb, numbers: Array) -> tuple[float, float]:
