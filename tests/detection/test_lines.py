@@ -358,3 +358,13 @@ def test_faint_echoes_are_no_evidence_but_continue_a_mirror():
     assert find_mirrors(view, replace(echoes, strong=np.zeros_like(outer))) == []
     (mirror,) = find_mirrors(view, faded)
     assert mirror.length == pytest.approx(np.hypot(1.0, 0.2), abs=0.05)
+
+
+@pytest.mark.parametrize(("strong", "whole", "count"), [(0.21, 0.4, 1), (0.21, 0.21, 0), (0.1, 0.4, 0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_continues_a_short_row_faintly_makes_it_a_mirror(seed, strong, whole, count):
+    """The least length is 0.25 m."""
+    start, end = wall_at(np.array([0.2, 1.3]), 20.0, whole)
+    view, echoes, _ = look(*diffuse(start, end, seed), seed=seed)
+    along = (echoes.position - start) @ (end - start) / whole
+    assert len(find_mirrors(view, replace(echoes, strong=echoes.strong & (along < strong)))) == count

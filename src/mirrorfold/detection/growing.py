@@ -67,6 +67,8 @@ class Search(ABC, Generic[M]):
     """What bulges by more than this many resolution cells is a curved object, not a flat mirror."""
     misses: int
     """After so many proposals in a row that are no mirrors there are no more."""
+    strong_share = 1.0
+    """Share of its least length that the strong echoes of a mirror must have, where faint ones continue it."""
 
     def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool, seed: int = 0) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
@@ -147,7 +149,7 @@ class Search(ABC, Generic[M]):
                 return None, near
             if i < ROUNDS:
                 normal, center = flat(points[member], self.weight[member] / square[member])
-        if np.ptp(mirror.sides, axis=1).min() < self.shortest(mirror):
+        if np.ptp(mirror.sides, axis=1).min() < (self.strong_share if self.tested else 1.0) * self.shortest(mirror):
             return None, member
         if self.tested and self.bulges(mirror, member):
             straight = self.straight_part(mirror, member)
@@ -160,7 +162,7 @@ class Search(ABC, Generic[M]):
             if not self.passes(mirror):
                 return None, member
             fitted = self.refined(mirror)
-            if fitted is None:
+            if fitted is None or np.ptp(fitted.sides, axis=1).min() < self.shortest(fitted):
                 return None, member
             mirror = fitted
         _, own, across = mirror.near(self.view, self.echoes)

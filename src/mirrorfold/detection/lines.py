@@ -20,6 +20,10 @@ from mirrorfold.detection.line_mirror import LineMirror
 MINIMUM_CELLS = 7.75
 """Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
 
+STRONG_SHARE = 0.65
+"""Share of that length, five cells, that its strong echoes must cover where faint ones continue them: beside a
+smooth thing, which is bright, a wall may lie half below the threshold."""
+
 GLINT, GLINT_CELLS = 0.9, 4.0
 """A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
 long: the glint of a bulging thing of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
@@ -53,9 +57,10 @@ their main lobe is taken, the cell's own definition; and the power, over the med
 DEEP = 0.1
 """A line this many range cells behind the face of its wall runs along speckle, not through the centres of a face."""
 
-STRAY = 0.25
-"""The centres of power of a wall that scatters inside stray from speckle to speckle by half its depth or more. Where
-they stray by less than this share of it, the echo is drawn out alike all along: the pulse rings, and not the wall."""
+STRAY = 0.2
+"""The centres of power of a wall that scatters inside, or at its back, stray from speckle to speckle by a quarter of
+its depth or more. Where they stray by less than this share of it, the echo is drawn out alike all along: the pulse
+rings, and not the wall."""
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
@@ -105,7 +110,7 @@ def find_lines(echoes: Echoes, view: ImageView, *, minimum_length: float, tested
 class _Lines(Search[LineMirror]):
     """Rows of echoes."""
 
-    fewest, sagitta, misses = 3, 0.3, 100
+    fewest, sagitta, misses, strong_share = 3, 0.3, 100, STRONG_SHARE
     view: ImageView
 
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[LineMirror, Index]:
