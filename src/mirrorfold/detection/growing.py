@@ -86,6 +86,10 @@ class Search(ABC, Generic[M]):
         """Least length [m] of that mirror, or width and height."""
         return self.minimum_length
 
+    def long_enough(self, mirror: M, share: float = 1.0) -> bool:
+        """Whether a mirror has that share of its least length."""
+        return bool(np.ptp(mirror.sides, axis=1).min() >= share * self.shortest(mirror))
+
     @abstractmethod
     def passes(self, mirror: M) -> bool:
         """Whether a large and flat mirror passes the tests of its kind, too."""
@@ -149,7 +153,7 @@ class Search(ABC, Generic[M]):
                 return None, near
             if i < ROUNDS:
                 normal, center = flat(points[member], self.weight[member] / square[member])
-        if np.ptp(mirror.sides, axis=1).min() < (self.strong_share if self.tested else 1.0) * self.shortest(mirror):
+        if not self.long_enough(mirror, self.strong_share if self.tested else 1.0):
             return None, member
         if self.tested and self.bulges(mirror, member):
             straight = self.straight_part(mirror, member)
@@ -162,7 +166,7 @@ class Search(ABC, Generic[M]):
             if not self.passes(mirror):
                 return None, member
             fitted = self.refined(mirror)
-            if fitted is None or np.ptp(fitted.sides, axis=1).min() < self.shortest(fitted):
+            if fitted is None or not self.long_enough(fitted):
                 return None, member
             mirror = fitted
         _, own, across = mirror.near(self.view, self.echoes)

@@ -111,7 +111,7 @@ def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
     def found(entry: Any, name: str) -> Any:
         if not isinstance(entry, dict) or not isinstance(entry.get(name), str):
             return entry
-        beside = os.path.join(path.parent, entry[name])
+        beside = os.path.join(path.parent, entry[name])  # `Path.exists` fails where a name is too long
         return {**entry, name: beside} if os.path.exists(beside) else entry
 
     surfaces = content.get("surface")
