@@ -59,8 +59,8 @@ DEEP = 0.1
 
 STRAY = 0.2
 """The centres of power of a wall that scatters inside, or at its back, stray from speckle to speckle by half its depth
-in the median, and less than 0.25 of it in two of 160. Where they stray by less than this share of it, the echo is drawn out
-alike all along: the pulse rings, and not the wall."""
+in the median, and less than 0.25 of it in two of 160. Where they stray by less than this share of it, the echo is drawn
+out alike all along: the pulse rings, and not the wall."""
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
