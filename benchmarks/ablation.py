@@ -49,6 +49,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "late edges, and what would stand behind walls": ({kinds: {"without_doubted": lambda found, view: found}}, {}),
     "copies": ({}, {"copies": False}),
     "rough walls": ({}, {"rough_walls": False}),
+    "gaps": ({}, {"close_gaps": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),
 }
 """For each part functions that do nothing in its place, and settings."""

@@ -41,6 +41,7 @@ from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
 from mirrorfold.folding.earlier import initial_image, told_before
 from mirrorfold.folding.frames import each_frame, frame_count
+from mirrorfold.folding.gaps import close_gaps
 from mirrorfold.folding.memory import fold_parts
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.folding.points import fold_back
@@ -270,6 +271,8 @@ class FoldPlan:
         points = fold_back(found.tree, view, found.windows)
         if not settings.published:
             points = judged(points, found, measured.share)
+        if settings.close_gaps and isinstance(view, ImageView):
+            points = close_gaps(points, found.tree, view)
         result = collect(self.image, found, points, settings, grid=grid)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)

@@ -96,7 +96,7 @@ def test_a_reconstruction_holds_what_it_promises(folded, view):
         assert np.abs(root[axis].values[:, None] - view[axis].values).min(axis=0).max() < 1e-9
     assert set(objects.variables) == {
         "x", "y", "x_initial", "y_initial", "amplitude", "bounces", "chain", "surface", "confidence",
-        "x_error", "y_error", "explanation", "confocal",
+        "x_error", "y_error", "explanation", "confocal", "interpolated",
     }  # fmt: skip
     assert all(variable.dims == ("point",) for variable in objects.variables.values())
     assert set(objects.coords) == {"x", "y"}

@@ -25,8 +25,9 @@ SPECKLE = np.array([[-0.03, 1.35], [0.02, 1.38]])
 
 
 def points(result, axes="xy"):
-    """Table of the points, and their places in the unfolded image (n, d) [m]."""
+    """Table of the points that echoes stand for, and their places in the unfolded image (n, d) [m]."""
     objects = result.children["objects"].to_dataset(inherit=False)
+    objects = objects.isel(point=~objects["interpolated"].values)
     return objects, np.stack([objects[f"{axis}_initial"].values for axis in axes], axis=-1)
 
 

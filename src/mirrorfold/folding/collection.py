@@ -110,6 +110,7 @@ def _objects(points: Points) -> xr.Dataset:
         "confidence": ("point", points.confidence.astype(np.float32), {"long_name": confidence}),
         "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
         "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
+        "interpolated": ("point", points.interpolated, {"long_name": "no echo, but a gap between two of them"}),
     }
     if (points.growth != 1.0).any():
         data |= {

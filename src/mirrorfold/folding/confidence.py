@@ -214,5 +214,6 @@ def _with_ghosts(points: Points, found: Found) -> Points:
         np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
         np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
         np.ones(len(echoes)), nothing, np.full(len(echoes), np.nan), nothing, nothing,
+        np.zeros(len(echoes), dtype=bool),
     )  # fmt: skip
     return joined(points, ghosts)

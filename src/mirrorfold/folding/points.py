@@ -32,7 +32,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The folded scene: one point for every echo.
+    """The folded scene: one point for every echo, and some in gaps between them.
 
     Attributes
     ----------
@@ -65,6 +65,8 @@ class Points:
         The chain of the wall that it passed through; empty for all that did not.
     decided : (n,) array of str
         By what `passed` was found, "polarization" or "geometry", which is a guess; empty where it was not asked.
+    interpolated : (n,) bool array
+        No echo of its own, but a gap in a surface, see `mirrorfold.folding.gaps`.
     """
 
     position: Array
@@ -83,6 +85,7 @@ class Points:
     passed: Array
     wall: Names
     decided: Names
+    interpolated: Mask
 
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
@@ -117,7 +120,8 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
     usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
     known = np.full_like(amplitude, np.nan), growth, caustic.astype(str)
     unasked = np.full_like(amplitude, np.nan), np.full(amplitude.shape, ""), np.full(amplitude.shape, "")
-    points = Points(position, initial, amplitude, exceeded, bounces, *named, *usual, *known, *unasked)
+    heard = position, initial, amplitude, exceeded, bounces
+    points = Points(*heard, *named, *usual, *known, *unasked, np.zeros(amplitude.shape, dtype=bool))
     for window in windows:
         points = joined(_asked(points, window), _through(window, tree))
     return points
@@ -162,6 +166,7 @@ def _through(window: Window, tree: MirrorTree) -> Points:
         passed=window.probability,
         wall=np.full(count, chain or "?"),
         decided=np.full(count, window.decided),
+        interpolated=np.zeros(count, dtype=bool),
     )
 
 

@@ -83,6 +83,13 @@ class FoldSettings(Settings):
         kind="bool",
         label="twice scattered echoes are left out",
     )
+    close_gaps: bool = setting(
+        True,
+        "Whether, in images, surfaces go on between neighbouring echoes up to three resolution cells apart where the "
+        "image is not dark.",
+        kind="bool",
+        label="gaps in surfaces are closed",
+    )
     curved: bool = setting(
         True,
         "Whether arcs, in volumes cylinders and spheres, are mirrors where the image shows behind them what an opaque "
@@ -118,6 +125,7 @@ PRESETS = {
         opaque=False,
         copies=False,
         rough_walls=False,
+        close_gaps=False,
         curved=False,
         transparent=False,
         min_confidence=0.0,

@@ -1,0 +1,133 @@
+"""Step 5, last: surfaces go on through gaps that the radar cannot see.
+
+Beside a bright echo weaker ones drown for a resolution cell to either side, and speckle fades for as long. That no
+echo stands there tells nothing, as long as the image is not dark: a dark gap is one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.chains import chain_name
+from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.image_echoes import FAINT_DB
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.view import in_pieces
+from mirrorfold.folding.points import Points, joined
+from mirrorfold.tree.mirror_tree import MirrorTree
+
+GAP_CELLS = 3.0
+"""Widest gap that is closed, in resolution cells: one to the side of each of two bright echoes, and one that fades."""
+
+STEP_CELLS = 0.5
+"""No farther apart, in resolution cells, do points of a surface stand: closer ones tell nothing new."""
+
+FIT_CELLS = 1.5
+"""Distance, in resolution cells, at which an echo weighs ``exp(-1/2)`` in the place of what is between others: that
+from the middle of the widest gap to its ends."""
+
+SAMPLES = 12
+"""Places in a gap at which the image is looked at, four in a resolution cell of the widest."""
+
+SPECK_CELLS = 0.25
+"""A place is dark if the image is dark this far to all sides, too, in resolution cells: speckle fades at points."""
+
+
+def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
+    """The points, and after them some in each gap between neighbours that the image does not show to be empty.
+
+    Neighbours are joined by the shortest tree that joins all echoes of the image (Kruskal, Proc. AMS 7, 1956), by
+    distances in resolution cells, whatever they were seen by: so a gap is the same before folding and after. It is
+    closed where both ends were folded alike, or lie on the face of the same mirror.
+
+    Parameters
+    ----------
+    points : Points
+        As they were judged.
+    tree : MirrorTree
+        The root, which they were folded by.
+    view : ImageView
+        The image that they were found in.
+
+    Returns
+    -------
+    Points
+        The new ones hold what the image holds there, and are as certain as the less certain end of their gap.
+    """
+    if len(points.initial) < 2:
+        return points
+    first, second, cells = _neighbours(points, view)
+    share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
+    between = (1.0 - share) * points.initial[first] + share * points.initial[second]
+    needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
+    lit = np.all(_level(between, view, SPECK_CELLS) >= needed, axis=0)
+    first, second, pieces = first[lit], second[lit], np.ceil(cells[lit] / STEP_CELLS).astype(np.intp)
+
+    gap = np.repeat(np.arange(len(pieces)), pieces - 1)
+    piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
+    first, second, share = first[gap], second[gap], (piece / pieces[gap])[:, None]
+    new = points.take(np.where(share[:, 0] < 0.5, first, second))
+    straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
+    initial = _on_surface(straight, points, view)
+    position = np.empty_like(initial)
+    for chain, fold in tree.folds().items():
+        own = new.chain == chain_name(chain)
+        position[own] = fold(initial[own])
+    new = replace(
+        new,
+        position=position,
+        initial=initial,
+        amplitude=_level(initial, view),
+        confidence=np.minimum(points.confidence[first], points.confidence[second]),
+        error=np.maximum(points.error[first], points.error[second]),
+        interpolated=np.ones(len(gap), dtype=bool),
+    )
+    return joined(points, new)
+
+
+def _neighbours(points: Points, view: ImageView) -> tuple[Index, Index, Array]:
+    """Pairs of neighbours that were seen alike, and more than a step and at most a gap apart; and their distance in
+    resolution cells, each (n,).
+    """
+    cells = cKDTree(view.in_cells(points.initial))
+    edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
+    first, second = edges.row, edges.col
+    gap = (edges.data > STEP_CELLS) & (points.wall[first] == "") & (points.wall[second] == "")
+    for seen in (points.chain, points.mirror, points.explanation):
+        gap &= seen[first] == seen[second]
+    gap &= points.explanation[first] == ""
+    return first[gap], second[gap], edges.data[gap]
+
+
+def _on_surface(places: Array, points: Points, view: ImageView) -> Array:
+    """Places (n, 2) [m] of the image, moved to the straight line that fits the echoes around each of them, (n, 2).
+
+    Moving least squares (Levin, Math. Comput. 67, 1998): an echo weighs with the root of its amplitude, and less the
+    farther away it is.
+    """
+    middle = points.initial.mean(axis=0)
+    offset, cells = points.initial - middle, view.in_cells(points.initial)
+    products = np.einsum("ni,nj->nij", offset, offset).reshape(-1, 4)
+    moved = np.empty_like(places)
+    for some in in_pieces(len(places)):
+        away = view.in_cells(places[some])[:, None] - cells
+        weight = np.exp(-0.5 * np.sum(away**2, axis=-1) / FIT_CELLS**2) * np.sqrt(points.amplitude)
+        weight /= weight.sum(axis=1, keepdims=True)
+        mean = weight @ offset
+        spread = (weight @ products).reshape(-1, 2, 2) - np.einsum("ni,nj->nij", mean, mean)
+        along = np.linalg.eigh(spread)[1][:, :, -1]
+        aside = places[some] - middle - mean
+        moved[some] = middle + mean + along * np.sum(aside * along, axis=1, keepdims=True)
+    return moved
+
+
+def _level(places: Array, view: ImageView, aside: float = 0.0) -> Array:
+    """Amplitude of the image at places (..., 2) [m], the largest up to so many resolution cells `aside`, (...)."""
+    range_, u = view.to_polar(places)
+    sides = ((0.0, 0.0), (aside, 0.0), (-aside, 0.0), (0.0, aside), (0.0, -aside))[: 5 if aside else 1]
+    power = [view.power_at(range_ + depth * view.range_cell, u + across * view.u_cell) for depth, across in sides]
+    return np.asarray(np.sqrt(np.max(power, axis=0)))
