@@ -10,7 +10,6 @@ resolution cells, and the share of invented points.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
@@ -24,13 +23,23 @@ from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
+from mirrorfold.common.types import Mask
+from mirrorfold.detection import lines
+from mirrorfold.detection.echoes import Echoes
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion, kinds, measured
+from mirrorfold.tree import completion, doubted, kinds, measured, rounds
 from mirrorfold.tree.half_shadows import Hems
+from mirrorfold.tree.ordering import Order
 
-Instead = dict[ModuleType, dict[str, Callable[..., Any]]]
-"""Functions that do nothing, by the modules that call them and their names there."""
+Instead = dict[ModuleType | type, dict[str, Any]]
+"""Functions that do nothing, by the modules or classes that call them and their names there."""
+
+
+def nobody(order: Order, echoes: Echoes) -> Mask:
+    """None of the echoes, (n,)."""
+    return np.zeros(len(echoes), dtype=bool)
+
 
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
@@ -46,7 +55,29 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "mixed paths and late echoes": ({measured: {"misplaced": lambda echoes, **named: np.full(len(echoes), "")}}, {}),
     "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Hems.nothing()}}, {}),
     "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides)}}, {}),
-    "late edges, and what would stand behind walls": ({kinds: {"without_doubted": lambda found, view: found}}, {}),
+    "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
+    "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),
+    "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
+    "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
+    "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
+    "late edges": ({doubted: {"late_edges": lambda echoes, *given: np.zeros(len(echoes), dtype=bool)}}, {}),
+    "what would stand behind walls": (
+        {doubted: {"behind_walls": lambda echoes, *given: np.zeros(len(echoes), dtype=bool)}},
+        {},
+    ),
+    "what goes to and fro": (
+        {
+            doubted: {
+                "to_and_fro": lambda found, view: {
+                    node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()
+                }
+            }
+        },
+        {},
+    ),
+    "short cuts": ({rounds: {"short_cuts": nobody}}, {}),
+    "curved mirrors": ({}, {"curved": False}),
+    "half-transparent walls": ({}, {"transparent": False}),
     "copies": ({}, {"copies": False}),
     "rough walls": ({}, {"rough_walls": False}),
     "gaps": ({}, {"close_gaps": False}),

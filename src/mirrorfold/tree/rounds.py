@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection.curved import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_mirrors
@@ -65,45 +65,80 @@ def find_tree(
         Mirrors besides those that are found, see `mirrorfold.tree.showing`.
     """
     measured = measured or Measured()
-    explain, beside = measured.explain, measured.beside
-    every, index = echoes, np.arange(len(echoes))
-    explanation = np.full(len(echoes), "", dtype=object)
-    trusted = np.zeros(len(echoes), dtype=bool)
-    hems = Hems.nothing()
+    account, hems = _Account(echoes), Hems.nothing()
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
+        echoes = account.echoes
         order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
-        if beside is not None and not (told := beside(order, seen)).same(hems):
+        if measured.beside is not None and not (told := measured.beside(order, seen)).same(hems):
             hems = told
             order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
-            explanation[index[clear & copies(order, seen)]] = COPY
-        twice = np.zeros(len(echoes), dtype=bool)
+            account.put(clear & copies(order, seen), COPY)
+        twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
-            twice = clear & scattered(order, seen)
             # A row that is no wall shows nothing behind it.
-            explanation[index[twice & (order.face != ROOT)]] = SCATTERED
-            explanation[index[clear & short_cuts(order, seen)]] = SHORT_CUT
-            explanation[index[clear & (order.face == ROOT) & from_late_walls(order, seen)]] = LATE
-        new = ~trusted & clear & (explanation[index] == "")
-        if explain is not None and new.any():
-            explanation[index[new]] = explain(echoes.take(new))
-        stays = explanation[index] == ""
-        if stays.all():
-            # Both hide what is behind them, as any object does.
-            if twice.any():
-                explanation[index[twice]] = SCATTERED
-                order = replace(order, face=np.where(twice, NOBODY, order.face))
-                tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-            if settings.opaque:
-                explanation[index[radar_itself(tree, sight, seen)]] = ITSELF
-            left_out = explanation != ""
-            return Found(seen, tree, sight, every.take(left_out), explanation[left_out].astype(str))
-        index, trusted, echoes = index[stays], (trusted | new)[stays], echoes.take(stays)
-        walls = None if walls is None else walls[stays]
+            account.put(twice & (order.face != ROOT), SCATTERED)
+            account.put(clear & short_cuts(order, seen), SHORT_CUT)
+            account.put(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
+        if measured.explain is not None:
+            account.ask(measured.explain, clear)
+        if account.stays.all():
+            break
+        walls = None if walls is None else walls[account.stays]
+        account.leave_out()
+    # What is left is scattered twice, or the radar's own image; it hides what is behind it, as any object does.
+    if twice.any():
+        account.put(twice, SCATTERED)
+        order = replace(order, face=np.where(twice, NOBODY, order.face))
+        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
+    if settings.opaque:
+        account.put(radar_itself(tree, sight, seen), ITSELF)
+    return Found(seen, tree, sight, *account.explained())
+
+
+class _Account:
+    """Which echoes come from where they are seen, and what accounts for the others.
+
+    Attributes
+    ----------
+    echoes : Echoes
+        Those that have not been left out.
+    """
+
+    def __init__(self, echoes: Echoes) -> None:
+        self._every = self.echoes = echoes
+        self._index, self._trusted = np.arange(len(echoes)), np.zeros(len(echoes), dtype=bool)
+        self._why = np.full(len(echoes), "", dtype=object)
+
+    @property
+    def stays(self) -> Mask:
+        """Which of the `echoes` nothing else accounts for, (n,)."""
+        return np.asarray(self._why[self._index] == "")
+
+    def put(self, which: Mask, why: str | Names) -> None:
+        """Say what accounts for some of the `echoes`."""
+        self._why[self._index[which]] = why
+
+    def ask(self, explain: Callable[[Echoes], Names], clear: Mask) -> None:
+        """Have those explained that are in sight, (n,), each once."""
+        new = ~self._trusted & clear & self.stays
+        if new.any():
+            self.put(new, explain(self.echoes.take(new)))
+        self._trusted |= new
+
+    def leave_out(self) -> None:
+        """Go on without those that something accounts for."""
+        stays = self.stays
+        self._index, self._trusted, self.echoes = self._index[stays], self._trusted[stays], self.echoes.take(stays)
+
+    def explained(self) -> tuple[Echoes, Names]:
+        """All that something accounts for, and what does."""
+        told = self._why != ""
+        return self._every.take(told), self._why[told].astype(str)
 
 
 def agreed(
