@@ -41,9 +41,10 @@ def two_mirrors(reconstruction):
     objects = reconstruction["objects"].to_dataset(inherit=False)
     chain = objects["chain"].values.astype("<U3")
     chain[-1] = "0/0"
+    between = np.arange(chain.size) == 1
     nodes = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     nodes["/mirrors"] = xr.concat([mirrors, deeper], "mirror")
-    nodes["/objects"] = objects.assign(chain=("point", chain))
+    nodes["/objects"] = objects.assign(chain=("point", chain), interpolated=("point", between))
     return xr.DataTree.from_dict(nodes)
 
 
@@ -59,6 +60,7 @@ def test_clouds_carry_chain_mirror_and_confidence(two_mirrors, tmp_path):
         columns = heading.removeprefix("# ").split(separator)
         rows = np.loadtxt(lines[lines.index(heading) + 1 :], delimiter=separator)
         np.testing.assert_array_equal(rows[:, columns.index("chain")], [-1, -1, 0, 0, 1])
+        np.testing.assert_array_equal(rows[:, columns.index("interpolated")], [0, 1, 0, 0, 0])
         np.testing.assert_allclose(rows[:, :2], np.stack([two_mirrors["objects/x"], two_mirrors["objects/y"]], 1))
     assert "# chain 1 is by way of mirrors 0/0" in lines
     path = mf.export(two_mirrors, tmp_path / "cloud.vtp")

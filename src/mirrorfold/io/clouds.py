@@ -21,8 +21,8 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     """The points of a reconstruction, folded, as a file that other programs read.
 
     Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`,
-    `mirror` (1 on the face of a mirror, 0 on an object), `chain`, of a recording `frame`, and in PLY files a colour by
-    its number of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was
+    `mirror` (1 on the face of a mirror, 0 on an object), `interpolated` (1 in a gap between echoes), `chain`, of a
+    recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was
     seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name the whole chains.
 
     Parameters
@@ -41,6 +41,8 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     columns["bounces"] = objects["bounces"].values.astype("<i4")
     surface = objects["surface"].values if "surface" in objects else np.full(size, "object")
     columns["mirror"] = (surface == "mirror").astype("<i4")
+    between = objects["interpolated"].values if "interpolated" in objects else np.zeros(size)
+    columns["interpolated"] = between.astype("<i4")
     chains = mirror_chains(mirrors)
     frames = [table["frame"].values if "frame" in table.variables else np.zeros(count, dtype=int)
               for table, count in ((mirrors, len(chains)), (objects, size))]  # fmt: skip
