@@ -22,8 +22,9 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
 
     Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`,
     `mirror` (1 on the face of a mirror, 0 on an object), `interpolated` (1 in a gap between echoes), `chain`, of a
-    recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number of the mirror, in the table of mirrors, through which the point was
-    seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name the whole chains.
+    recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number of the mirror, in the
+    table of mirrors, through which the point was seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name
+    the whole chains.
 
     Parameters
     ----------
