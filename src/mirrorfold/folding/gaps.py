@@ -16,7 +16,6 @@ from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.image_echoes import FAINT_DB
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.view import in_pieces
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -32,6 +31,9 @@ from the middle of the widest gap to its ends."""
 
 SAMPLES = 12
 """Places in a gap at which the image is looked at, four in a resolution cell of the widest."""
+
+PAIRS_AT_ONCE = 1_000_000
+"""Pairs of a place and an echo that are held at a time: some ten megabytes for each number of a pair."""
 
 SPECK_CELLS = 0.25
 """A place is dark if the image is dark this far to all sides, too, in resolution cells: speckle fades at points."""
@@ -112,8 +114,8 @@ def _on_surface(places: Array, points: Points, view: ImageView) -> Array:
     middle = points.initial.mean(axis=0)
     offset, cells = points.initial - middle, view.in_cells(points.initial)
     products = np.einsum("ni,nj->nij", offset, offset).reshape(-1, 4)
-    moved = np.empty_like(places)
-    for some in in_pieces(len(places)):
+    moved, step = np.empty_like(places), max(1, PAIRS_AT_ONCE // len(cells))
+    for some in np.split(np.arange(len(places)), range(step, len(places), step)):
         away = view.in_cells(places[some])[:, None] - cells
         weight = np.exp(-0.5 * np.sum(away**2, axis=-1) / FIT_CELLS**2) * np.sqrt(points.amplitude)
         weight /= weight.sum(axis=1, keepdims=True)
