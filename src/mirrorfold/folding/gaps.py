@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
@@ -32,8 +33,8 @@ from the middle of the widest gap to its ends."""
 SAMPLES = 12
 """Places in a gap at which the image is looked at, four in a resolution cell of the widest."""
 
-PAIRS_AT_ONCE = 1_000_000
-"""Pairs of a place and an echo that are held at a time: some ten megabytes for each number of a pair."""
+FARTHEST = 3.0
+"""Echoes farther away than so many of these distances weigh nothing: less than ``exp(-9/2)``, a hundredth."""
 
 SPECK_CELLS = 0.25
 """A place is dark if the image is dark this far to all sides, too, in resolution cells: speckle fades at points."""
@@ -112,19 +113,18 @@ def _on_surface(places: Array, points: Points, view: ImageView) -> Array:
     farther away it is.
     """
     middle = points.initial.mean(axis=0)
-    offset, cells = points.initial - middle, view.in_cells(points.initial)
-    products = np.einsum("ni,nj->nij", offset, offset).reshape(-1, 4)
-    moved, step = np.empty_like(places), max(1, PAIRS_AT_ONCE // len(cells))
-    for some in np.split(np.arange(len(places)), range(step, len(places), step)):
-        away = view.in_cells(places[some])[:, None] - cells
-        weight = np.exp(-0.5 * np.sum(away**2, axis=-1) / FIT_CELLS**2) * np.sqrt(points.amplitude)
-        weight /= weight.sum(axis=1, keepdims=True)
-        mean = weight @ offset
-        spread = (weight @ products).reshape(-1, 2, 2) - np.einsum("ni,nj->nij", mean, mean)
-        along = np.linalg.eigh(spread)[1][:, :, -1]
-        aside = places[some] - middle - mean
-        moved[some] = middle + mean + along * np.sum(aside * along, axis=1, keepdims=True)
-    return moved
+    offset, cells = points.initial - middle, cKDTree(view.in_cells(points.initial))
+    asked, farthest = cKDTree(view.in_cells(places)), FARTHEST * FIT_CELLS
+    around = asked.sparse_distance_matrix(cells, farthest, output_type="coo_matrix")
+    weight = np.exp(-0.5 * (around.data / FIT_CELLS) ** 2) * np.sqrt(points.amplitude[around.col])
+    around = csr_array((weight, (around.row, around.col)), shape=around.shape)
+    total = around.sum(axis=1)[:, None]
+    mean = around @ offset / total
+    squares = np.einsum("ni,nj->nij", offset, offset).reshape(-1, 4)
+    spread = (around @ squares / total).reshape(-1, 2, 2) - np.einsum("ni,nj->nij", mean, mean)
+    along = np.linalg.eigh(spread)[1][:, :, -1]
+    aside = places - middle - mean
+    return np.asarray(middle + mean + along * np.sum(aside * along, axis=1, keepdims=True))
 
 
 def _level(places: Array, view: ImageView, aside: float = 0.0) -> Array:
