@@ -30,15 +30,14 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion, doubted, kinds, measured, rounds
 from mirrorfold.tree.half_shadows import Hems
-from mirrorfold.tree.ordering import Order
 
 Instead = dict[ModuleType | type, dict[str, Any]]
 """Functions that do nothing, by the modules or classes that call them and their names there."""
 
 
-def nobody(order: Order, echoes: Echoes) -> Mask:
-    """None of the echoes, (n,)."""
-    return np.zeros(len(echoes), dtype=bool)
+def nobody(*given: Any) -> Mask:
+    """None of the echoes among what is given, (n,)."""
+    return np.zeros(len(next(one for one in given if isinstance(one, Echoes))), dtype=bool)
 
 
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
@@ -60,19 +59,10 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
     "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
     "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
-    "late edges": ({doubted: {"late_edges": lambda echoes, *given: np.zeros(len(echoes), dtype=bool)}}, {}),
-    "what would stand behind walls": (
-        {doubted: {"behind_walls": lambda echoes, *given: np.zeros(len(echoes), dtype=bool)}},
-        {},
-    ),
+    "late edges": ({doubted: {"late_edges": nobody}}, {}),
+    "what would stand behind walls": ({doubted: {"behind_walls": nobody}}, {}),
     "what goes to and fro": (
-        {
-            doubted: {
-                "to_and_fro": lambda found, view: {
-                    node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()
-                }
-            }
-        },
+        {doubted: {"to_and_fro": lambda found, view: {one.chain: nobody(one.objects) for one in found.tree.walk()}}},
         {},
     ),
     "short cuts": ({rounds: {"short_cuts": nobody}}, {}),

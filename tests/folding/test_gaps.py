@@ -13,6 +13,7 @@ import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.folding.confidence import mirror_confidence
 from mirrorfold.folding.gaps import GAP_CELLS, STEP_CELLS, close_gaps
 from mirrorfold.folding.points import fold_back
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -73,6 +74,13 @@ def test_wider_gaps_and_what_was_seen_otherwise_stay_apart():
         assert not len(added(replace(pair, **other), tree, view).initial), other
     doubted = replace(pair, confidence=np.array([0.9, 0.3]))
     assert added(doubted, tree, view).confidence.tolist() == pytest.approx([0.3] * 3)
+    # What was measured of the echoes, and what they say of the mirror they lie on, is theirs alone.
+    asked = replace(doubted, confocal=np.ones(2), passed=np.ones(2), decided=np.array(["geometry"] * 2))
+    new = added(replace(asked, mirror=np.array(["0", "0"])), tree, view)
+    assert np.isnan([new.confocal, new.passed]).all()
+    assert set(new.decided) == {""}
+    on_face = close_gaps(replace(doubted, mirror=np.array(["0", "0"])), tree, view)
+    assert mirror_confidence(on_face, "0") == pytest.approx(0.6)
     for few in ([], [0]):
         assert not len(added(pair.take(few), tree, view).initial)
 
@@ -130,7 +138,8 @@ def test_a_rough_surface_whose_echoes_are_torn_apart_is_whole_again(seed):
     assert farthest(closed.position) < 0.75 * farthest(points.position)
     normal = np.array([start[1] - end[1], end[0] - start[0]]) / np.linalg.norm(end - start)
     off = np.abs((closed.position - start) @ normal)
-    assert off[closed.interpolated].max() <= off.max()
+    assert off[closed.interpolated].max() <= off[~closed.interpolated].max()
+    assert off[closed.interpolated].mean() < off[~closed.interpolated].mean()
 
 
 def test_the_table_says_which_points_they_are_and_the_setting_leaves_them_out():

@@ -116,8 +116,8 @@ def kinds(points: Points) -> Index:
 
 
 def mirror_confidence(points: Points, mirror: str) -> float:
-    """Mean confidence of the points on the face of a mirror, named by its chain; one if no echo lies on it."""
-    own = points.confidence[points.mirror == mirror]
+    """Mean confidence of the echoes on the face of a mirror, named by its chain; one if none lies on it."""
+    own = points.confidence[(points.mirror == mirror) & ~points.interpolated]
     return float(own.mean()) if own.size else 1.0
 
 

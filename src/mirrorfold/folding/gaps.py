@@ -59,23 +59,25 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     Returns
     -------
     Points
-        The new ones hold what the image holds there, and are as certain as the less certain end of their gap.
+        The new ones hold what the image holds there, and are as certain as the less certain end of their gap. What is
+        measured of echoes is not known of them.
     """
     if len(points.initial) < 2:
         return points
-    first, second, cells = _neighbours(points, view)
+    cells = cKDTree(view.in_cells(points.initial))
+    first, second, apart = _neighbours(points, cells)
     share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
     between = (1.0 - share) * points.initial[first] + share * points.initial[second]
     needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
-    lit = np.all(_level(between, view, SPECK_CELLS) >= needed, axis=0)
-    first, second, pieces = first[lit], second[lit], np.ceil(cells[lit] / STEP_CELLS).astype(np.intp)
+    lit = np.all(_brightest_beside(between, view) >= needed, axis=0)
+    first, second, pieces = first[lit], second[lit], np.ceil(apart[lit] / STEP_CELLS).astype(np.intp)
 
     gap = np.repeat(np.arange(len(pieces)), pieces - 1)
     piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
     first, second, share = first[gap], second[gap], (piece / pieces[gap])[:, None]
     new = points.take(np.where(share[:, 0] < 0.5, first, second))
     straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
-    initial = _on_surface(straight, points, view)
+    initial = _on_surface(straight, points, cells, view)
     position = np.empty_like(initial)
     for chain, fold in tree.folds().items():
         own = new.chain == chain_name(chain)
@@ -84,19 +86,21 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
         new,
         position=position,
         initial=initial,
-        amplitude=_level(initial, view),
+        amplitude=np.sqrt(view.power_at(*view.to_polar(initial))),
         confidence=np.minimum(points.confidence[first], points.confidence[second]),
         error=np.maximum(points.error[first], points.error[second]),
+        confocal=np.full(len(gap), np.nan),
+        passed=np.full(len(gap), np.nan),
+        decided=np.full(len(gap), ""),
         interpolated=np.ones(len(gap), dtype=bool),
     )
     return joined(points, new)
 
 
-def _neighbours(points: Points, view: ImageView) -> tuple[Index, Index, Array]:
-    """Pairs of neighbours that were seen alike, and more than a step and at most a gap apart; and their distance in
-    resolution cells, each (n,).
+def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
+    """Pairs of neighbours that were seen alike, and more than a step and at most a gap apart; and their distance, each
+    (n,). All distances are those of the `cells`: the points in units of resolution cells.
     """
-    cells = cKDTree(view.in_cells(points.initial))
     edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
     first, second = edges.row, edges.col
     gap = (edges.data > STEP_CELLS) & (points.wall[first] == "") & (points.wall[second] == "")
@@ -106,16 +110,15 @@ def _neighbours(points: Points, view: ImageView) -> tuple[Index, Index, Array]:
     return first[gap], second[gap], edges.data[gap]
 
 
-def _on_surface(places: Array, points: Points, view: ImageView) -> Array:
+def _on_surface(places: Array, points: Points, cells: cKDTree, view: ImageView) -> Array:
     """Places (n, 2) [m] of the image, moved to the straight line that fits the echoes around each of them, (n, 2).
 
     Moving least squares (Levin, Math. Comput. 67, 1998): an echo weighs with the root of its amplitude, and less the
     farther away it is.
     """
     middle = points.initial.mean(axis=0)
-    offset, cells = points.initial - middle, cKDTree(view.in_cells(points.initial))
-    asked, farthest = cKDTree(view.in_cells(places)), FARTHEST * FIT_CELLS
-    around = asked.sparse_distance_matrix(cells, farthest, output_type="coo_matrix")
+    offset, asked = points.initial - middle, cKDTree(view.in_cells(places))
+    around = asked.sparse_distance_matrix(cells, FARTHEST * FIT_CELLS, output_type="coo_matrix")
     weight = np.exp(-0.5 * (around.data / FIT_CELLS) ** 2) * np.sqrt(points.amplitude[around.col])
     around = csr_array((weight, (around.row, around.col)), shape=around.shape)
     total = around.sum(axis=1)[:, None]
@@ -127,9 +130,9 @@ def _on_surface(places: Array, points: Points, view: ImageView) -> Array:
     return np.asarray(middle + mean + along * np.sum(aside * along, axis=1, keepdims=True))
 
 
-def _level(places: Array, view: ImageView, aside: float = 0.0) -> Array:
-    """Amplitude of the image at places (..., 2) [m], the largest up to so many resolution cells `aside`, (...)."""
+def _brightest_beside(places: Array, view: ImageView) -> Array:
+    """Largest amplitude of the image up to `SPECK_CELLS` to any side of places (..., 2) [m], (...)."""
     range_, u = view.to_polar(places)
-    sides = ((0.0, 0.0), (aside, 0.0), (-aside, 0.0), (0.0, aside), (0.0, -aside))[: 5 if aside else 1]
-    power = [view.power_at(range_ + depth * view.range_cell, u + across * view.u_cell) for depth, across in sides]
-    return np.asarray(np.sqrt(np.max(power, axis=0)))
+    depth, across = SPECK_CELLS * view.range_cell, SPECK_CELLS * view.u_cell
+    sides = (0.0, 0.0), (depth, 0.0), (-depth, 0.0), (0.0, across), (0.0, -across)
+    return np.asarray(np.sqrt(np.max([view.power_at(range_ + far, u + aside) for far, aside in sides], axis=0)))

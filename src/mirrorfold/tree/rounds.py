@@ -90,7 +90,7 @@ def find_tree(
             break
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
-    # What is left is scattered twice, or the radar's own image; it hides what is behind it, as any object does.
+    # Neither what was scattered twice nor the radar's own image is a thing, but each hides what is behind it as one does.
     if twice.any():
         account.put(twice, SCATTERED)
         order = replace(order, face=np.where(twice, NOBODY, order.face))
