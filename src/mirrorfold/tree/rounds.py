@@ -90,7 +90,7 @@ def find_tree(
             break
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
-    # What was scattered twice is no thing, nor is the radar's own image; but each hides what is behind it, as things do.
+    # Neither what was scattered twice nor the radar's own image is a thing, but each hides what is behind it.
     if twice.any():
         account.put(twice, SCATTERED)
         order = replace(order, face=np.where(twice, NOBODY, order.face))
