@@ -179,3 +179,9 @@ def test_looking_for_bad_samples_takes_less_than_another_sweep():
         assert tracemalloc.get_traced_memory()[1] < 0.8 * s.nbytes
     finally:
         tracemalloc.stop()
+
+
+def test_bad_samples_are_looked_for_along_the_frequencies():
+    sweep = xr.Dataset({"s": (("step", "tx", "rx"), np.ones((4, 2, 2), dtype=np.complex64))})
+    with pytest.raises(mf.InputError, match="expected 'frequency' among them"):
+        find_bad(sweep)

@@ -11,6 +11,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli.terminal import show_mirrors
+from mirrorfold.describing.resolution import resolution
 from mirrorfold.sweep import add_noise
 
 
@@ -103,6 +104,12 @@ def test_a_sweep_that_is_not_reciprocal_is_remarked():
     assert not any("reciprocal" in remark for remark in mf.info(sweep)["remarks"])
     late = sweep.assign(s=sweep["s"] * np.exp(0.5j * np.arange(8))[:, None])
     assert any("not reciprocal" in remark for remark in mf.info(late.transpose(*sweep.dims))["remarks"])
+
+
+def test_antennas_too_close_for_numbers_have_no_pitch():
+    places = np.array([[0.0, 0.0, 0.0], [1e-200, 0.0, 0.0]])
+    facts, _ = resolution(np.linspace(290e9, 300e9, 11), places, places, ranges=[1.0])
+    assert facts.pitch_m == [None, None]
 
 
 def test_what_a_single_antenna_or_frequency_cannot_tell():

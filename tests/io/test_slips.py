@@ -220,3 +220,10 @@ def test_frequencies_that_stand_for_antennas_are_told_by_waves():
         in found["axes-exchanged"]["what"]
     )
     assert found["axes-exchanged"]["fix"].endswith("--swap-axes frequency,tx")
+
+
+def test_frequencies_that_are_all_zero_tell_no_unit_of_positions(tmp_path):
+    np.savez(tmp_path / "a.npz", s=S, frequency=0.0 * F, tx_position=TX, rx_position=RX)
+    guess = guess_mapping(tmp_path / "a.npz")
+    with pytest.raises(mf.InputError, match="frequenc"):
+        mf.import_data(tmp_path / "a.npz", mapping=guess.entries)

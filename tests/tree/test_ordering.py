@@ -127,7 +127,7 @@ def test_a_mirror_that_was_cut_off_numbers_the_others_anew(view):
     assert order.sight.crossing.shape == (1, view.u.size)
 
 
-@pytest.mark.parametrize(("generations", "kept"), [(0, 0), (1, 1), (2, 2), (3, 3), (None, 3)])
+@pytest.mark.parametrize(("generations", "kept"), [(0, 0), (1, 1), (2.0, 2), (1000, 3), (None, 3)])
 def test_mirrors_of_so_many_generations_are_kept(view, generations, kept):
     """Three behind each other, in either order."""
     three = [FAR, line([-0.4, 1.5], [0.4, 1.5]), NEAR]

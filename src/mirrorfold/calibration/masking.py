@@ -115,6 +115,8 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     """
     if not isinstance(sweep, xr.Dataset) or "s" not in sweep or sweep["s"].dtype.kind != "c":
         raise InputError("find_bad: expected a sweep with a complex variable s")
+    if "frequency" not in sweep["s"].dims:
+        raise InputError(f"find_bad: s has the dimensions {sweep['s'].dims}, expected 'frequency' among them")
     s = _by_frequency(sweep)
     count = s.shape[0]
     finite = np.isfinite(s)

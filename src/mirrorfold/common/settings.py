@@ -131,6 +131,10 @@ def setting(default: Any, meaning: str, **rule: Any) -> Any:
     return field(default=default, metadata={"rule": Rule(meaning, **rule)})
 
 
+NUMBERS: dict[str, Callable[[Any], float]] = {"int": int, "float": float}
+"""What numbers become, whatever they are given as, by the kind of the setting."""
+
+
 @dataclass(frozen=True, eq=False)
 class Settings:
     """Base of all settings. None stands for what is chosen from the data.
@@ -158,6 +162,8 @@ class Settings:
             value = getattr(self, name)
             if value is not None:
                 rule.check(name, value)
+                if rule.kind in NUMBERS and isinstance(value, Real):
+                    object.__setattr__(self, name, NUMBERS[rule.kind](value))
 
     @classmethod
     def rules(cls) -> dict[str, Rule]:

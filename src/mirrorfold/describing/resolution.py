@@ -196,8 +196,8 @@ def _extent(position: Array) -> float:
 
 
 def _pitch(position: Array) -> float | None:
-    """Median distance [m] between nearest neighbours; None for a single place."""
+    """Median distance [m] between nearest neighbours; None for a single place, and where no number is as small."""
     places = np.unique(position, axis=0)
     if len(places) < 2:
         return None
-    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
+    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1])) or None

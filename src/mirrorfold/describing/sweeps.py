@@ -144,7 +144,7 @@ def _broken(sweep: xr.Dataset, path: str, error: InputError) -> BrokenSweepFacts
     """
     from mirrorfold.diagnosis import sample_findings
 
-    if "s" not in sweep or sweep["s"].dtype.kind != "c" or not sweep["s"].size:
+    if "s" not in sweep or sweep["s"].dtype.kind != "c" or "frequency" not in sweep["s"].dims or not sweep["s"].size:
         raise error
     found = sample_findings(sweep)
     if not found:

@@ -53,6 +53,7 @@ class FoldSettings(Settings):
         "show; with 0 the scene stays unfolded.",
         kind="int",
         lowest=0,
+        highest=1000,
         whole=True,
     )
     opaque: bool = setting(

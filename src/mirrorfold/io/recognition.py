@@ -358,10 +358,10 @@ class Search:
             rows = [np.array([0.0, rows[0].item()])]
             coordinates = [name]
         places = np.unique(np.stack([row.ravel() for row in rows], -1) if coordinates else _tall(rows[0]), axis=0)
-        if len(places) < 2 or not np.isfinite(places).all():
+        highest = float(top) * UNITS[frequency["unit"]]
+        if len(places) < 2 or not np.isfinite(places).all() or not highest > 0.0:
             return "m"
-        apart = pitch(places)
-        wavelength = speed_of_light / (float(top) * UNITS[frequency["unit"]])
+        apart, wavelength = pitch(places), speed_of_light / highest
         meant = length_unit(apart, wavelength) if apart < LARGEST_PITCH else None
         if meant is None:
             return "m"

@@ -7,7 +7,7 @@ told, as of one that is hidden there or lies askew, while the wall itself is kno
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -89,17 +89,37 @@ def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror
     behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]
     if not len(echoes) or any(mirror.curved for mirror in way):
         return behind
+    others = [other for name, other in ways.items() if name != chain]
+    return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
+
+
+def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, Array]:
+    """Where the last straight part of the way to each echo begins and ends, (n, d) [m] each, by way of flat mirrors."""
     leaves, sight = np.broadcast_to(view.radar, echoes.position.shape), echoes.position - view.radar
     if way:
         *before, last = way
         share = ((last.center - view.radar) @ last.normal) / (sight @ last.normal)
         leaves = fold_of(before, view.dimensions)(view.radar + share[:, None] * sight)
-    stands = fold_of(way, view.dimensions)(echoes.position)
-    cell = np.asarray(view.cell(echoes.range))
-    for other, (*to_it, wall) in ((other, way) for other, way in ways.items() if way):
-        if other != chain and not wall.curved and not any(mirror.curved for mirror in to_it):
-            behind |= _met(wall, to_it, leaves, stands, cell)
-    return behind
+    return leaves, fold_of(way, view.dimensions)(echoes.position)
+
+
+def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array) -> Mask:
+    """Whether one of the walls is met well before the end of straight ways, (n,).
+
+    Parameters
+    ----------
+    walls : iterable of sequences of Mirror
+        Each wall, as the last of the mirrors by way of which it is seen. Of curved ones nothing is said.
+    leaves, stands : (n, d) arrays [m]
+        Where the ways begin and end.
+    cell : (n,) array [m]
+        Resolution cell at the end of each.
+    """
+    met = np.zeros(len(stands), dtype=bool)
+    for way in walls:
+        if way and not any(mirror.curved for mirror in way):
+            met |= _met(way[-1], way[:-1], leaves, stands, cell)
+    return met
 
 
 def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array) -> Mask:

@@ -16,9 +16,10 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Fold
+from mirrorfold.detection.mirror import Fold, Mirror
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.behind_walls import as_far_as_hidden, last_leg, met_by
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.things import things
 from mirrorfold.tree.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, Again, Window, taken_out
@@ -46,12 +47,12 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) 
     """
     if any(node.line is not None and node.line.curved for node in found.tree.walk()):
         return found
-    folds = found.tree.folds()
+    folds, ways = found.tree.folds(), as_far_as_hidden(found)
     windows = []
     for node in found.tree.mirrors:
         if node.line is None or not len(node.objects):
             continue
-        passed = passage(found, view, node, folds)
+        passed = passage(found, view, node, folds, ways)
         through = passed > UNDECIDED
         if through.any():
             seen = node.objects.take(through)
@@ -61,19 +62,33 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) 
     return taken_out(found, windows, view, every, again)
 
 
-def passage(found: Found, view: View, node: MirrorTree, folds: Mapping[Chain, Fold]) -> Array:
+def passage(
+    found: Found, view: View, node: MirrorTree, folds: Mapping[Chain, Fold], ways: Mapping[Chain, tuple[Mirror, ...]]
+) -> Array:
     """The probability of each echo behind a wall that it passed, (n,)."""
     echoes, chain = node.objects, node.chain
     folded = folds[chain](echoes.position)
-    ways = {other.chain: folds[other.chain](other.objects.position) for other in found.tree.walk() if other is not node}
+    others = [other for other in found.tree.walk() if other is not node]
     # What stands behind the wall is shown there by no chain that begins with it.
-    there = _shown(view, echoes.position, [ways[other] for other in ways if other and other[: len(chain)] != chain])
-    mirrored = _shown(view, folded, list(ways.values()))
+    around = [other for other in others if other.chain and other.chain[: len(chain)] != chain]
+    there = _shown(view, echoes.position, [_seen_around(other, ways, ways[chain], view) for other in around])
+    mirrored = _shown(view, folded, [folds[other.chain](other.objects.position) for other in others])
     thing = things(view, echoes.range, echoes.direction)
     # Seen at both places, a thing tells nothing.
     passed = _told(thing, there & ~mirrored, view, echoes)
     reflected = _told(thing, mirrored & ~there, view, echoes)
     return np.select([passed & ~reflected, reflected & ~passed], [GUESS, 1.0 - GUESS], UNDECIDED)
+
+
+def _seen_around(
+    node: MirrorTree, ways: Mapping[Chain, tuple[Mirror, ...]], wall: tuple[Mirror, ...], view: View
+) -> Array:
+    """Where objects of a node stand that are not seen in the direction of a wall, (n, d) [m].
+
+    In every mirror that shows the wall, what it reflects stands behind it, too.
+    """
+    leaves, stands = last_leg(node.objects, ways[node.chain], view)
+    return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
 
 
 def _told(thing: Index, told: Mask, view: View, echoes: Echoes) -> Mask:

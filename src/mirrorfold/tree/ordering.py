@@ -16,6 +16,7 @@ from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.shadowless import cast_no_shadow
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -100,7 +101,7 @@ def order_mirrors(
     found = _ordered(mirrors, view, echoes, settings, walls)
     if settings.generations is not None:
         before = np.arange(len(found.mirrors))
-        for _ in range(settings.generations):
+        for _ in range(min(settings.generations, len(found.mirrors))):
             before = np.where(before >= 0, found.sight.parent[before], before)
         if (before >= 0).any():
             kept = [mirror for mirror, deeper in zip(found.mirrors, before, strict=True) if deeper < 0]
@@ -131,6 +132,8 @@ def _ordered(
         nearest = crossing.min(axis=0, initial=np.inf)
         if walls is not None:
             hides &= ~walls & (nearest[echoes.direction] < echoes.range)
+        if walls is None and not settings.published:
+            hides[np.flatnonzero(hides)[cast_no_shadow(echoes.take(hides), mirrors, view)]] = False
         cover = Cover.of(echoes.take(hides), view)
         if walls is not None:
             cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))

@@ -1,0 +1,75 @@
+"""What casts no shadow on a wall behind it hides nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from seen_scenes import wall
+from synthetic import build_tree, diffuse, radar_view, together
+
+from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.tree.shadowless import cast_no_shadow
+
+WALL = wall((0.1, 1.2), 35.0, 0.9)
+"""A wall in line of sight, whose echoes have amplitudes of about 4."""
+
+BEFORE = np.array([[0.05, 0.7]])
+"""A place before its middle."""
+
+SHOWN = np.array([[0.15, 2.1]])
+"""Where the wall shows something in the same direction."""
+
+
+def shadowed(start, end, half=0.08):
+    """The wall without what stands behind the place before it."""
+    places, amplitude = diffuse(start, end, 3)
+    lit = np.abs(places[:, 0] / places[:, 1] - BEFORE[0, 0] / BEFORE[0, 1]) > half
+    return places[lit], amplitude[lit]
+
+
+def seen(behind, level):
+    """Echoes of a wall, of a place before it of that level, and of what it shows behind."""
+    return radar_view(*together(behind, (BEFORE, [level]), (SHOWN, [8.0])), noise=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("behind", "level", "told"),
+    [
+        pytest.param(diffuse(*WALL, 3), 1.5, True, id="the wall goes on"),
+        pytest.param(diffuse(*WALL, 3), 40.0, False, id="brighter than the wall"),
+        pytest.param(shadowed(*WALL), 1.5, False, id="the wall is dark there"),
+    ],
+)
+def test_what_a_wall_is_seen_behind_is_not_opaque(behind, level, told):
+    view = seen(behind, level)
+    echoes = find_ridges(view)
+    near = np.linalg.norm(echoes.position - BEFORE, axis=1) < view.cell_at(BEFORE[0])
+    line = LineMirror(*WALL, strength=4.0)
+    found = cast_no_shadow(echoes.take(near), [line], view)
+    assert near.any()
+    assert (found == told).all()
+
+
+def shows_what_is_behind(behind, level):
+    """Whether what the wall shows is an object seen through a mirror."""
+    view = seen(behind, level)
+    tree, _ = build_tree(find_ridges(view), view)
+    through = [node.objects.position for node in tree.walk() if node.chain]
+    return any(np.linalg.norm(places - SHOWN, axis=1).min(initial=np.inf) < 0.03 for places in through)
+
+
+def test_it_hides_nothing_that_the_wall_shows():
+    assert shows_what_is_behind(diffuse(*WALL, 3), 1.5)
+    assert not shows_what_is_behind(shadowed(*WALL), 1.5)
+
+
+def test_nothing_is_told_without_mirrors_and_behind_them():
+    view = seen(diffuse(*WALL, 3), 1.5)
+    echoes = find_ridges(view)
+    assert not cast_no_shadow(echoes, [], view).any()
+    line = LineMirror(*WALL, strength=4.0)
+    deep = echoes.take(np.linalg.norm(echoes.position - SHOWN, axis=1) < view.cell_at(SHOWN[0]))
+    assert len(deep)
+    assert not cast_no_shadow(deep, [line], view).any()
+    assert not len(cast_no_shadow(echoes.take(np.zeros(0, dtype=np.intp)), [line], view))
