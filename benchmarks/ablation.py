@@ -28,7 +28,7 @@ from mirrorfold.detection import lines
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion, doubted, kinds, measured, rounds
+from mirrorfold.tree import completion, doubted, kinds, measured, ordering, rounds
 from mirrorfold.tree.half_shadows import Hems
 
 Instead = dict[ModuleType | type, dict[str, Any]]
@@ -43,6 +43,7 @@ def nobody(*given: Any) -> Mask:
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
+    "what casts no shadow": ({ordering: {"cast_no_shadow": nobody}}, {}),
     "walls behind objects": (
         {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
         {},
