@@ -32,6 +32,9 @@ PLACE_DIGITS = 9
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is meant where files hold several."""
 
+LONGEST_NAME = 1024
+"""Letters of the name of a file with its folders, or of a pattern of it: to try a pattern of many more takes minutes."""
+
 
 def import_scan(
     paths: Sequence[Path] | dict[str, Held],
@@ -137,7 +140,10 @@ def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -
     by_name = {Path(name).name: path for name, path in files.items()}
     by_name |= {Path(path.name).stem: path for path in files.values() if isinstance(path, Held)}
     chosen: dict[Path | Held, Line] = {}
-    for line in lines:
+    for number, line in enumerate(lines):
+        if len(line.file) > LONGEST_NAME:
+            said = f"names a file by {len(line.file)} letters, expected at most {LONGEST_NAME}; name one of the files"
+            raise InputError(f"{table}: line {number + 1} {said}")
         path = files.get(line.file) or by_name.get(Path(line.file.replace("\\", "/")).name)
         if path is None and any(mark in line.file for mark in "*?["):
             fitting = [name for name in files if fnmatchcase(name, line.file)]
