@@ -33,7 +33,7 @@ DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is meant where files hold several."""
 
 LONGEST_NAME = 1024
-"""Letters of the name of a file with its folders, or of a pattern of it: trying a pattern of many more takes minutes."""
+"""Letters of a name of a file with its folders, or of a pattern of it: a pattern of many more takes minutes to try."""
 
 
 def import_scan(
