@@ -43,7 +43,7 @@ def nobody(*given: Any) -> Mask:
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
-    "what casts no shadow": ({ordering: {"cast_no_shadow": nobody}}, {}),
+    "what casts no shadow": ({ordering: {"without_shadow": lambda objects, *given: objects}}, {}),
     "walls behind objects": (
         {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
         {},

@@ -1,4 +1,4 @@
-"""What casts no shadow on a wall behind it hides nothing."""
+"""What casts no shadow on a wall behind it hides nothing that outshines it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def shadowed(start, end, half=0.08):
     return places[lit], amplitude[lit]
 
 
-def seen(behind, level):
+def seen(behind, level, shown=8.0):
     """Echoes of a wall, of a place before it of that level, and of what it shows behind."""
-    return radar_view(*together(behind, (BEFORE, [level]), (SHOWN, [8.0])), noise=1e-3)
+    return radar_view(*together(behind, (BEFORE, [level]), (SHOWN, [shown])), noise=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -51,17 +51,22 @@ def test_what_a_wall_is_seen_behind_is_not_opaque(behind, level, told):
     assert (found == told).all()
 
 
-def shows_what_is_behind(behind, level):
+def shows_what_is_behind(behind, level, shown):
     """Whether what the wall shows is an object seen through a mirror."""
-    view = seen(behind, level)
+    view = seen(behind, level, shown)
     tree, _ = build_tree(find_ridges(view), view)
     through = [node.objects.position for node in tree.walk() if node.chain]
     return any(np.linalg.norm(places - SHOWN, axis=1).min(initial=np.inf) < 0.03 for places in through)
 
 
-def test_it_hides_nothing_that_the_wall_shows():
-    assert shows_what_is_behind(diffuse(*WALL, 3), 1.5)
-    assert not shows_what_is_behind(shadowed(*WALL), 1.5)
+@pytest.mark.parametrize(("decibel", "kept"), [(3.0, False), (9.0, True)])
+def test_what_outshines_it_is_seen_behind_it(decibel, kept):
+    level = 1.5
+    assert shows_what_is_behind(diffuse(*WALL, 3), level, level * 10.0 ** (decibel / 20.0)) == kept
+
+
+def test_what_casts_a_shadow_hides_more():
+    assert not shows_what_is_behind(shadowed(*WALL), 1.5, 8.0)
 
 
 def test_nothing_is_told_without_mirrors_and_behind_them():

@@ -16,7 +16,7 @@ from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
-from mirrorfold.tree.shadowless import cast_no_shadow
+from mirrorfold.tree.shadowless import without_shadow
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -132,9 +132,10 @@ def _ordered(
         nearest = crossing.min(axis=0, initial=np.inf)
         if walls is not None:
             hides &= ~walls & (nearest[echoes.direction] < echoes.range)
+        objects = echoes.take(hides)
         if walls is None and not settings.published:
-            hides[np.flatnonzero(hides)[cast_no_shadow(echoes.take(hides), mirrors, view)]] = False
-        cover = Cover.of(echoes.take(hides), view)
+            objects = without_shadow(objects, mirrors, view)
+        cover = Cover.of(objects, view)
         if walls is not None:
             cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
     shown = crossing.copy()

@@ -1,13 +1,14 @@
-"""Things that cast no shadow on the wall behind them, and hide nothing.
+"""Things that cast no shadow on the wall behind them, and hide little.
 
 An opaque thing hides the part of a wall that stands behind it. Where the row of echoes of that wall goes on undimmed,
 there is none: the echo before it comes from elsewhere, or from something so small that the array looks around it. What
-else is seen in its direction is then no multiple scattering of it.
+else is seen in its direction may be as good as what is seen beside it, if it is no more of the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,13 +17,23 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
+from mirrorfold.tree.lines_of_sight import CLEAR_DB
 from mirrorfold.tree.things import things
 
 UNDIMMED_DB = 10.0
 """A wall behind nothing is fainter by less than this than what is usual of it, on the average over a beam: speckle."""
 
+OUTSHINES_DB = 6.0
+"""Behind such a thing stands what outshines it by this: the brightest of ten speckles exceeds their median by 5 dB."""
+
 BEFORE = 0.5
 """Of the directions that a thing covers, this share at least must meet the wall to tell."""
+
+
+def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], view: View) -> Echoes:
+    """The objects, those that cast no shadow as weak as they hide, see `Cover`."""
+    level = np.where(cast_no_shadow(objects, mirrors, view), 10.0 ** ((OUTSHINES_DB - CLEAR_DB) / 20.0), 1.0)
+    return replace(objects, amplitude=level * objects.amplitude)
 
 
 def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], view: View) -> Mask:
