@@ -18,7 +18,7 @@ from mirrorfold.errors import InputError
 class Window(Settings):
     width: float = setting(0.5, "Width of the window.", unit="m", kind="float", above=0.0, below=2.0)
     shape: str = setting("hann", "Its shape.", choices=("hann", "uniform"))
-    order: int = setting(3, "Of the filter.", kind="int", whole=True, lowest=1)
+    order: int = setting(3, "Of the filter.", kind="int", lowest=1)
     strict: bool = setting(False, "Whether to stop at the first error.", kind="bool")
     level: float | None = setting(None, "Found from the data by default.", unit="dB", kind="float")
     places: Any = setting(None, "Where to look.", unit="m", kind="1D array", option=False)
@@ -170,3 +170,9 @@ def test_numbers_of_numpy_are_numbers(given):
 def test_given_settings_replace_others_and_none_does_not():
     assert Window(width=1.0).with_given(width=None, order=5) == Window(width=1.0, order=5)
     assert list(Window.rules()) == ["width", "shape", "order", "strict", "level", "places"]
+
+
+def test_numbers_become_those_of_their_kind():
+    """NumPy takes whole numbers beyond 64 bits for objects, and Python counts with no others."""
+    chosen = Window(width=np.float32(1.5), order=2.0, level=10**20)
+    assert [type(value) for value in (chosen.width, chosen.order, chosen.level)] == [float, int, float]

@@ -33,6 +33,11 @@ def seen(behind, level, shown=8.0):
     return radar_view(*together(behind, (BEFORE, [level]), (SHOWN, [shown])), noise=1e-3)
 
 
+def told_of(objects, mirrors, view):
+    crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
+    return cast_no_shadow(objects, mirrors, crossing, view)
+
+
 @pytest.mark.parametrize(
     ("behind", "level", "told"),
     [
@@ -46,7 +51,7 @@ def test_what_a_wall_is_seen_behind_is_not_opaque(behind, level, told):
     echoes = find_ridges(view)
     near = np.linalg.norm(echoes.position - BEFORE, axis=1) < view.cell_at(BEFORE[0])
     line = LineMirror(*WALL, strength=4.0)
-    found = cast_no_shadow(echoes.take(near), [line], view)
+    found = told_of(echoes.take(near), [line], view)
     assert near.any()
     assert (found == told).all()
 
@@ -72,9 +77,9 @@ def test_what_casts_a_shadow_hides_more():
 def test_nothing_is_told_without_mirrors_and_behind_them():
     view = seen(diffuse(*WALL, 3), 1.5)
     echoes = find_ridges(view)
-    assert not cast_no_shadow(echoes, [], view).any()
+    assert not told_of(echoes, [], view).any()
     line = LineMirror(*WALL, strength=4.0)
     deep = echoes.take(np.linalg.norm(echoes.position - SHOWN, axis=1) < view.cell_at(SHOWN[0]))
     assert len(deep)
-    assert not cast_no_shadow(deep, [line], view).any()
-    assert not len(cast_no_shadow(echoes.take(np.zeros(0, dtype=np.intp)), [line], view))
+    assert not told_of(deep, [line], view).any()
+    assert not len(told_of(echoes.take(np.zeros(0, dtype=np.intp)), [line], view))

@@ -10,7 +10,9 @@ from mirrorfold.viewing.controls import CHANGEABLE, KEPT, check_value, controls
 from mirrorfold.viewing.session import held_settings
 
 USED = {
-    name: {"bool": True}.get(rule.kind, None if rule.whole or rule.choices else -18.0 if rule.unit == "dB" else 0.04)
+    name: {"bool": True}.get(
+        rule.kind, None if rule.kind == "int" or rule.choices else -18.0 if rule.unit == "dB" else 0.04
+    )
     for name, rule in CHANGEABLE.items()
 }
 """A number for every setting that has no other default, as folding records it."""
@@ -64,6 +66,7 @@ def test_a_count_is_chosen_among_the_default_small_ones_and_its_own():
         ("wall_margin", -0.1, "wall_margin is -0.1"),
         ("wall_margin", True, "wall_margin is True"),
         ("generations", 1.5, "generations is 1.5"),
+        ("generations", 10**300, "expected a whole number of at least 0 and up to 1000"),
         ("normalization", "r", "no setting 'normalization'"),
         ("secret", 1, "no setting 'secret'"),
     ],

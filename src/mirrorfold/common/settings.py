@@ -48,8 +48,6 @@ class Rule:
         The names that it may have; empty for numbers.
     lowest, highest, above, below : float, optional
         Bounds of a number: from `lowest` to `highest`, strictly above `above`, strictly below `below`.
-    whole : bool
-        Whether the number must be whole.
     option : bool
         Whether the command line offers it.
     label : str
@@ -64,7 +62,6 @@ class Rule:
     highest: float | None = None
     above: float | None = None
     below: float | None = None
-    whole: bool = False
     option: bool = True
     label: str = ""
 
@@ -99,12 +96,12 @@ class Rule:
             and (self.highest is None or number <= self.highest)
             and (self.above is None or number > self.above)
             and (self.below is None or number < self.below)
-            and (not self.whole or number.is_integer())
+            and (self.kind != "int" or number.is_integer())
         )
 
     def expected(self) -> str:
         """What the setting may be, in words."""
-        what = "a whole number" if self.whole else "a finite number"
+        what = "a whole number" if self.kind == "int" else "a finite number"
         if self.unit:
             what += f" [{self.unit}]"
         bounds = [
@@ -162,7 +159,7 @@ class Settings:
             value = getattr(self, name)
             if value is not None:
                 rule.check(name, value)
-                if rule.kind in NUMBERS and isinstance(value, Real):
+                if rule.kind in NUMBERS:
                     object.__setattr__(self, name, NUMBERS[rule.kind](value))
 
     @classmethod

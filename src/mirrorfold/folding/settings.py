@@ -54,7 +54,6 @@ class FoldSettings(Settings):
         kind="int",
         lowest=0,
         highest=1000,
-        whole=True,
     )
     opaque: bool = setting(
         True,

@@ -134,7 +134,7 @@ def _ordered(
             hides &= ~walls & (nearest[echoes.direction] < echoes.range)
         objects = echoes.take(hides)
         if walls is None and not settings.published:
-            objects = without_shadow(objects, mirrors, view)
+            objects = without_shadow(objects, mirrors, crossing, view)
         cover = Cover.of(objects, view)
         if walls is not None:
             cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))

@@ -1,8 +1,8 @@
 """Things that cast no shadow on the wall behind them, and hide little.
 
 An opaque thing hides the part of a wall that stands behind it. Where the row of echoes of that wall goes on undimmed,
-there is none: the echo before it comes from elsewhere, or from something so small that the array looks around it. What
-else is seen in its direction may be as good as what is seen beside it, if it is no more of the same.
+there is none: the echo before it comes from elsewhere, or from something so small that the array looks around it. Then
+what is clearly brighter than it stands behind it, as it might beside it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.mirror import Mirror
@@ -21,7 +21,7 @@ from mirrorfold.tree.lines_of_sight import CLEAR_DB
 from mirrorfold.tree.things import things
 
 UNDIMMED_DB = 10.0
-"""A wall behind nothing is fainter by less than this than what is usual of it, on the average over a beam: speckle."""
+"""Where nothing stands before a wall, its mean power over a beam is no farther below its usual level: speckle."""
 
 OUTSHINES_DB = 6.0
 """Behind such a thing stands what outshines it by this: the brightest of ten speckles exceeds their median by 5 dB."""
@@ -30,13 +30,19 @@ BEFORE = 0.5
 """Of the directions that a thing covers, this share at least must meet the wall to tell."""
 
 
-def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], view: View) -> Echoes:
-    """The objects, those that cast no shadow as weak as they hide, see `Cover`."""
-    level = np.where(cast_no_shadow(objects, mirrors, view), 10.0 ** ((OUTSHINES_DB - CLEAR_DB) / 20.0), 1.0)
+def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:
+    """The objects with the amplitudes by which they hide what is behind them: less for those that cast no shadow.
+
+    Parameters
+    ----------
+    objects, mirrors, crossing, view
+        See `cast_no_shadow`.
+    """
+    level = np.where(cast_no_shadow(objects, mirrors, crossing, view), 10.0 ** ((OUTSHINES_DB - CLEAR_DB) / 20.0), 1.0)
     return replace(objects, amplitude=level * objects.amplitude)
 
 
-def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], view: View) -> Mask:
+def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Mask:
     """Which objects in line of sight stand before mirrors whose echoes go on behind them, brighter than they are, (n,).
 
     Those of one thing do together or not at all. In a volume, nothing is said.
@@ -45,33 +51,29 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], view: View) -> Ma
     ----------
     objects : Echoes
     mirrors : sequence of Mirror
+    crossing : (mirrors, directions) array [m]
+        Range at which each line of sight meets each mirror, infinite where it passes it by.
     view : View
     """
-    told = np.zeros(len(objects), dtype=bool)
     if not isinstance(view, ImageView) or not len(objects) or not mirrors:
-        return told
-    crossing = np.stack([mirror.crossing(view) for mirror in mirrors])
-    nearest, first = crossing.min(axis=0), crossing.argmin(axis=0)
-    met = np.flatnonzero(np.isfinite(nearest))
-    shown = np.zeros(nearest.size)
-    shown[met] = _brightest(view, nearest[met], met)
-    usual = np.array([mirror.strength for mirror in mirrors])[first] * 10.0 ** (-UNDIMMED_DB / 20.0)
+        return np.zeros(len(objects), dtype=bool)
     thing = things(view, objects.range, objects.direction)
+    brightest, depth = np.zeros((2, int(thing.max()) + 1))
+    np.maximum.at(brightest, thing, objects.amplitude)
+    np.maximum.at(depth, thing, objects.range + view.object_depth(objects.range))
     row, direction = view.within(objects.position, view.covered_angle)
-    for number in np.unique(thing):
-        own = thing == number
-        covered = np.unique(direction[own[row]])
-        depth = float(np.max(objects.range[own] + view.object_depth(objects.range[own])))
-        behind = covered[np.isfinite(nearest[covered])]
-        if behind.size >= BEFORE * covered.size and (nearest[behind] > depth).all():
-            level = np.sqrt(np.mean(shown[behind] ** 2))
-            told[own] = level >= max(objects.amplitude[own].max(), usual[behind].mean())
-    return told
+    covering, covered = np.unique([thing[row], direction], axis=1)
+    nearest, first = crossing.min(axis=0)[covered], crossing.argmin(axis=0)[covered]
+    met = np.isfinite(nearest)
+    shown = np.zeros(met.size)
+    shown[met] = view.power_at(nearest[met], view.u[covered[met]])
+    usual = np.array([mirror.strength for mirror in mirrors])[first] * 10.0 ** (-UNDIMMED_DB / 20.0)
 
+    def of_thing(values: Array) -> Array:
+        """Their sum over the directions that each thing covers, (things,)."""
+        return np.bincount(covering, weights=values, minlength=len(depth)).astype(float)
 
-def _brightest(view: ImageView, range_: Array, direction: Index) -> Array:
-    """The largest amplitude within half a range cell of places at ranges (n,) [m] in directions (n,)."""
-    at = np.rint((range_ - view.range[0]) / view.dr).astype(np.intp)
-    half = round(0.5 * view.range_cell / view.dr)
-    rows = np.clip(at + np.arange(-half, half + 1)[:, None], 0, view.range.size - 1)
-    return np.asarray(view.amplitude[rows, direction].max(axis=0))
+    meets = of_thing(met)
+    told = (meets >= BEFORE * of_thing(np.ones(met.size))) & (of_thing(met & (nearest <= depth[covering])) == 0.0)
+    told &= of_thing(shown) >= np.maximum(meets * brightest**2, of_thing(met * usual**2))
+    return np.asarray(told[thing])

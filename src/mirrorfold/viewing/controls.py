@@ -89,7 +89,7 @@ def _kind(name: str, value: Any) -> dict[str, Any]:
     unset = [None] if DEFAULTS[name] is None else []
     if rule.choices:
         return {"kind": "choice", "choices": [*unset, *rule.choices]}
-    if rule.whole:
+    if rule.kind == "int":
         smallest = int(rule.lowest or 0)
         counts = {*range(smallest, smallest + MORE_COUNTS + 1), *([] if value is None else [int(value)])}
         return {"kind": "choice", "choices": [*unset, *sorted(counts)]}
