@@ -44,6 +44,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
     "what casts no shadow": ({ordering: {"without_shadow": lambda objects, *given: objects}}, {}),
+    "far side lobes": ({doubted: {"outshone": nobody}}, {}),
     "walls behind objects": (
         {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
         {},

@@ -1,4 +1,4 @@
-"""Echoes that the walls of a whole tree speak against, once it is found."""
+"""Echoes that the walls of a whole tree, or far brighter ones, speak against, once it is found."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls,
 from mirrorfold.tree.late_edges import late_edges
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.misplaced import LATE
+from mirrorfold.tree.outshone import OUTSHONE, outshone
 from mirrorfold.tree.to_and_fro import TO_AND_FRO, to_and_fro
 
 
 def without_doubted(found: Found, view: View) -> Found:
-    """What was found, without objects that known walls speak against.
+    """What was found, without objects that known walls speak against, or far brighter echoes.
 
-    Those would stand behind these walls, went to and fro before them, or are sent on too late by their edges.
+    Those would stand behind these walls, went to and fro before them, or are sent on too late by their edges; or they
+    may be side lobes.
 
     Parameters
     ----------
@@ -32,6 +34,7 @@ def without_doubted(found: Found, view: View) -> Found:
         (LATE, lambda node: late_edges(node.objects, ways, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
         (TO_AND_FRO, lambda node: between[node.chain]),
+        (OUTSHONE, lambda node: outshone(node.objects, view)),
     )
 
     def why(node: MirrorTree) -> Names:

@@ -29,6 +29,9 @@ OUTSHINES_DB = 6.0
 BEFORE = 0.5
 """Of the directions that a thing covers, this share at least must meet the wall to tell."""
 
+SEEN_PAST = 0.5
+"""More than this share of a wall must be seen past all things for it to tell."""
+
 
 def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:
     """The objects with the amplitudes by which they hide what is behind them: less for those that cast no shadow.
@@ -45,7 +48,8 @@ def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
 def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Mask:
     """Which objects in line of sight stand before mirrors whose echoes go on behind them, brighter than they are, (n,).
 
-    Those of one thing do together or not at all. In a volume, nothing is said.
+    Those of one thing do together or not at all. A mirror tells if the most of it is seen past all objects: else it may
+    be what these reflect, as a wall does that is seen edge-on. In a volume, nothing is said.
 
     Parameters
     ----------
@@ -63,6 +67,11 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     np.maximum.at(depth, thing, objects.range + view.object_depth(objects.range))
     row, direction = view.within(objects.position, view.covered_angle)
     covering, covered = np.unique([thing[row], direction], axis=1)
+    hidden_from = np.full(len(view.sight), np.finfo(float).max)  # range in each direction [m]
+    np.minimum.at(hidden_from, direction, (objects.range + view.object_depth(objects.range))[row])
+    past = np.count_nonzero(crossing <= hidden_from, axis=1)
+    tells = past > SEEN_PAST * np.count_nonzero(np.isfinite(crossing), axis=1)
+    crossing = np.where(tells[:, None], crossing, np.inf)
     nearest, first = crossing.min(axis=0)[covered], crossing.argmin(axis=0)[covered]
     met = np.isfinite(nearest)
     shown = np.zeros(met.size)
