@@ -197,6 +197,10 @@ class View(ABC):
         """Range step [m]."""
         return float(self.range[1] - self.range[0])
 
+    def row(self, range_: Array) -> Index:
+        """Number of the sample nearest to ranges [m]."""
+        return np.clip(np.rint((range_ - self.range[0]) / self.dr).astype(np.intp), 0, self.range.size - 1)
+
     def cell_at(self, point: Array) -> float:
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))

@@ -148,7 +148,7 @@ class VolumeView(View):
         """The samples of the nearest beam about the nearest of them, whose own step is half a range resolution."""
         range_, direction, _ = self.locate(points)
         reach = np.arange(-int(half / self.dr), int(half / self.dr) + 1)
-        sample = np.clip(np.rint((range_ - self.range[0]) / self.dr).astype(np.intp), 0, self.range.size - 1)
+        sample = self.row(range_)
         place = sample[:, None] + reach
         azimuth, elevation = np.unravel_index(direction, self.shape)
         inside = (place >= 0) & (place < self.range.size)

@@ -45,7 +45,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     found = np.zeros(len(echoes), dtype=bool)
     if not isinstance(view, ImageView):
         return found
-    row = np.clip(np.rint((echoes.range - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
+    row = view.row(echoes.range)
     own = np.where(order.face == ROOT, sight.seen_through(echoes.range, echoes.direction), order.face)
     parent = np.append(sight.parent, [NOBODY, ROOT])
     direct = np.where(order.face >= 0, parent[order.face], own) == ROOT

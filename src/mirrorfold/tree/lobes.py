@@ -36,7 +36,7 @@ def lobe_level(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> A
     level[height[each] >= HIGHEST] = 0.0
     level = maximum_filter1d(level, cell)
     brightest = maximum_filter1d(view.amplitude, cell, axis=0)
-    row = np.clip(np.rint((range_ - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
+    row = view.row(range_)
     beside, found = np.arange(view.u.size), np.empty(range_.size)
     for some in in_pieces(range_.size):
         column = view.column(u[some])

@@ -27,5 +27,4 @@ def outshone(objects: Echoes, view: View) -> Mask:
     if not isinstance(view, ImageView):
         return np.zeros(len(objects), dtype=bool)
     brightest = maximum_filter1d(view.amplitude.max(axis=1, initial=0.0), 2 * SAMPLES_PER_CELL + 1)
-    row = np.clip(np.rint((objects.range - view.range[0]) / view.dr).astype(np.intp), 0, view.range.size - 1)
-    return np.asarray(objects.amplitude < brightest[row] * 10.0 ** (-OUTSHONE_DB / 20.0))
+    return np.asarray(objects.amplitude < brightest[view.row(objects.range)] * 10.0 ** (-OUTSHONE_DB / 20.0))

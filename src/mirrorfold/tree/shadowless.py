@@ -62,13 +62,14 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     if not isinstance(view, ImageView) or not len(objects) or not mirrors:
         return np.zeros(len(objects), dtype=bool)
     thing = things(view, objects.range, objects.direction)
+    back = objects.range + view.object_depth(objects.range)
     brightest, depth = np.zeros((2, int(thing.max()) + 1))
     np.maximum.at(brightest, thing, objects.amplitude)
-    np.maximum.at(depth, thing, objects.range + view.object_depth(objects.range))
+    np.maximum.at(depth, thing, back)
     row, direction = view.within(objects.position, view.covered_angle)
     covering, covered = np.unique([thing[row], direction], axis=1)
     hidden_from = np.full(len(view.sight), np.finfo(float).max)  # range in each direction [m]
-    np.minimum.at(hidden_from, direction, (objects.range + view.object_depth(objects.range))[row])
+    np.minimum.at(hidden_from, direction, back[row])
     past = np.count_nonzero(crossing <= hidden_from, axis=1)
     tells = past > SEEN_PAST * np.count_nonzero(np.isfinite(crossing), axis=1)
     crossing = np.where(tells[:, None], crossing, np.inf)
