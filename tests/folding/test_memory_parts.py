@@ -54,20 +54,30 @@ def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypa
     more of bins, 31 whole ones, fast length 32. And the profiles of all pairs, 567 for 510 frequencies.
     """
     monkeypatch.setattr(directions, "cpu_count", lambda: 3)
-    tx, rx = np.zeros((60, 3)), np.zeros((80, 3))
-    tx[:, 0], rx[:, 0] = np.linspace(-0.03, 0.03, 60), np.linspace(-0.04, 0.04, 80)
-    sweep = xr.Dataset(
-        {"s": (("frequency", "tx", "rx"), np.zeros((510, 60, 80), dtype=np.complex64))},
+    coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
+    parts = fold_parts(coarse, sweep_of(120, 160))
+    assert parts["samples"] == 8.0 * 510 * 120 * 160
+    profiles, window = 8.0 * 567 * 120 * 160, 2.0 * 8.0 * 32 * 120 * 160
+    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 120 + 18 * 160) + window) + profiles
+
+
+def test_a_small_sweep_is_held_with_the_finer_range_profiles_that_tell_late_echoes():
+    """Up to 8 million samples, four to a range cell, with the samples that they are made from."""
+    coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
+    parts = fold_parts(coarse, sweep_of(60, 80))
+    assert parts["range profiles of pairs"] == 8.0 * 5 * 510 * (2**23 // (4 * 510))
+
+
+def sweep_of(transmitters, receivers):
+    tx, rx = np.zeros((transmitters, 3)), np.zeros((receivers, 3))
+    tx[:, 0], rx[:, 0] = np.linspace(-0.03, 0.03, transmitters), np.linspace(-0.04, 0.04, receivers)
+    return xr.Dataset(
+        {"s": (("frequency", "tx", "rx"), np.zeros((510, transmitters, receivers), dtype=np.complex64))},
         {
             "frequency": np.linspace(290e9, 300e9, 510), "tx_position": (("tx", "axis"), tx),
             "rx_position": (("rx", "axis"), rx),
         },
     )  # fmt: skip
-    coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
-    parts = fold_parts(coarse, sweep)
-    assert parts["samples"] == 8.0 * 510 * 60 * 80
-    profiles, window = 8.0 * 567 * 60 * 80, 2.0 * 8.0 * 32 * 60 * 80
-    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 60 + 18 * 80) + window) + profiles
 
 
 def test_of_a_recording_one_frame_is_looked_at_and_all_are_held():

@@ -105,6 +105,22 @@ def test_a_late_echo_is_left_out_and_a_near_one_stays():
     assert after < 0.1 * before
 
 
+def test_faint_echoes_beside_a_bright_one_at_their_range_are_told_by_more_pairs(monkeypatch):
+    """23 dB below it, a thousand random pairs do not suppress it enough."""
+    tx = rx = array()
+    view = view_of(tx, rx)
+    near, late = point(0.5, -0.2, tx, rx), point(0.5 + PERIOD, 0.4, tx, rx)
+    k = 2.0 * np.pi * BAND[:, None, None] / speed_of_light
+    s = np.exp(-1j * k * near) + 0.07 * np.exp(-1j * k * late)
+    sweep = mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
+    echoes = np.array([0.5, 0.5]), np.array([-0.2, 0.4])
+    bright, faint = wrapping_ratio(sweep, view, *echoes)
+    assert bright <= 1.0
+    assert faint > 1.8
+    monkeypatch.setattr(wrapped, "PAIRS", (1000, 1000))
+    assert wrapping_ratio(sweep, view, *echoes)[1] == 1.0
+
+
 def test_waves_that_are_flat_either_way_prove_nothing():
     """Far away a short array cannot tell one distance from twice as much."""
     tx = rx = array()[48:65]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.kernels import njit
+from mirrorfold.common.threads import cpu_count
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.focusing.phasor import unit_phasor
@@ -34,10 +35,11 @@ def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex
     count = wavenumber.size
     taper = hann(count)[:, None].astype(np.float32)
     points = next_fast_len(OVERSAMPLING * count)
-    profile = ifft((s * taper).T, points, axis=1)
+    profile = ifft((s * taper).T, points, axis=1, workers=cpu_count())
     step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / points
     carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(points))
-    return (profile * carrier).astype(np.complex64), float(step)
+    profile *= carrier
+    return profile.astype(np.complex64, copy=False), float(step)
 
 
 def windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ from mirrorfold.detection.fit import PROFILE_SAMPLES
 from mirrorfold.detection.image_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.directions import bytes_at_once
+from mirrorfold.tree.wrapped import profile_bytes
 
 COMPLEX, DOUBLE, SINGLE, OWNER = 8.0, 8.0, 4.0, 2.0
 """Bytes of a complex number in single precision, of real ones in double and single, and of the number of a mirror."""
@@ -67,6 +68,7 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
     stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
     if sweep is not None and "rx" in sweep.dims:  # one moving antenna tells no directions
         stages.append(held | view | {"directions of echoes": bytes_at_once(sweep)})
+        stages.append(held | view | {"range profiles of pairs": profile_bytes(sweep)})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
     return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
 

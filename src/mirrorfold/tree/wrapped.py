@@ -11,13 +11,17 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
-from mirrorfold.focusing.coherence import CORNER, FACE, POINT, coherence, profiles, windows
-from mirrorfold.sweep.pairs import pairs_of
+from mirrorfold.focusing.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
+from mirrorfold.sweep.pairs import Pairs, pairs_of
 
-PAIRS = 1000
-"""Pairs that are looked at, a random choice: what stands elsewhere at the same range is suppressed by this."""
+PAIRS = 1000, 8000
+"""Pairs that are looked at, a random choice: what stands elsewhere at the same range is suppressed by this. The second
+number where so few cannot tell an echo from it, as between walls that face each other."""
+
+MOST_SAMPLES = 2**23
+"""Samples of their range profiles, which bound the memory."""
 
 IN_PHASE = 15.0
 """Coherence, over that of random phases, from which on an echo can be told to come from farther away: the largest of
@@ -41,7 +45,28 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     range_, u : (n,) arrays
     """
     pairs = pairs_of(sweep)
-    chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[:PAIRS]
+    some = np.random.default_rng(0).permutation(pairs.tx_of.size)
+    ratio, rest = np.full(range_.size, np.nan), np.arange(range_.size)
+    for count in np.unique(_counts(*pairs.s.shape)):
+        if rest.size:
+            ratio[rest] = _ratio(pairs, some[:count], view, range_[rest], u[rest])
+            rest = rest[np.isnan(ratio[rest])]
+    return np.where(np.isnan(ratio), 1.0, ratio)
+
+
+def profile_bytes(sweep: xr.Dataset) -> float:
+    """Memory [bytes] of the range profiles of pairs, and of what they are made from."""
+    frequencies, *antennas = sweep["s"].shape[-3:]
+    return 8.0 * (OVERSAMPLING + 1) * frequencies * max(_counts(frequencies, int(np.prod(antennas))))
+
+
+def _counts(frequencies: int, pairs: int) -> list[int]:
+    """How many pairs are looked at, and how many where these are too few."""
+    return [min(count, pairs, max(1, MOST_SAMPLES // (OVERSAMPLING * frequencies))) for count in PAIRS]
+
+
+def _ratio(pairs: Pairs, chosen: Index, view: ImageView, range_: Array, u: Array) -> Array:
+    """The same by the pairs that are `chosen`, (n,); NaN where they cannot tell an echo from what stands elsewhere."""
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     profile, step = profiles(pairs.s[:, chosen], pairs.wavenumber)
     period = 0.5 * profile.shape[1] * step
@@ -51,6 +76,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     reach = float(np.linalg.norm(places, axis=1).max())
     cell = np.pi / max(centre * float(np.ptp(places @ along)), 1.0)
     half = int(np.ceil(2.0 * reach / step)) + 2
+    in_phase = IN_PHASE / chosen.size
     ratio = np.ones(range_.size)
 
     def look(n: int) -> None:
@@ -61,7 +87,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
         count = int(np.ceil(2.0 * spread / (DIRECTION_STEP * cell)))
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
 
-        def fit(distance: float) -> float:
+        def fit(distance: float, directions: Array) -> float:
             """The largest coherence with waves from that distance."""
             found = np.zeros(1)
             for shape in (POINT, FACE, CORNER):
@@ -71,9 +97,11 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
                 )
             return float(found[0])
 
-        late = fit(r + period)
-        if late > IN_PHASE / chosen.size:
-            ratio[n] = late / max(fit(r), np.finfo(float).tiny)
+        late = fit(r + period, directions)
+        if late > in_phase:
+            ratio[n] = late / max(fit(r, directions), np.finfo(float).tiny)
+        elif fit(r, u[n : n + 1]) <= in_phase:
+            ratio[n] = np.nan
 
     for_each(look, range(range_.size))
     return ratio
