@@ -23,12 +23,14 @@ from rich.table import Table
 
 import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
-from mirrorfold.common.types import Mask
+from mirrorfold.common.types import Chain, Mask
 from mirrorfold.detection import lines
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion, doubted, kinds, measured, ordering, rounds
+from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.half_shadows import Hems
 
 Instead = dict[ModuleType | type, dict[str, Any]]
@@ -38,6 +40,11 @@ Instead = dict[ModuleType | type, dict[str, Any]]
 def nobody(*given: Any) -> Mask:
     """None of the echoes among what is given, (n,)."""
     return np.zeros(len(next(one for one in given if isinstance(one, Echoes))), dtype=bool)
+
+
+def nobody_at_all(found: Found, view: View) -> dict[Chain, Mask]:
+    """None of the objects of any chain of mirrors."""
+    return {node.chain: nobody(node.objects) for node in found.tree.walk()}
 
 
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
@@ -63,10 +70,8 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
     "late edges": ({doubted: {"late_edges": nobody}}, {}),
     "what would stand behind walls": ({doubted: {"behind_walls": nobody}}, {}),
-    "what goes to and fro": (
-        {doubted: {"to_and_fro": lambda found, view: {one.chain: nobody(one.objects) for one in found.tree.walk()}}},
-        {},
-    ),
+    "what would stand behind things": ({doubted: {"behind_things": nobody_at_all}}, {}),
+    "what goes to and fro": ({doubted: {"to_and_fro": nobody_at_all}}, {}),
     "short cuts": ({rounds: {"short_cuts": nobody}}, {}),
     "curved mirrors": ({}, {"curved": False}),
     "half-transparent walls": ({}, {"transparent": False}),

@@ -1,14 +1,16 @@
-"""Echoes that the walls of a whole tree, or far brighter ones, speak against, once it is found."""
+"""Echoes that walls and things of a whole tree, or far brighter ones, speak against, once it is found."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from mirrorfold.common.types import Names
+from mirrorfold.common.types import Chain, Names
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.behind_things import BEHIND_A_THING, behind_things
 from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls, flat_things
 from mirrorfold.tree.late_edges import late_edges
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -18,10 +20,10 @@ from mirrorfold.tree.to_and_fro import TO_AND_FRO, to_and_fro
 
 
 def without_doubted(found: Found, view: View) -> Found:
-    """What was found, without objects that known walls speak against, or far brighter echoes.
+    """What was found, without objects that known walls and things speak against, or far brighter echoes.
 
-    Those would stand behind these walls, went to and fro before them, or are sent on too late by their edges; or they
-    may be side lobes.
+    Those would stand behind them, went to and fro before walls, or are sent on too late by their edges; or they may be
+    side lobes.
 
     Parameters
     ----------
@@ -36,12 +38,17 @@ def without_doubted(found: Found, view: View) -> Found:
         (TO_AND_FRO, lambda node: between[node.chain]),
         (OUTSHONE, lambda node: outshone(node.objects, view)),
     )
+    found = _without(found, {
+        node.chain: np.select([tells(node) for _, tells in told], [reason for reason, _ in told], "")
+        for node in found.tree.walk()
+    })  # fmt: skip
+    # Only what is left ends the view of other things.
+    hidden = behind_things(found, view)
+    return _without(found, {chain: np.where(marks, BEHIND_A_THING, "") for chain, marks in hidden.items()})
 
-    def why(node: MirrorTree) -> Names:
-        """What speaks against each of the objects of a node, (n,); empty for those that stay."""
-        return np.select([tells(node) for _, tells in told], [reason for reason, _ in told], "")
 
-    reasons = {node.chain: why(node) for node in found.tree.walk()}
+def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:
+    """What was found, without the objects of each chain that there is a reason against, (n,); empty for the others."""
     if not any((reason != "").any() for reason in reasons.values()):
         return found
 

@@ -1,0 +1,126 @@
+"""Echoes behind a thing that is known, which a mirror would have to show through it.
+
+In a line of sight, a thing hides what is behind it. But what it shows of itself there may be faint, as a face does that
+throws the wave to the side, while it is bright in line of sight or in another mirror; and what comes from behind it by
+many ways, as from between the thing and a wall, may be brighter. The true places of both tell: the last part of the way
+to an echo, from the last mirror on, would pass between neighbouring echoes of an opaque thing, well inside of it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.view import View, in_pieces
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.behind_walls import last_leg
+
+BEHIND_A_THING = "would stand behind another thing"
+
+NEIGHBOURS_CELLS = 0.75
+"""Echoes at most so many resolution cells apart are those of one surface, which goes on from one to the other."""
+
+EDGE_CELLS = 0.5
+"""A way passes through a surface that reaches so far to either side of it, at least: the echoes of its edge lie up to
+half a resolution cell beyond it, and the edge bends waves around it."""
+
+BEYOND_CELLS = 1.0
+"""What stands no farther behind a thing, in resolution cells, may belong to it; nor is a thing before what begins as
+close to it."""
+
+
+def behind_things(found: Found, view: View) -> dict[Chain, Mask]:
+    """Which objects of each chain of mirrors would stand behind known ones, (n,) each.
+
+    Things count that are seen by way of no more mirrors, for with each their places are less certain, and whose
+    brightest echo is as bright as the object: fainter ones may be its side lobes. In a volume nothing is said, nor of
+    curved mirrors, nor of what is seen without any, which the lines of sight tell.
+
+    Parameters
+    ----------
+    found : Found
+    view : View
+    """
+    ways, folds = found.tree.ways(), found.tree.folds()
+    behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
+    if not isinstance(view, ImageView):
+        return behind
+    flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in ways[node.chain])]
+    for node in flat:
+        if not node.chain or not len(node.objects):
+            continue
+        before = [other for other in flat if len(other.chain) <= len(node.chain)]
+        surfaces = _surfaces(
+            np.concatenate([folds[other.chain](other.objects.position) for other in before]),
+            np.concatenate([other.objects.amplitude for other in before]),
+            np.concatenate([view.cell(other.objects.range) for other in before]),
+        )
+        for some in in_pieces(len(node.objects)):
+            objects = node.objects.take(np.arange(len(node.objects))[some])
+            leaves, stands = last_leg(objects, ways[node.chain], view)
+            behind[node.chain][some] = _passed(surfaces, leaves, stands, objects.amplitude, view.cell(objects.range))
+    return behind
+
+
+class _Surface(NamedTuple):
+    """Echoes of one surface.
+
+    Attributes
+    ----------
+    places : (n, 2) array [m]
+        Where they stand.
+    neighbours : (k, 2) array of int
+        Pairs of them.
+    brightest : float
+        Their largest amplitude.
+    """
+
+    places: Array
+    neighbours: Index
+    brightest: float
+
+
+def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
+    """The surfaces that echoes at places (n, 2) [m] make up; `amplitude` and resolution `cell` [m] are (n,)."""
+    pairs = cKDTree(places).query_pairs(NEIGHBOURS_CELLS * cell.max(initial=0.0), output_type="ndarray")
+    apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    pairs = pairs[apart <= NEIGHBOURS_CELLS * cell[pairs].min(axis=1, initial=np.inf)]
+    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(places), len(places)))
+    surface = connected_components(touching, directed=False)[1]
+    found = []
+    for number in np.unique(surface[pairs]):
+        own = np.flatnonzero(surface == number)
+        neighbours = np.searchsorted(own, pairs[surface[pairs[:, 0]] == number])
+        found.append(_Surface(places[own], neighbours, float(amplitude[own].max())))
+    return found
+
+
+def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: Array, cell: Array) -> Mask:
+    """Whether straight ways pass through one of the surfaces well before they end, (n,).
+
+    Parameters
+    ----------
+    surfaces : list of _Surface
+    leaves, stands : (n, 2) arrays [m]
+        Where the ways begin and end.
+    amplitude, cell : (n,) arrays
+        Of the echo at the end of each, and its resolution cell [m].
+    """
+    way, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
+    length = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
+    ahead = way / length[:, None]
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    margin, edge = (share * cell[:, None] for share in (BEYOND_CELLS, EDGE_CELLS))
+    for places, neighbours, brightest in surfaces:
+        along, beside = (axis @ places.T - np.sum(axis * leaves, axis=1)[:, None] for axis in (ahead, aside))
+        beside[(along < margin) | (along > length[:, None] - margin)] = np.nan
+        between = np.prod(beside[:, neighbours], axis=2) < 0.0
+        through = (beside >= edge).any(axis=1) & (beside <= -edge).any(axis=1) & between.any(axis=1)
+        passed |= through & (amplitude <= brightest)
+    return passed
