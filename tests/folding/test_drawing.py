@@ -179,6 +179,7 @@ BAY = ArcMirror(middle=np.array([0.0, 0.4]), radius=0.6, first=np.pi / 3.0, span
 BEFORE = LineMirror(np.array([-0.4, 0.8]), np.array([0.4, 0.8]))
 
 
+@pytest.mark.nojit
 @pytest.mark.parametrize("way", [(PILLAR,), (BAY,), (BEFORE, PILLAR)], ids=["pillar", "bay", "pillar in a wall"])
 def test_what_a_curved_mirror_shows_is_drawn_where_its_lines_of_sight_lead(way):
     """Amplitudes that change evenly, one point after the other; nothing in front of the mirrors."""
@@ -207,6 +208,7 @@ def test_what_a_curved_mirror_shows_is_drawn_where_its_lines_of_sight_lead(way):
         assert_array_equal(draw(sight, folds, 3.0, pixel, blobs), direct)
 
 
+@pytest.mark.nojit
 def test_a_point_behind_a_caustic_is_drawn_where_it_stands():
     """By every line of sight that leads there: amplitudes of one spot of the image alone, near the axis."""
     view = empty_view(widest=0.5)
