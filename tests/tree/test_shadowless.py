@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from seen_scenes import wall
-from synthetic import build_tree, diffuse, radar_view, together
+from synthetic import build_tree, diffuse, echoes_at, radar_view, together
 
-from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.tree.shadowless import cast_no_shadow
@@ -86,16 +85,9 @@ def test_nothing_is_told_without_mirrors_and_behind_them():
     assert not len(told_of(echoes.take(np.zeros(0, dtype=np.intp)), [line], view))
 
 
-def at(places, view, level):
-    """Echoes of that amplitude at places."""
-    range_, u = view.to_polar(places)
-    one = np.ones(len(places))
-    return Echoes.found(places, range_, view.column(u), level * one, 0.01 * one, 0.0 * one, 0.1, 1.0)
-
-
 def test_a_wall_that_is_hardly_seen_past_things_tells_nothing():
     """As of a wall that is seen edge-on, behind which its own reflections stand."""
     view, line = radar_view(*diffuse(*WALL, 3), noise=1e-3), LineMirror(*WALL, strength=4.0)
     before = 0.6 * (line.start + np.linspace(0.1, 0.9, 30)[:, None] * (line.end - line.start))
-    assert not told_of(at(before, view, 0.5), [line], view).any()
-    assert told_of(at(before[:2], view, 0.5), [line], view).all()
+    assert not told_of(echoes_at(view, before, 0.5), [line], view).any()
+    assert told_of(echoes_at(view, before[:2], 0.5), [line], view).all()

@@ -11,15 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.view import View, in_pieces
+from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.behind_walls import last_leg
+from mirrorfold.tree.things import groups
 
 BEHIND_A_THING = "would stand behind another thing"
 
@@ -33,6 +32,9 @@ half a resolution cell beyond it, and the edge bends waves around it."""
 BEYOND_CELLS = 1.0
 """What stands no farther behind a thing, in resolution cells, may belong to it; nor is a thing before what begins as
 close to it."""
+
+AT_ONCE = 1_000_000
+"""Pairs of an object and of neighbouring echoes that are looked at once; bounds the memory."""
 
 
 def behind_things(found: Found, view: View) -> dict[Chain, Mask]:
@@ -52,19 +54,16 @@ def behind_things(found: Found, view: View) -> dict[Chain, Mask]:
     if not isinstance(view, ImageView):
         return behind
     flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in ways[node.chain])]
-    for node in flat:
-        if not node.chain or not len(node.objects):
-            continue
-        before = [other for other in flat if len(other.chain) <= len(node.chain)]
+    for generation in {node.generation for node in flat if node.chain and len(node.objects)}:
+        before = [node for node in flat if node.generation <= generation]
         surfaces = _surfaces(
-            np.concatenate([folds[other.chain](other.objects.position) for other in before]),
-            np.concatenate([other.objects.amplitude for other in before]),
-            np.concatenate([view.cell(other.objects.range) for other in before]),
+            np.concatenate([folds[node.chain](node.objects.position) for node in before]),
+            np.concatenate([node.objects.amplitude for node in before]),
+            np.concatenate([view.cell(node.objects.range) for node in before]),
         )
-        for some in in_pieces(len(node.objects)):
-            objects = node.objects.take(np.arange(len(node.objects))[some])
-            leaves, stands = last_leg(objects, ways[node.chain], view)
-            behind[node.chain][some] = _passed(surfaces, leaves, stands, objects.amplitude, view.cell(objects.range))
+        for node in (node for node in before if node.generation == generation):
+            legs, objects = last_leg(node.objects, ways[node.chain], view), node.objects
+            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, np.asarray(view.cell(objects.range)))
     return behind
 
 
@@ -91,9 +90,7 @@ def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
     pairs = cKDTree(places).query_pairs(NEIGHBOURS_CELLS * cell.max(initial=0.0), output_type="ndarray")
     apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     pairs = pairs[apart <= NEIGHBOURS_CELLS * cell[pairs].min(axis=1, initial=np.inf)]
-    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(places), len(places)))
-    surface = connected_components(touching, directed=False)[1]
-    found = []
+    surface, found = groups(pairs, len(places)), []
     for number in np.unique(surface[pairs]):
         own = np.flatnonzero(surface == number)
         neighbours = np.searchsorted(own, pairs[surface[pairs[:, 0]] == number])
@@ -116,11 +113,14 @@ def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: A
     length = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
     ahead = way / length[:, None]
     aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-    margin, edge = (share * cell[:, None] for share in (BEYOND_CELLS, EDGE_CELLS))
     for places, neighbours, brightest in surfaces:
-        along, beside = (axis @ places.T - np.sum(axis * leaves, axis=1)[:, None] for axis in (ahead, aside))
-        beside[(along < margin) | (along > length[:, None] - margin)] = np.nan
-        between = np.prod(beside[:, neighbours], axis=2) < 0.0
-        through = (beside >= edge).any(axis=1) & (beside <= -edge).any(axis=1) & between.any(axis=1)
-        passed |= through & (amplitude <= brightest)
+        for some in np.array_split(
+            np.flatnonzero(amplitude <= brightest), 1 + len(stands) * len(neighbours) // AT_ONCE
+        ):
+            margin, edge = (share * cell[some, None] for share in (BEYOND_CELLS, EDGE_CELLS))
+            along, beside = (axis[some] @ places.T - np.sum(axis[some] * leaves[some], axis=1)[:, None]
+                             for axis in (ahead, aside))  # fmt: skip
+            beside[(along < margin) | (along > length[some, None] - margin)] = np.nan
+            between = np.prod(beside[:, neighbours], axis=2) < 0.0
+            passed[some] |= (beside >= edge).any(axis=1) & (beside <= -edge).any(axis=1) & between.any(axis=1)
     return passed

@@ -24,5 +24,10 @@ def things(view: View, range_: Array, direction: Index) -> Index:
     steps = np.unravel_index(direction, view.shape)
     places = np.column_stack([range_ / view.object_depth(range_), *(axis / reach for axis in steps)])
     pairs = cKDTree(places).query_pairs(1.0, p=np.inf, output_type="ndarray")
-    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(places), len(places)))
+    return groups(pairs, len(places))
+
+
+def groups(pairs: Index, count: int) -> Index:
+    """The number of the group that each of so many echoes belongs to, (count,), where those of pairs (n, 2) touch."""
+    touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
     return np.asarray(connected_components(touching, directed=False)[1])
