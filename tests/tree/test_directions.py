@@ -309,11 +309,14 @@ class TestConfocalShare:
 @pytest.mark.nojit
 def test_what_receivers_hear_from_a_place_is_the_sum_over_groups_of_frequencies():
     rng = np.random.default_rng(0)
-    receivers, places, r = rng.normal(size=(7, 3)), rng.normal(size=(4, 3)), 0.7
+    # Receivers about the middle of places at the distance r.
+    receivers, places, r = 0.05 * rng.normal(size=(7, 3)), rng.normal(size=(4, 3)), 0.7
+    places *= r / np.linalg.norm(places, axis=1, keepdims=True)
     turns = np.array([900.0, 1.5])  # of the first group, and from one to the next, for each metre
     field = rng.normal(size=(2, 5, 2, 7)).astype(np.float32)
     heard = np.empty((4, 2))
-    directions._hear(places, receivers, r, turns, field, heard)
+    single = (value.astype(np.float32) for value in (places, np.ascontiguousarray(receivers.T), np.float64(r), turns))
+    directions._hear(*single, field, heard)
     phase = 2.0 * np.pi * (turns[0] + np.arange(5)[:, None, None] * turns[1]) * (cdist(places, receivers) - r)
     expected = np.einsum("gnx,mgx->nm", np.exp(1j * phase), field[:, :, 0] + 1j * field[:, :, 1])
     assert_allclose(heard, np.abs(expected), rtol=1e-4)

@@ -25,8 +25,9 @@ from mirrorfold.focusing.phasor import unit_phasor
 from mirrorfold.focusing.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
-PHASE_SPREAD = 0.5
-"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]."""
+PHASE_SPREAD = 1.0
+"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]: what arrives from
+the side loses half a percent, for the window leaves little of the outermost receivers, where it turns so far."""
 
 SAME_PLACE = 1e-3
 """Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
@@ -275,26 +276,34 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
 def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
     """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
 
-    The field (m, groups, 2, receivers) holds real and imaginary parts; the sum over groups is taken by Horner's rule.
+    Places (n, 3) and receivers (3, receivers) count from a point that all places are at the distance r of. All is in
+    single precision. The field (m, groups, 2, receivers) holds real and imaginary parts; the sum over groups is taken
+    by Horner's rule.
     """
     beams, groups, _, count = field.shape
+    square, path = np.empty((2, count), np.float32)
     cos, sin, re, im = np.empty((4, count), np.float32)
     step_cos, step_sin = np.empty((2, count), np.float32)
+    for x in range(count):
+        square[x] = receivers[0, x] ** 2 + receivers[1, x] ** 2 + receivers[2, x] ** 2
     for n in range(places.shape[0]):
-        px, py, pz = places[n]
+        px, py, pz = np.float32(2.0) * places[n]
         for x in range(count):
-            dx, dy, dz = px - receivers[x, 0], py - receivers[x, 1], pz - receivers[x, 2]
-            path = np.sqrt(dx * dx + dy * dy + dz * dz) - r
-            cos[x], sin[x] = unit_phasor(turns[0] * path)
-            step_cos[x], step_sin[x] = unit_phasor(turns[1] * path)
+            # Of |p - x|^2 - r^2 all digits count, where the difference of the roots would keep few.
+            beyond = square[x] - px * receivers[0, x] - py * receivers[1, x] - pz * receivers[2, x]
+            path[x] = beyond / (np.sqrt(r * r + beyond) + r)
+        for x in range(count):
+            cos[x], sin[x] = unit_phasor(turns[0] * path[x])
+        for x in range(count):
+            step_cos[x], step_sin[x] = unit_phasor(turns[1] * path[x])
         for m in range(beams):
-            re[:], im[:] = field[m, groups - 1, 0], field[m, groups - 1, 1]
+            for x in range(count):
+                re[x], im[x] = field[m, groups - 1, 0, x], field[m, groups - 1, 1, x]
             for g in range(groups - 2, -1, -1):
-                real, imaginary = field[m, g, 0], field[m, g, 1]
                 for x in range(count):
-                    turned = re[x] * step_cos[x] - im[x] * step_sin[x]
-                    im[x] = re[x] * step_sin[x] + im[x] * step_cos[x] + imaginary[x]
-                    re[x] = turned + real[x]
+                    turned = re[x] * step_cos[x] - im[x] * step_sin[x] + field[m, g, 0, x]
+                    im[x] = re[x] * step_sin[x] + im[x] * step_cos[x] + field[m, g, 1, x]
+                    re[x] = turned
             total_re, total_im = np.float32(0.0), np.float32(0.0)
             for x in range(count):
                 total_re += re[x] * cos[x] - im[x] * sin[x]
@@ -327,6 +336,7 @@ def _bistatic(
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
     spread = [float(np.linalg.norm(side.position - radar, axis=1).max()) for side in (tx, rx)]
+    receivers = np.ascontiguousarray((rx.position - radar).T, dtype=np.float32)
     windows = _windows(sweep)
     if range_.size * sent.shape[1] >= WORTH_WINDOWS:
         windows.transform()
@@ -364,12 +374,13 @@ def _bistatic(
             send *= turn
         field *= hears.astype(np.float32)
         of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
-        turns = np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)  # a group's middle frequency counts
+        # A group's middle frequency counts.
+        turns = (np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)).astype(np.float32)
         for point, beams in zip(part, of_points, strict=True):
-            beyond, directions = float(range_[point]), heard[point]
-            at = places(np.full(directions.size, beyond), directions)
+            beyond, directions = range_[point], heard[point]
+            at = (places(np.full(directions.size, beyond), directions) - radar).astype(np.float32)
             split = np.ascontiguousarray(np.stack([beams.real, beams.imag], axis=2))
-            _hear(at, rx.position, beyond, turns, split, level[point])
+            _hear(at, receivers, np.float32(beyond), turns, split, level[point])
 
     with one_thread():
         for_each(listen, range(0, range_.size, at_once))
