@@ -8,7 +8,10 @@ import tempfile
 import warnings
 
 import numba
+import numpy as np
 import pytest
+
+from mirrorfold.common.kernels import njit
 
 KERNEL = """
 from mirrorfold.common.kernels import njit
@@ -67,3 +70,17 @@ def test_damaged_files_of_kernels_are_made_anew(hits, tmp_path, suffix, length):
     [file] = (tmp_path / "__pycache__").glob(f"one.double*.{suffix}")
     file.write_bytes(file.read_bytes()[:length])
     assert (hits(), hits()) == (0, 1)
+
+
+def test_a_kernel_that_makes_arrays_must_say_so():
+    @njit(makes_arrays=True)
+    def twos(x):
+        return 2.0 * np.ones(x)
+
+    @njit()
+    def threes(x):
+        return 3.0 * np.ones(x)
+
+    assert twos(2).tolist() == [2.0, 2.0]
+    with pytest.raises(numba.TypingError):
+        threes(2)

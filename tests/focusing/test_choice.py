@@ -139,7 +139,7 @@ def test_the_machine_is_measured_once_and_kept(tmp_path, monkeypatch):
 
     def measure():
         measured.append(1)
-        return machine.Machine(*np.arange(1.0, 12.0))
+        return machine.Machine(*np.arange(1.0, 14.0))
 
     monkeypatch.setattr(machine, "measure", measure)
     monkeypatch.setattr(machine, "machine", machine.machine.__wrapped__)
@@ -155,7 +155,7 @@ def test_a_home_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
-    monkeypatch.setattr(machine, "measure", lambda: machine.Machine(*np.arange(1.0, 12.0)))
+    monkeypatch.setattr(machine, "measure", lambda: machine.Machine(*np.arange(1.0, 14.0)))
     assert machine.machine.__wrapped__().pair_pixel == 1.0
     assert Path(blocked).read_text() == "no folder"
 

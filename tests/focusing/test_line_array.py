@@ -16,6 +16,7 @@ from mirrorfold.focusing.caching import PlanCache
 from mirrorfold.focusing.cost import Cost
 from mirrorfold.focusing.direct_sum import direct_sum
 from mirrorfold.focusing.interpolation import triangular_kernel
+from mirrorfold.focusing.lattice import build_lattice
 from mirrorfold.focusing.line_array import LineArrayPlan
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.range_gate import gated
@@ -41,6 +42,8 @@ LINES = {
     "far from the origin": (line(41, 0.5e-3, x=5.0, y=-0.3, z=1.0), line(41, 0.5e-3, x=5.0, y=-0.3, z=1.0)),
 }
 
+
+GRID = np.linspace(-0.6, 0.6, 80), np.linspace(0.3, 1.4, 60)
 
 CASES = [(name, tolerance) for name in LINES for tolerance in (1e-3, 1e-5)]
 
@@ -104,6 +107,17 @@ def test_fast_path_with_position_jitter():
     p = problem(tx, tx, BAND, np.linspace(-0.6, 0.6, 80), np.linspace(0.4, 1.4, 60))
     s = noise(p.data_shape)
     assert relative_error(LineArrayPlan(p, 1e-4)(s), p, s) <= 1e-4
+
+
+def test_fast_path_where_midpoints_stand_beside_their_lattice_points():
+    """What they are beside does not fall with range, so that nodes at one wavenumber do not serve a wide band."""
+    p = problem(line(31, 0.5e-3), line(25, 0.63e-3), np.linspace(250e9, 300e9, 80), *GRID)
+    regular = problem(line(31, 0.5e-3), line(16, 1.0e-3), np.linspace(250e9, 300e9, 80), *GRID)
+    assert [build_lattice(each).scales for each in (p, regular)] == [False, True]
+    s = noise(p.data_shape)
+    plan = LineArrayPlan(p, 1e-4)
+    assert plan.predicted_error <= 1e-4
+    assert relative_error(plan(s), p, s) <= 1e-4
 
 
 @pytest.mark.slow

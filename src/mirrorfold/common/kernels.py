@@ -26,7 +26,7 @@ class _MendingCache(FunctionCache):
             return None
 
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function when it is first called, and keep the result on disk.
 
     It is kept beside the module, else in the user's cache folder, as Numba does; where both are read-only, in a folder
@@ -34,6 +34,10 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     Parameters
     ----------
+    makes_arrays : bool
+        Whether the function makes arrays of its own. Only then it counts references to arrays: threads that share
+        arrays contend for the counters, which takes a kernel of many arrays several times as long as its work. A
+        function that makes arrays without saying so does not compile.
     **options
         Those of `numba.njit`, without `cache`.
 
@@ -42,6 +46,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     callable
         The decorator.
     """
+    options["_nrt"] = makes_arrays  # Numba's own runtime, which counts the references
 
     def compiled(function: Callable[..., Any]) -> Any:
         kernel = numba.njit(**options)(function)

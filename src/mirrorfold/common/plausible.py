@@ -175,6 +175,11 @@ def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> 
     return bool(aperture > FINEST_APERTURE or aperture > WIDEST_APERTURE * wavelength)
 
 
+def any_of(values: NDArray) -> bool:
+    """Whether any of the values is not zero; the first along the first axis, which mostly tell, are looked at first."""
+    return bool(values[:1].any() or values.any())
+
+
 def one_part(s: NDArray[np.complexfloating]) -> str | None:
     """What complex samples (frequency first) are, of which one part is zero throughout; None for true ones.
 
@@ -188,6 +193,6 @@ def one_part(s: NDArray[np.complexfloating]) -> str | None:
     if s.shape[0] < 2:
         return None
     for name, part, other in (("real parts", s.real, s.imag), ("imaginary parts", s.imag, s.real)):
-        if not other.any() and (part != part[:1]).any():
+        if not any_of(other) and (part != part[:1]).any():
             return "magnitudes" if not (part < 0).any() else name
     return None

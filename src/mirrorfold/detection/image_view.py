@@ -14,11 +14,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
-from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
+from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter, spline_filter1d
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
+from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View, check_samples
@@ -339,29 +340,46 @@ def _sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], he
         return np.abs(_interpolated(view, np.abs(image.values), axes, order=1))
     # The carrier is taken out in rows: as many phases as there are pixels would take more memory than the image.
     values = np.empty(image.shape, dtype=image.dtype)
-    for rows in _rows(y.size):
+
+    def demodulate(rows: slice) -> None:
         across, ahead = (x[None, :] - view.radar[0]) ** 2, (y[rows, None] - view.radar[1]) ** 2
         distance = np.sqrt(across + ahead + height**2)
         carrier = np.exp(-4j * np.pi / view.wavelength * distance).astype(np.complex64)
         np.multiply(image.values[rows], carrier, out=values[rows])
+
+    for_each(demodulate, _rows(y.size))
     parts = []
     for part in (values.real, values.imag):
-        coefficients = part.astype(np.float64)
-        spline_filter(coefficients, output=coefficients)
-        parts.append(_interpolated(view, coefficients, axes, order=3, output=np.float32, prefilter=False))
-        del coefficients
+        splines = _splines(part)
+        parts.append(_interpolated(view, splines, axes, order=3, output=np.float32, prefilter=False))
+        del splines
     return np.hypot(*parts)
+
+
+def _splines(values: NDArray[Any]) -> Array:
+    """Coefficients of the splines through pixels (y, x), as `scipy.ndimage.spline_filter` gives them, on all cores."""
+    coefficients = values.astype(np.float64)
+
+    def along(axis: int, part: Array) -> None:
+        spline_filter1d(part, axis=axis, output=part)
+
+    for_each(lambda columns: along(0, coefficients[:, columns]), _rows(values.shape[1]))
+    for_each(lambda rows: along(1, coefficients[rows]), _rows(values.shape[0]))
+    return coefficients
 
 
 def _interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array], **given: Any) -> NDArray[Any]:
     """Pixels (y, x) where the view has its samples, (nr, nu)."""
     x, y = axes
-    found = []
-    for rows in _rows(view.range.size):
+    found = np.empty((view.range.size, view.u.size), dtype=given.pop("output", values.dtype))
+
+    def interpolate(rows: slice) -> None:
         where = view.to_points(view.range[rows, None], view.u[None, :])
         pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
-        found.append(map_coordinates(values, pixels, **given))
-    return np.concatenate(found)
+        map_coordinates(values, pixels, output=found[rows], **given)
+
+    for_each(interpolate, _rows(view.range.size))
+    return found
 
 
 ROWS = 64

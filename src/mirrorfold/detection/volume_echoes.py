@@ -69,7 +69,7 @@ def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
     return Echoes.pixels(view.points(range_, beam), range_, beam, np.ones(beam.size), brightest, threshold)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(makes_arrays=True, nogil=True, error_model="numpy")
 def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, most, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 

@@ -117,7 +117,7 @@ def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-de
             total[2, g] += re * re + im * im
 
 
-@njit(error_model="numpy", nogil=True, fastmath=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True, fastmath=True)
 def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
     """The same for one gate: pairs are worked on side by side."""
     flat, length = windows.reshape(-1), 2 * windows.shape[1]
@@ -132,7 +132,7 @@ def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untype
     total[0, 0], total[1, 0], total[2, 0] = total_re, total_im, power
 
 
-@njit(error_model="numpy", nogil=True, fastmath=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True, fastmath=True)
 def coherence(
     windows: NDArray[np.float32], step: float, shift: float, shape: int, tx: Array, rx: Array, tx_of: NDArray[np.int64],
     rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,
@@ -151,7 +151,8 @@ def coherence(
         for i in range(3):
             sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
     _squares(sides, shape, square)
-    q, turns, cells = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi)), np.float32(shift * sign / step)
+    q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
+    cells = np.float32(shift * sign / step)
     longer, cell, rest = np.empty(pairs, np.float32), np.empty(pairs, np.int32), np.empty(pairs, np.float32)
     cos, sin, total = np.empty(pairs, np.float32), np.empty(pairs, np.float32), np.empty((3, gates), np.float32)
     for u in sign * directions:

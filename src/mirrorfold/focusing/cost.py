@@ -30,6 +30,12 @@ NUMBERS_A_PATH = 2.5
 PASSES = 1.7
 """Time of building over that of its arithmetic: NumPy goes through memory many times."""
 
+FROM_MEMORY = 1.2
+"""Time of sorting, transforming and resampling a sweep over that of pieces that stay in the caches."""
+
+REFINED = 60.0
+"""With so many nodes their values are tabulated twice in the mean: the rougher, the oftener too coarsely at first."""
+
 CALL = 2e-3
 """What a step takes beside its loops, in Python and in starting threads [s]."""
 
@@ -113,8 +119,8 @@ def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes:
     frequencies, pairs = problem.k.size, lattice.tx.size
     lines, rows = design.shape
     taps = design.stretch_kernel.width
-    gather = frequencies * pairs * (2 if lattice.folded else 1) * speed.stretch
-    products = frequencies * (4 * pairs * nodes + 4 * lattice.points * nodes**2) * speed.multiply
+    gather = frequencies * pairs * (2 if lattice.folded else 1) * speed.gather
+    products = frequencies * 4 * nodes * (pairs * speed.collapse + lattice.points * nodes * speed.multiply)
     transforms = (
         nodes
         * speed.fourier
@@ -125,7 +131,7 @@ def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes:
     final = pixels * (speed.pixel + design.range_kernel.width * design.direction_kernel.width * speed.tap)
     if lattice.planar:
         final += pixels * speed.number
-    frame = CALL + gather + products + transforms + stretch + combine + final
+    frame = CALL + FROM_MEMORY * (gather + transforms + stretch + combine) + products + final
     return Cost(_building(problem, lattice, design, nodes, pixels), frame, _nbytes(problem, lattice, design, nodes))
 
 
@@ -138,7 +144,7 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
     pivoting = samples * candidates * (NUMBERS_A_PATH * speed.number + nodes * speed.combine)
     n_r, n_w = table_size(problem, design.sector, design.slopes)
     values = (
-        1.5
+        (1.0 + nodes / REFINED)
         * n_r
         * n_w
         * (EQUATIONS * nodes + SPARE_EQUATIONS)

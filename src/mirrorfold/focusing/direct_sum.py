@@ -10,7 +10,7 @@ from mirrorfold.common.threads import for_each
 from mirrorfold.focusing.problem import Problem
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def sum_frequency(data, tx_re, tx_im, rx_re, rx_im, out):  # type: ignore[no-untyped-def]
     """out[p] = sum_i tx[p, i] sum_k data[i, k] rx[p, k] in float64."""
     transmitters, receivers = data.shape

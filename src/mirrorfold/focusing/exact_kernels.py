@@ -44,7 +44,7 @@ def sum_pairs(  # type: ignore[no-untyped-def]
             sum_im[p] += re * rx_im[k, p] + im * rx_re[k, p]
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def sum_transmitters(  # type: ignore[no-untyped-def]
     table, start, tx_index, folded, cells, margin,
     tx_reference, tx_delay, tx_re, tx_im, rx_reference, rx_delay, rx_re, rx_im, out,

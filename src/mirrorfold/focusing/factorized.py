@@ -138,7 +138,9 @@ class Slab:
         ]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
         self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
-        last = _work(self.whole.counts, problem.shape) * self._speed.multiply + problem.pixels * self._speed.turn
+        # By the paths over the last centres alone; where blocks are merged, over those of both.
+        turned = 0.5 * problem.pixels * self._speed.turn
+        last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
         memory = sum(4.0 * self.axes[n].count(step) * self.axes[n].position.size for n, step in used)

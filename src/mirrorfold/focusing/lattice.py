@@ -59,6 +59,8 @@ class Lattice:
         Each pair i <= k also stands for (k, i): their data are added first.
     weight : (pairs,) complex array
         Product of the element weights, halved where a folded pair is its own partner.
+    regular : bool
+        The midpoints of all pairs stand on the lattice.
     """
 
     centre: Array
@@ -72,6 +74,7 @@ class Lattice:
     rx: Index
     folded: bool
     weight: NDArray[np.complex128]
+    regular: bool
 
     @property
     def points(self) -> int:
@@ -92,6 +95,14 @@ class Lattice:
     def concentric(self) -> bool:
         """Whether both foci are one point of a line of all antennas."""
         return not self.planar and not self.places(self.foci).any()
+
+    @property
+    def scales(self) -> bool:
+        """Whether k E depends on k and r by r / k alone, so that nodes at one wavenumber serve all.
+
+        Where a midpoint stands beside its lattice point, E has a part that does not fall with range.
+        """
+        return self.concentric and self.regular
 
     def curvature(self, problem: Problem) -> float:
         """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: taken off, the rest is halved."""
@@ -232,4 +243,7 @@ def build_lattice(problem: Problem) -> Lattice:
     weight = problem.tx_weight[i] * problem.rx_weight[k]
     if folded:
         weight = np.where(i == k, 0.5 * weight, weight)
-    return Lattice(centre, frame, foci, planar, pitch, lowest, first, i[order], k[order], folded, weight[order])
+    regular = float(np.abs(middle - origin - pitch * point).max()) < ON_LINE
+    return Lattice(
+        centre, frame, foci, planar, pitch, lowest, first, i[order], k[order], folded, weight[order], regular
+    )

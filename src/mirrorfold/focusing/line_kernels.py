@@ -30,7 +30,7 @@ def gather(data, pair, partner, folded, first, out):  # type: ignore[no-untyped-
                     out[base + p] = data[m, pair[p]]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(makes_arrays=True, nogil=True, error_model="numpy")
 def collapse(gathered, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
     """out[n, m, :] = sum over the pairs p of lattice point n of gathered[p, m] factor[p, :], as real matrices."""
     for n in range(first.size - 1):
@@ -109,7 +109,7 @@ def _tap_sum(taps_r: int):  # type: ignore[no-untyped-def]
 _sum_2, _sum_4, _sum_6, _sum_8, _sum_10, _sum_12 = (_tap_sum(taps) for taps in (2, 4, 6, 8, 10, 12))
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def locate(  # type: ignore[no-untyped-def]
     row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first,
     turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
@@ -154,7 +154,7 @@ def locate(  # type: ignore[no-untyped-def]
         phase_re[p], phase_im[p] = unit_phasor(turns)
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def interpolate(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, polar, range_coefficients, direction_coefficients, image,

@@ -6,6 +6,7 @@ where nothing can be written there, in the process.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import platform
@@ -36,7 +37,7 @@ lay_out: Any = range_tables.lay_out
 REPEATS = 3
 """Each loop is timed as often, and the fastest counts: what else ran meanwhile only slows it down."""
 
-VERSION = 2
+VERSION = 3
 """Of the cached file: one more whenever what is measured changes."""
 
 
@@ -54,8 +55,12 @@ class Machine:
         For path and phase of an antenna and a pixel.
     fourier : float
         For a point of a Fourier transform of length N, over log2(N).
+    gather : float
+        For a sample of the data sorted by the lattice.
+    collapse : float
+        For a real multiplication in the many small matrix products of a lattice.
     multiply : float
-        For a real multiplication in a small matrix product.
+        For one in a product of a few dozen rows and columns.
     stretch : float
         For a tap of the interpolation of the lattice's spectrum.
     combine : float
@@ -72,6 +77,8 @@ class Machine:
     compress: float
     table: float
     fourier: float
+    gather: float
+    collapse: float
     multiply: float
     stretch: float
     combine: float
@@ -139,6 +146,7 @@ def measure() -> Machine:
         compress=_profiles(),
         table=_tables(),
         fourier=_seconds(lambda: scipy.fft.fft(spectrum, axis=1), spectrum.size * np.log2(324)),
+        **_lattice(noise),
         multiply=_seconds(lambda: left @ right, 24 * 60 * 40 * 40),
         stretch=_seconds(
             lambda: stretch(spectrum.view(np.float32), cell, weight, beams.view(np.float32)), 4 * beams.size
@@ -162,6 +170,26 @@ def _seconds(work: Callable[[], object], units: float) -> float:
             calls += 1
         best = min(best, spent / calls)
     return float(best / units)
+
+
+def _lattice(noise: Callable[..., np.ndarray]) -> dict[str, float]:
+    """Data of 60 antennas sorted by the midpoints of pairs, and multiplied by the factors of ten nodes each."""
+    i, k = np.triu_indices(60)
+    order = np.argsort(i + k, kind="stable")
+    i, k = i[order], k[order]
+    first = np.searchsorted(i + k, np.arange(120))
+    # More frequencies than are worked on at a time: the samples of the next ones come from memory.
+    data, gathered = noise(8, 16, 3600), np.empty(16 * i.size, np.complex64)
+    factor, summed = noise(2 * i.size, 10).view(np.float32), np.empty((119, 16, 20), np.float32)
+    part = itertools.cycle(data)
+    return {
+        "gather": _seconds(
+            lambda: line_kernels.gather(next(part), 60 * i + k, 60 * k + i, True, first, gathered), 2 * gathered.size
+        ),
+        "collapse": _seconds(
+            lambda: line_kernels.collapse(gathered.view(np.float32), factor, first, 16, summed), 40 * gathered.size
+        ),
+    }
 
 
 def _places(count: int, pixels: int) -> tuple[np.ndarray, np.ndarray]:

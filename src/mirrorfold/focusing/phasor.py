@@ -31,7 +31,7 @@ def unit_phasor(turns):  # type: ignore[no-untyped-def]
     return np.float32(1.0) - np.float32(2.0) * s * s, np.float32(2.0) * s * c
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
     """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
     turn = np.zeros(x.size)

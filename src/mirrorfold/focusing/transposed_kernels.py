@@ -9,7 +9,7 @@ from mirrorfold.focusing.interpolation import kernel_weights
 from mirrorfold.focusing.line_kernels import RUN, locate
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def spread(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, image, range_coefficients, direction_coefficients, polar,
@@ -89,7 +89,7 @@ def hand_back(gathered, pair, partner, folded, first, data):  # type: ignore[no-
                     data[m, partner[p]] += gathered[base + p]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(makes_arrays=True, nogil=True, error_model="numpy")
 def expand(summed, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
     """out[p, m] = sum over the columns c of summed[n, m, c] factor[p, c], as real matrices: `collapse`."""
     for n in range(first.size - 1):

@@ -11,6 +11,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import shown, wrong_kind
 from mirrorfold.common.plausible import (
+    any_of,
     extent,
     frequency_unit,
     length_unit,
@@ -107,7 +108,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"s holds {missing} samples of {s.size} that are not finite (NaN or infinite); "
             "replace them, for example by zero, or leave out their channels"
         )
-    if not np.any(s.values):
+    if not any_of(s.values):
         raise refuse("every sample of s is zero; there is nothing to image")
     part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0))
     if part is not None:

@@ -26,8 +26,8 @@ from mirrorfold.focusing.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
 PHASE_SPREAD = 1.0
-"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]: what arrives from
-the side loses half a percent, for the window leaves little of the outermost receivers, where it turns so far."""
+"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]: what arrives
+from the side loses half a percent, for the window leaves little of the outermost receivers, where it turns so far."""
 
 SAME_PLACE = 1e-3
 """Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
@@ -272,7 +272,7 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
     return cpu_count() * (cut + beams) + (windows.profile_bytes if cut else 0.0)
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
     """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
 

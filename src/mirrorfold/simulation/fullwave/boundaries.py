@@ -208,7 +208,7 @@ def _waves(tests: Sources, sources: Sources, within: Medium, strength: complex, 
     return out
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _seen_angle(points: Array, x: Array, y: Array, normal: Array, weight: Array) -> Array:
     """Angle [rad] under which points see a contour: 2 pi inside, nothing outside."""
     out = np.zeros(len(points))
@@ -321,7 +321,7 @@ def _correct(
             _finite_part(i, node, place, first, before, after, weight, curvature[node], k0, out)
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _finite_part(
     row: int,
     node: int,

@@ -52,7 +52,7 @@ class DelayGrid:
         np.multiply(spectrum[:, : self.points - below], self._scale[below:], out=out[:, below:])
 
 
-@njit(nogil=True, fastmath=True, error_model="numpy")
+@njit(makes_arrays=True, nogil=True, fastmath=True, error_model="numpy")
 def spread_echoes(
     direction: Array, range_: Array, width: Array, narrow: Array, across: Array, delay: Array, amplitude: Complex64,
     first: NDArray[np.int64], last: NDArray[np.int64], beam: Array, grid: Complex64,

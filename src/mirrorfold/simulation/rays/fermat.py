@@ -216,7 +216,7 @@ def walk(
     return True
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def starts(
     angle: Array,
     place: Array,
@@ -269,7 +269,7 @@ def _between(angle: Array, i: int, share: float, out: Array) -> None:
         out[j] = angle[i - 1, j] + share * turn
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def trace_points(
     antennas: Array,
     below: NDArray[np.int64],

@@ -136,7 +136,7 @@ def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, 
     return float(cos * ((y - ay) / to_a + (y - by) / to_b) - sin * ((x - ax) / to_a + (x - bx) / to_b))
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _glints(
     arc: Array,
     tx_images: Array,

@@ -222,7 +222,7 @@ def follow(
     return share, length
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _any_seen(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
     """Whether an antenna sees a point of its next window over the chain."""
     scratch = np.empty(mirrors.shape[0])
