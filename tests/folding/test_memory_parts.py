@@ -49,17 +49,16 @@ def test_an_image_is_held_with_its_view_and_the_pictures():
 
 
 def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypatch):
-    """On each core phasors of the transmitters, what receivers hear of one frequency, and of groups of a radian: 40
-    mm of 10 GHz are 8.4, nine groups and what is left over. Two copies of a window of range: 140 mm of paths are 4.7
-    cells, with edges 26.7, a tenth more of bins, 31 whole ones, fast length 32. And the profiles of all pairs, 567 for
-    510 frequencies.
+    """On each core phasors of the transmitters, what receivers hear of one frequency, and of groups of a half radian:
+    40 mm of 10 GHz are 8.4. Two copies of a window of range: 140 mm of paths are 4.7 cells, with edges 26.7, a tenth
+    more of bins, 31 whole ones, fast length 32. And the profiles of all pairs, 567 for 510 frequencies.
     """
     monkeypatch.setattr(directions, "cpu_count", lambda: 3)
     coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
     parts = fold_parts(coarse, sweep_of(120, 160))
     assert parts["samples"] == 8.0 * 510 * 120 * 160
     profiles, window = 8.0 * 567 * 120 * 160, 2.0 * 8.0 * 32 * 120 * 160
-    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 120 + 11 * 160) + window) + profiles
+    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 120 + 18 * 160) + window) + profiles
 
 
 def test_a_small_sweep_is_held_with_the_finer_range_profiles_that_tell_late_echoes():

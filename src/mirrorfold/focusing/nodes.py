@@ -265,10 +265,9 @@ def count_nodes(problem: Problem, lattice: Lattice, sector: Sector, tolerance: f
     rest = remainder(problem, lattice, pairs, 1.0 / draw.inverse, draw.w)
     rest *= _scales(problem, lattice, pairs.size, rng)[:, None]
     found = pivoted_rows(np.exp(1j * draw.k * rest).T.copy(), tolerance, MAXIMUM_NODES).size
-    count = int(found * (1.0 + (found / PROBED) ** 2))
-    if count >= MAXIMUM_NODES:
+    if found >= MAXIMUM_NODES:
         raise UnsuitedError(f"more than {MAXIMUM_NODES} nodes")
-    return count
+    return min(int(found * (1.0 + (found / PROBED) ** 2)), MAXIMUM_NODES)
 
 
 def table_size(problem: Problem, sector: Sector, slopes: tuple[float, float]) -> tuple[int, int]:

@@ -25,9 +25,8 @@ from mirrorfold.focusing.phasor import unit_phasor
 from mirrorfold.focusing.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
-PHASE_SPREAD = 1.0
-"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]: what arrives
-from the side loses half a percent, for the window leaves little of the outermost receivers, where it turns so far."""
+PHASE_SPREAD = 0.5
+"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]."""
 
 SAME_PLACE = 1e-3
 """Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
