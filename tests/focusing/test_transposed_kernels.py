@@ -10,7 +10,6 @@ import pytest
 from focusing_problems import noise
 
 from mirrorfold.focusing import line_kernels, pair_sums, transposed_kernels
-from mirrorfold.focusing.coherence import CORNER, FACE, POINT, coherence
 
 pytestmark = pytest.mark.nojit
 
@@ -89,39 +88,3 @@ def test_fill_phases(run, rng):
     path, out = rng.uniform(0.5, 2.0, (3, 7)), np.empty((3, 7), np.complex64)
     run(pair_sums.fill_phases, path, 300.0, out)
     np.testing.assert_allclose(out, np.exp(2j * np.pi * 300.0 * path), atol=3e-6)
-
-
-@pytest.mark.parametrize("shape", [POINT, FACE, CORNER])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_an_echo_comes_from_adds_up_in_phase(run, shape, sign):
-    """The paths of pairs by way of a point, a face and a corner 0.5 m away, by geometry: images of the antennas.
-
-    Seen as what it is, all of the echo adds up; seen as another shape, less of it does.
-    """
-    rho, u, centre = 0.5, 0.2, 600.0
-    places = np.zeros((9, 3))
-    places[:, 0] = 0.03 * (np.arange(9) - 4)
-    along, ahead = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    direction = u * along + np.sqrt(1.0 - u * u) * ahead
-    tx_of, rx_of = (part.ravel() for part in np.meshgrid(np.arange(9), np.arange(9)))
-    a, b, there = places[tx_of], places[rx_of], rho * direction
-    if shape == POINT:
-        path = np.linalg.norm(a - there, axis=1) + np.linalg.norm(b - there, axis=1)
-    elif shape == FACE:  # square to the direction: the mirror image of b
-        image = b - 2.0 * ((b - there) @ direction)[:, None] * direction
-        path = np.linalg.norm(a - image, axis=1)
-    else:  # the mirror image of b at the vertex
-        path = np.linalg.norm(a - (2.0 * there - b), axis=1)
-    longer = sign * (path - 2.0 * rho)
-    wave = np.exp(-1j * centre * longer)
-    windows = np.repeat(np.stack([wave.real, wave.imag], -1)[:, None, :, None], 3, axis=1).astype(np.float32)
-    found = {}
-    for assumed in (POINT, FACE, CORNER):
-        out = np.zeros(1)
-        run(
-            coherence, windows, 0.1, 0.0, assumed, places, places, tx_of, rx_of, centre, np.array([sign * u]),
-            sign / rho, along, ahead, out,
-        )  # fmt: skip
-        found[assumed] = out[0]
-    assert found[shape] > 0.999
-    assert all(value < 0.9 for other, value in found.items() if other != shape)

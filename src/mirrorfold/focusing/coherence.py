@@ -117,15 +117,14 @@ def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-de
             total[2, g] += re * re + im * im
 
 
-@njit(makes_arrays=True, error_model="numpy", nogil=True, fastmath=True)
+@njit(error_model="numpy", nogil=True, fastmath=True)
 def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
     """The same for one gate: pairs are worked on side by side."""
-    flat, length = windows.reshape(-1), 2 * windows.shape[1]
     total_re, total_im, power = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for p in range(cell.size):
-        at = p * length + 2 * cell[p]
-        re = flat[at] + rest[p] * (flat[at + 2] - flat[at])
-        im = flat[at + 1] + rest[p] * (flat[at + 3] - flat[at + 1])
+        c, share = cell[p], rest[p]
+        re = windows[p, c, 0, 0] + share * (windows[p, c + 1, 0, 0] - windows[p, c, 0, 0])
+        im = windows[p, c, 1, 0] + share * (windows[p, c + 1, 1, 0] - windows[p, c, 1, 0])
         total_re += re * cos[p] - im * sin[p]
         total_im += re * sin[p] + im * cos[p]
         power += re * re + im * im

@@ -138,8 +138,7 @@ class Slab:
         ]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
         self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
-        # By the paths over the last centres alone; where blocks are merged, over those of both.
-        turned = 0.5 * problem.pixels * self._speed.turn
+        turned = 0.5 * problem.pixels * self._speed.turn  # by paths over two centres; merging takes four
         last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
