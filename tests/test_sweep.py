@@ -91,7 +91,6 @@ def test_what_a_band_resolves(sweep):
     assert frequency_step(sweep) == pytest.approx(250e6)
     assert ambiguous_range(sweep) == pytest.approx(0.59958492)
     assert range_resolution(sweep) == pytest.approx(0.59958492 / 41)
-    assert ambiguous_range(sweep.isel(frequency=[0])) == 0.0
 
 
 def test_the_radar_stands_between_its_arrays(sweep):
@@ -107,6 +106,37 @@ def test_noise_has_the_power_asked_for_and_is_white(sweep, snr_db):
     assert power == pytest.approx(10 ** (-snr_db / 10), rel=5 / np.sqrt(count))
     assert abs(np.mean(noise**2)) < 5 * power / np.sqrt(count)  # circular: real and imaginary part alike
     assert abs(np.mean(noise[1:] * np.conj(noise[:-1]))) < 5 * power / np.sqrt(count)
+
+
+def test_noise_follows_the_time_convention_of_the_sweep(sweep):
+    """Told the other way, the same sweep gets the same noise."""
+    told = sweep.copy(data={"s": np.conj(sweep["s"].values)}).assign_attrs(time_convention="exp(-jwt)")
+    one, other = (add_noise(held, snr_db=200.0, seed=1) for held in (sweep, told))
+    assert_allclose(check_sweep(other)["s"].values, one["s"].values, rtol=1e-6)
+
+
+def test_noise_is_on_measured_pairs_alone(sweep):
+    measured = np.ones((sweep.sizes["tx"], sweep.sizes["rx"]), dtype=bool)
+    measured[0] = False
+    part = sweep.assign_coords(measured=(("tx", "rx"), measured))
+    part = part.assign(s=part["s"] * part["measured"])
+    noise = add_noise(part, snr_db=10.0, seed=1)["s"].values - part["s"].values
+    assert_array_equal(noise[:, ~measured], 0.0)
+    power = np.mean(np.abs(part["s"].values[:, measured]) ** 2)
+    assert np.mean(np.abs(noise[:, measured]) ** 2) == pytest.approx(0.1 * power, rel=5 / np.sqrt(noise.size))
+
+
+def test_a_single_frequency_resolves_no_range(sweep):
+    one = sweep.isel(frequency=[0])
+    assert (ambiguous_range(one), range_resolution(one)) == (np.inf, np.inf)
+    assert range_resolution(sweep) == pytest.approx(ambiguous_range(sweep) / sweep.sizes["frequency"])
+
+
+def test_falling_frequencies_are_refused_of_whatever_type(sweep):
+    falling = sweep.isel(frequency=slice(None, None, -1))
+    frequency = np.rint(falling["frequency"].values).astype(np.uint64)
+    with pytest.raises(mf.InputError, match="expected equal rising steps"):
+        check_sweep(falling.assign_coords(frequency=frequency))
 
 
 def test_noise_is_reproducible_and_leaves_the_sweep_alone(sweep):

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import APERTURE, WAVELENGTH, diffuse, empty_view, radar_image, radar_view, together
 
-from mirrorfold.detection.echoes import FALSE_ALARMS, reference_echo
+from mirrorfold.detection.echoes import FALSE_ALARMS, noise_level, reference_echo
 from mirrorfold.detection.image_echoes import (
     FAINT_DB,
     THRESHOLD_DB,
@@ -234,3 +234,31 @@ def test_published_pixels_weigh_with_their_area_on_the_floor_plan():
 def test_an_empty_image_holds_nothing():
     assert find_ridges(empty_view()).range.size == 0
     assert find_pixels(empty_view(), threshold_db=-30.0).range.size == 0
+
+
+@pytest.mark.parametrize("cut_db", [-60.0, -45.0, -30.0])
+def test_where_faint_pixels_were_set_to_zero_all_others_are_heard(cut_db):
+    """As other programs store images: what is left is no noise, and no reason to hear less."""
+    x, y = np.arange(-0.8, 0.8, 0.006), np.arange(0.4, 1.8, 0.006)
+    random = np.random.default_rng(1)
+    places = np.column_stack([random.uniform(-0.6, 0.6, 40), random.uniform(0.6, 1.6, 40)])
+    image = np.abs(radar_image(places, np.ones(40), x, y))
+    cut = image.where(image >= float(image.max()) * 10.0 ** (cut_db / 20.0), 0.0)
+    assert (cut == 0.0).mean() > 0.1
+    whole, left = (find_ridges(to_image_view(one)) for one in (image, cut))
+    loud = whole.amplitude > whole.amplitude.max() * 10.0 ** (max(cut_db + 6.0, -20.0) / 20.0)
+    away = np.linalg.norm(whole.position[loud][:, None] - left.position, axis=2).min(axis=1)
+    assert loud.sum() > 20
+    assert np.mean(away < 0.012) > 0.9
+
+
+@pytest.mark.parametrize("share", [0.1, 0.6, 0.9])
+def test_pixels_that_were_masked_do_not_change_the_noise(share):
+    x, y = np.arange(-0.8, 0.8, 0.006), np.arange(0.4, 1.8, 0.006)
+    image = radar_image(np.empty((0, 2)), np.empty(0), x, y)
+    random = np.random.default_rng(4)
+    noise = image.copy(data=random.standard_normal(image.shape) + 1j * random.standard_normal(image.shape))
+    masked = noise.where(image.y < np.quantile(y, 1.0 - share), 0.0)
+    assert noise_level(masked.values) == pytest.approx(1.0, rel=0.02)
+    assert noise_level(np.zeros((5, 5))) == 0.0
+    assert find_ridges(to_image_view(masked)).range.size == 0

@@ -264,3 +264,29 @@ def test_one_antenna_that_sends_and_hears_resolves_as_one_array_of_twice_the_len
     lobes = np.pi * 0.08 / two.wavelength * far
     assert level["two"] == pytest.approx(lobes**-2, rel=0.4)
     assert level["one"] == pytest.approx(0.5 / lobes, rel=0.4)
+
+
+def test_one_transmitter_or_one_receiver_resolves_as_the_other_array_does():
+    """The band tells the range cell as before, and one aperture is wider in u than two by the square root of two."""
+    image = gaussian_image([], *GRID).assign_attrs(frequency_start=290e9, frequency_stop=300e9, frequency_points=401,
+                                                   tx_aperture=0.08, rx_aperture=0.08)  # fmt: skip
+    both = to_image_view(image)
+    for single in ("tx_aperture", "rx_aperture"):
+        one = to_image_view(image.assign_attrs({single: 0.0}))
+        assert (one.range_cell, one.wavelength) == (both.range_cell, both.wavelength)
+        assert one.u_cell / both.u_cell == pytest.approx(np.sqrt(2.0))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.int16, np.uint32, np.int64])
+def test_integer_pixels_are_seen_as_the_same_numbers_with_a_point(dtype):
+    image = np.abs(gaussian_image([(0.9, 0.1, 1.0), (1.1, -0.2, 0.3)], *GRID))
+    few = np.rint(-60.0 * image / image.max() if np.dtype(dtype).kind == "i" else 60.0 * image / image.max())
+    seen, expected = (to_image_view(few.astype(kind)).amplitude for kind in (dtype, float))
+    assert_allclose(seen, expected, rtol=1e-6)
+    assert (seen != np.rint(seen)).any()
+
+
+def test_an_image_aside_of_where_the_array_looks_is_refused():
+    image = radar_image(np.empty((0, 2)), np.empty(0), np.arange(5.0, 6.0, 0.02), np.arange(0.02, 0.9, 0.02))
+    with pytest.raises(mf.InputError, match=r"80 degrees aside .* focus a larger grid ahead"):
+        to_image_view(image)

@@ -98,6 +98,13 @@ def test_a_frame_is_named_where_there_is_a_choice():
         pick_frame(alone, 1)
 
 
+def test_a_recording_of_no_frame_is_refused():
+    axis = np.arange(8.0)
+    image = xr.DataArray(np.zeros((0, 8, 8)), dims=("frame", "y", "x"), coords={"y": axis, "x": axis})
+    with pytest.raises(InputError, match="the recording has no frame"):
+        mf.fold(image)
+
+
 def test_each_frame_is_worked_on_once_with_what_stands_beside_it(reconstruction):
     images = xr.DataArray(
         np.arange(6.0).reshape(3, 2), dims=("frame", "x"), coords={"time": ("frame", [1.0, 2.0, 3.0])}

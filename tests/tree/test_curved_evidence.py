@@ -23,7 +23,7 @@ from mirrorfold.tree.curved import candidates, find_curved, shows_new, without_b
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import order_mirrors
 from mirrorfold.tree.rounds import find_tree
-from mirrorfold.tree.showing import KNOWN_CELLS, Evidence, Steps, behind, evidence, filled_cells, known_places
+from mirrorfold.tree.showing import KNOWN_CELLS, Evidence, Steps, agreeing, behind, evidence, filled_cells, known_places
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 
@@ -144,6 +144,24 @@ def test_what_folds_to_where_the_radar_sees_nothing_speaks_against_a_mirror(view
     for opened, found in ((0.4, Evidence(4, 4, 0.0)), (0.6, Evidence(4, 3, 0.25))):
         tried = found_with(view, [PILLAR], SHOWN, opened=opened)
         assert evidence(tried, view, PILLAR, np.empty((0, 2))) == found
+
+
+def test_what_two_rows_show_at_one_place_speaks_for_both(view):
+    """A pillar and a flat mirror show the same two places, the pillar two more: four cells there count for either."""
+    true = fold_of([PILLAR], 2)(SHOWN)
+    both = true[[0, 2]]
+    found = found_with(view, [PILLAR, FLAT], [*SHOWN, *FLAT.reflection(both)])
+    alone = [evidence(found, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
+    assert [what.cells for what in alone] == [4, 2]
+    together = agreeing(alone, view)
+    assert [(what.cells, what.new, what.empty) for what in together] == [(6, 6, 0.0), (4, 4, 0.0)]
+    assert agreeing(alone[:1], view) == alone[:1]
+    # What is known already agrees with nothing new, and what stands elsewhere with nothing at all.
+    known = [evidence(found, view, row, true) for row in (PILLAR, FLAT)]
+    assert agreeing(known, view) == known
+    apart = found_with(view, [PILLAR, FLAT], [*SHOWN, *FLAT.reflection(both + 0.15)])
+    elsewhere = [evidence(apart, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
+    assert agreeing(elsewhere, view) == elsewhere
 
 
 def test_an_arc_in_a_flat_mirror_is_followed_by_both(view):

@@ -20,7 +20,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.curved import on_rows
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.fit import BLOCK_CELLS, FEWEST_BLOCKS, PROFILE_SAMPLES, blocks, cell_side, left_of_kink
+from mirrorfold.detection.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink
 from mirrorfold.detection.growing import CLIP
 from mirrorfold.detection.image_view import ImageView
 from mirrorfold.detection.lines import GAP_CELLS, LOBE
@@ -294,7 +294,7 @@ class _Arcs:
 
     def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
         """The arc fitted to the centres of power across it, as far as its row goes on; None if it is none there."""
-        arc = self._as_long(arc, arc, free)
+        arc = self._as_long(arc, free)
         for _ in range(REFINEMENTS):
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
@@ -326,19 +326,8 @@ class _Arcs:
 
     def _centres(self, arc: ArcMirror) -> tuple[Array, Array] | None:
         """Centres of power across an arc (n, 2), and their weights; None where there are too few."""
-        places = arc.places(self.view)
-        across = self._across(arc, places)
-        depth = across[:, None] * np.linspace(-LOBE[0], LOBE[0], PROFILE_SAMPLES)
-        inward, power = arc.profiles(self.view, places, depth)
-        peak = power.max(axis=1)
-        power = np.where(power >= LOBE[1] ** 2 * peak[:, None], power, 0.0)
-        total = power.sum(axis=1)
-        lit = np.flatnonzero(total > 0.0)
-        if lit.size < 2 * FEWEST_BLOCKS:
-            return None
-        centroid = np.sum(power[lit] * depth[lit], axis=1) / total[lit]
-        weight = np.minimum(peak[lit] / np.median(peak[lit]), LOBE[2]) / across[lit] ** 2
-        return places[lit] + centroid[:, None] * inward[lit], weight
+        points, weight = centres(arc, self.view, *LOBE)
+        return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
 
     def _close(self, circle: ArcMirror, ends: Array) -> ArcMirror:
         """The part of a circle between about these ends along which the centres of power stay close to it.
@@ -365,33 +354,24 @@ class _Arcs:
         run = max(runs, key=len)
         return wider.part(float(along[run[0]]), float(along[run[-1]]))
 
-    def _as_long(self, circle: ArcMirror, arc: ArcMirror, free: Mask) -> ArcMirror:
-        """The part of a circle along which the row of echoes goes on, faint ones included."""
-        middle = arc.center
-        every = free | ~self.echoes.strong
-        points = self.echoes.position[every]
-        near = points[np.abs(circle.beside(points)) <= NEAR * self._across(circle, points)]
-        whole = self._arc(circle.middle, circle.radius, arc.at(np.linspace(0.0, arc.length, 9)))
-        towards = np.arctan2(*(middle - circle.middle)[::-1])
-        round_ = replace(whole, first=float(towards) - np.pi, span=2.0 * np.pi)
+    def _as_long(self, arc: ArcMirror, free: Mask) -> ArcMirror:
+        """The arc as far as its row of echoes goes on along its circle, faint ones included."""
+        points = self.echoes.position[free | ~self.echoes.strong]
+        near = points[np.abs(arc.beside(points)) <= NEAR * self._across(arc, points)]
         if not len(near):
-            return whole
-        along, own = round_.along(near), round_.along(arc.ends)
+            return arc
+        towards = np.arctan2(*(arc.center - arc.middle)[::-1])
+        whole = replace(arc, first=float(towards) - np.pi, span=2.0 * np.pi)
+        along, own = whole.along(near), whole.along(arc.ends)
         inside = (along >= own.min()) & (along <= own.max())
-        row = along[self._row(round_, near, np.where(inside, 1.0, 1e-6))]
-        return round_.part(min(float(row.min()), float(own.min())), max(float(row.max()), float(own.max())))
+        row = along[self._row(whole, near, np.where(inside, 1.0, 1e-6))]
+        return whole.part(min(float(row.min()), float(own.min())), max(float(row.max()), float(own.max())))
 
     def _with_errors(self, arc: ArcMirror, points: Array, trust: Array) -> ArcMirror:
         """The arc with standard errors of its offset, direction and curvature, from how its blocks differ."""
         along, beside = arc.along(points) - 0.5 * arc.length, arc.beside(points)
         design = np.column_stack([np.ones_like(along), along, 0.5 * along**2])
-        side = cell_side(along[:, None], arc.independent(self.view))
-        block = blocks(along[:, None], side, BLOCK_CELLS, fewest=FEWEST_BLOCKS)
-        pull = np.zeros((block.max() + 1, 3))
-        np.add.at(pull, block, (trust * beside)[:, None] * design)
-        bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
-        count = len(pull)
-        variance = np.diag(bread @ pull.T @ pull @ bread) * count / max(count - 3, 1)
+        variance = np.diag(block_covariance(design, beside, trust, along[:, None], arc.independent(self.view)))
         offset, angle, bend = np.sqrt(np.maximum(variance, 0.0))
         return replace(
             arc, offset_error=float(offset), angle_error=float(np.degrees(angle)), curvature_error=float(bend)

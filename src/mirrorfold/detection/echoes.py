@@ -6,11 +6,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array, Index, Mask
 
 RAYLEIGH_MEDIAN = 1.177
 """Median of a Rayleigh amplitude over the standard deviation of its real part, ``sqrt(2 ln 2)``."""
+
+NOISE_SAMPLES = 400_000
+"""From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
+
+CUT, CUT_SHARE = 1.5, 0.01
+"""Where more than this share of samples is within this factor of the faintest, fainter ones were set to zero: of N
+samples of noise about one is."""
 
 FALSE_ALARMS = 1e-3
 """Expected number of noise samples in a whole image or volume that are taken for echoes."""
@@ -106,6 +114,23 @@ class Echoes:
 
 
 _OF_EACH = "position", "range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit"
+
+
+def noise_level(values: NDArray[Any]) -> float:
+    """Standard deviation of the real part of the noise that most of an image or a volume holds.
+
+    Zeros do not count, for they are where nothing was measured. None is left where all below some amplitude was set to
+    zero, as other programs do.
+    """
+    few = values.ravel()[:: max(1, values.size // NOISE_SAMPLES) | 1]  # an odd stride visits all rows alike
+    whole = few.dtype.kind in "iu"
+    sample = np.abs(few.astype(float) if whole else few)
+    held = sample[sample > 0.0]
+    if not held.size:
+        return 0.0
+    least = float(held.min())
+    cut = np.count_nonzero(held <= CUT * least) > 1 + CUT_SHARE * held.size and not (whole and least == 1.0)
+    return 0.0 if cut else float(np.median(held)) / RAYLEIGH_MEDIAN
 
 
 def noise_limit(sigma: float, samples: int) -> float:

@@ -97,12 +97,17 @@ def _errors(along: Array, beside: Array, trust: Array, independent: float) -> tu
     opposite sides, because the bright speckle between them draws both.
     """
     design = np.column_stack([np.ones(len(along)), along])
+    variance = block_covariance(design, beside, trust, along, independent)
+    return float(np.sqrt(variance[0, 0])), float(np.degrees(np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])))
+
+
+def block_covariance(design: Array, beside: Array, trust: Array, along: Array, independent: float) -> Array:
+    """Covariance (p, p) of what the columns of `design` (n, p) fit, from how the blocks of a mirror differ."""
     block = blocks(along, cell_side(along, independent), BLOCK_CELLS, fewest=FEWEST_BLOCKS)
     pull = np.zeros((block.max() + 1, design.shape[1]))
     np.add.at(pull, block, (trust * beside)[:, None] * design)
     bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
-    variance = bread @ pull.T @ pull @ bread * len(pull) / max(len(pull) - design.shape[1], 1)
-    return float(np.sqrt(variance[0, 0])), float(np.degrees(np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])))
+    return np.asarray(bread @ pull.T @ pull @ bread * len(pull) / max(len(pull) - design.shape[1], 1))
 
 
 def left_of_kink(along: Array, beside: Array, weight: Array) -> float:
@@ -143,7 +148,7 @@ def centres(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) 
     down to the amplitude `lobe` relative to their peaks. Places weigh with their power up to `clip` times the median.
     """
     base = mirror.places(view)
-    across = view.extent(base, mirror.normal)
+    across = view.extent_each(base, mirror.facing(base)[1])
     depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
     beyond, power = mirror.profiles(view, base, depth)
     peak = power.max(axis=1)

@@ -32,12 +32,14 @@ def noise_floor(view: ImageView) -> Array:
     """Amplitude that noise stays below, (nr,).
 
     Noise has the same strength in the whole image before the range normalisation, and most of an image is empty: its
-    median tells the noise. Where there is no noise this is the level of far side lobes, and harmless.
+    median tells the noise. Where there is no noise this is the level of far side lobes, and harmless; where all that is
+    faint was set to zero, there is no limit.
     """
     spreading = view.range**view.power
     held = view.amplitude > 0.0
     raw = view.amplitude[held] / np.repeat(spreading, held.sum(axis=1))
-    return noise_limit(float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size else 0.0, raw.size) * spreading
+    sigma = float(np.median(raw)) / RAYLEIGH_MEDIAN if raw.size and view.noisy else 0.0
+    return noise_limit(sigma, raw.size) * spreading
 
 
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Array | None = None) -> Echoes:

@@ -21,7 +21,7 @@ from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Complex, Index, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import Echoes, noise_level
 from mirrorfold.detection.view import View, check_samples
 from mirrorfold.errors import InputError
 
@@ -56,7 +56,7 @@ class ImageView(View):
     u : (nu,) array
         Sine of the angle from broadside towards `along`, uniform, rising.
     amplitude : (nr, nu) array
-        Linear; zero where the image has no pixels.
+        Linear; zero where the image has no pixels, or is zero.
     power : float
         The power of range that `amplitude` was multiplied by.
     u_cell : float
@@ -66,6 +66,8 @@ class ImageView(View):
         hears, twice its way, and zero.
     ambiguous : float [m]
         Range from which on echoes stand nearer by as much; infinite where that is not known, and far away.
+    noisy : bool
+        Whether noise can be told from the image, see `noise_level`.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -84,6 +86,7 @@ class ImageView(View):
     normalization: str = "r"
     wavelength: float = np.inf
     ambiguous: float = np.inf
+    noisy: bool = True
 
     @property
     def axes(self) -> tuple[Array, ...]:
@@ -261,7 +264,10 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     amplitude = _sampled(view, image, axes, height).astype(np.float64)
     done = RANGE_POWERS.get(str(image.attrs.get("normalization", "none")), 0)
     amplitude *= view.range[:, None] ** float(view.power - done)
-    return replace(view, amplitude=amplitude)
+    blank = image.values == 0
+    if blank.any():  # what was masked shows nothing, not what splines swing to beside its edges
+        amplitude[_interpolated(view, blank, axes, order=0)] = 0.0
+    return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
 
 
 def samples_of(image: xr.DataArray) -> tuple[int, int]:
@@ -291,7 +297,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     points = int(attrs.get("frequency_points", 0))
     aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
     wavelength = ambiguous = np.inf
-    if points > 1 and aperture.min() > 0.0:
+    if points > 1 and aperture.max() > 0.0:
         low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
         wavelength = speed / (0.5 * (low + high))
@@ -327,6 +333,11 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     u = u_step * np.arange(max(-half, np.floor(sides.min() / u_step)), min(half, np.ceil(sides.max() / u_step)) + 1)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
+    if u.size < 4:
+        raise InputError(
+            "image: spans less than one resolution cell in direction, or lies farther than 80 degrees aside of where "
+            "the array looks; focus a larger grid ahead of it, or correct the attr array_direction"
+        )
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
                      ambiguous if nearest < ambiguous else np.inf)  # fmt: skip
@@ -337,7 +348,7 @@ def _sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], he
     """Amplitude of the image where the view has its samples, (nr, nu)."""
     x, y = axes
     if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
-        return np.abs(_interpolated(view, np.abs(image.values), axes, order=1))
+        return np.abs(_interpolated(view, _magnitude(image.values), axes, order=1))
     # The carrier is taken out in rows: as many phases as there are pixels would take more memory than the image.
     values = np.empty(image.shape, dtype=image.dtype)
 
@@ -354,6 +365,11 @@ def _sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], he
         parts.append(_interpolated(view, splines, axes, order=3, output=np.float32, prefilter=False))
         del splines
     return np.hypot(*parts)
+
+
+def _magnitude(values: NDArray[Any]) -> NDArray[Any]:
+    """Absolute values, of integers as floating-point numbers: nothing between two integers is lost."""
+    return np.abs(values.astype(np.float32) if values.dtype.kind in "iu" else values)
 
 
 def _splines(values: NDArray[Any]) -> Array:

@@ -12,7 +12,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.types import Array, Complex, Index
-from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, noise_limit
+from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.range_profiles import angle_table, beams_of, magnitudes, spreading
@@ -26,9 +26,6 @@ cleaner."""
 
 STEPS_A_BEAM = 2.0
 """Radius of a beam of which nothing is known, in steps of the scan: beams of a useful scan overlap."""
-
-NOISE_SAMPLES = 400_000
-"""From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
 
 HALF_AMPLITUDES = float(np.sqrt(2.0 * np.log(2.0)))
 """Where a beam has half its amplitude there and back, ``exp(-2 (x/w)^2)``: from side to side, in beam radii w."""
@@ -198,11 +195,9 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     done = spreading(attrs, range_, frequency, str(attrs.get("normalization", "none")), "image")
     if np.ptp(done) > 0.0:
         amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
-    # An odd stride visits all ranges and beams alike.
-    sample = amplitude.ravel()[:: max(1, amplitude.size // NOISE_SAMPLES) | 1]
-    noise = float(np.median(sample[sample > 0.0])) / RAYLEIGH_MEDIAN
     radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
     range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
     gain = spreading(attrs, range_, frequency, chosen, "image")
     taper = str(attrs.get("taper", "hann"))
+    noise = noise_level(amplitude)
     return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, taper)

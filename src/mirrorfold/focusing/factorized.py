@@ -191,34 +191,24 @@ class Slab:
         ends = [np.abs(wavenumber * side - central) for wavenumber in (k[0], k[-1]) for side in (low, high)]
         return np.asarray(BAND_MARGIN * np.max(ends, axis=(0, 1)))
 
-    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick: Progress | None = None) -> None:
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64]) -> None:
         """Write the image (z, y, x) of one frame."""
-        leaves = [block for block in self.whole.walk() if not block.parts]
-        done = 0
-
-        def one_more() -> None:
-            nonlocal done
-            done += 1
-            if tick is not None:
-                tick(done, len(leaves))
-
         everything = tuple(np.arange(n) for n in self.problem.shape)
-        planar = _interpolated(self._image(self.whole, s, one_more), self.whole, everything)
+        planar = _interpolated(self._image(self.whole, s), self.whole, everything)
         total = self._turned(planar, everything, self.whole.centre, None)
         image.real, image.imag = total
 
-    def _image(self, block: Block, s: NDArray[np.complex64], one_more) -> Planar:  # type: ignore[no-untyped-def]
+    def _image(self, block: Block, s: NDArray[np.complex64]) -> Planar:
         """The block's image on its samples, less the phase of the path to its centre."""
         problem = self.problem
         if not block.parts:
             z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
             alone = _of(problem, block.tx, block.rx).on(x, y, z)
             exact = focus_exact(alone, _data(problem, s, block), SHARE_EXACT * self.tolerance)
-            one_more()
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
         for part in block.parts:
-            planar = _interpolated(self._image(part, s, one_more), part, block.index)
+            planar = _interpolated(self._image(part, s), part, block.index)
             self._turned(planar, block.index, part.centre, block.centre, total)
         return total
 

@@ -65,31 +65,36 @@ def radar_position(problem: Problem) -> Array:
     return np.asarray(0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0)))
 
 
-def _direction(problem: Problem) -> Array:
-    """Unit vector along the arrays, pointing to +x where it can."""
-    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
-    if not np.any(np.abs(offset) > 0.0):
+def array_direction(problem: Problem) -> Array:
+    """Unit vector (3,) along the arrays in the floor plan, pointing to +x where it can."""
+    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])[:, :2]
+    size = np.abs(offset).max()
+    if not size > EVEN * np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max():
         return np.array([1.0, 0.0, 0.0])
     along = np.linalg.svd(offset, full_matrices=False)[2][0]
-    return np.asarray(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0))
+    return np.append(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0), 0.0)
+
+
+EVEN = 1e-9
+"""What an upright array spans in the floor plan, in its lengths, is rounding."""
 
 
 def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
     """What an image has to know about the measurement."""
     frequency = sweep["frequency"].values
-    see = extent(frequency, problem.tx, problem.rx, wave_speed(sweep))
+    see, along = extent(frequency, problem.tx, problem.rx, wave_speed(sweep)), array_direction(problem)
     attrs: dict[str, Any] = {
         "mirrorfold_kind": "image",
         "radar_position": radar_position(problem),
-        "array_direction": _direction(problem),
+        "array_direction": along,
         "ambiguous_range": see.ambiguous_range,
         "range_resolution": see.range_resolution,
         "frequency_start": float(frequency[0]),
         "frequency_stop": float(frequency[-1]),
         "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
         "frequency_points": int(frequency.size),
-        "tx_aperture": float(np.linalg.norm(np.ptp(problem.tx, axis=0))),
-        "rx_aperture": float(np.linalg.norm(np.ptp(problem.rx, axis=0))),
+        "tx_aperture": float(np.ptp(problem.tx @ along)),
+        "rx_aperture": float(np.ptp(problem.rx @ along)),
         "wave_speed": wave_speed(sweep),
     }
     if is_monostatic(sweep):

@@ -329,5 +329,6 @@ def magnitudes(values: NDArray[Any]) -> NDArray[np.float32]:
     if values.dtype == np.complex64:
         for_each(lambda i: magnitude(values[i].ravel(), out[i].reshape(-1)), range(len(values)))
     else:
-        for_each(lambda i: np.abs(values[i], out=out[i], casting="same_kind"), range(len(values)))
+        wide = np.float32 if values.dtype.kind in "iu" else values.dtype  # the least integer has no absolute value
+        for_each(lambda i: np.abs(values[i].astype(wide), out=out[i], casting="same_kind"), range(len(values)))
     return out

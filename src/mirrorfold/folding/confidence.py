@@ -132,8 +132,7 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
         name = chain_name(chain)
         face, own = points.amplitude[points.mirror == name], (points.chain == name) & (points.mirror == "")
         if way and face.size and own.any():
-            gain = dimming(way, points.initial[own]) if any(mirror.curved for mirror in way) else 1.0
-            level[own] = to_db(gain * points.amplitude[own] / np.median(face))
+            level[own] = to_db(dimming(way, points.initial[own]) * points.amplitude[own] / np.median(face))
     return level
 
 
@@ -208,12 +207,6 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
 def _with_ghosts(points: Points, found: Found) -> Points:
     """The points, and after them echoes that come from elsewhere, where the image shows them."""
     echoes = found.elsewhere
-    nothing = np.full(len(echoes), "")
-    ghosts = Points(
-        echoes.position, echoes.position, echoes.amplitude, np.maximum(echoes.noise, echoes.limit),
-        np.zeros(len(echoes), dtype=np.int32), nothing, nothing, np.full(len(echoes), EXPLAINED),
-        np.full_like(echoes.position, np.nan), found.explanation, np.full(len(echoes), np.nan),
-        np.ones(len(echoes)), nothing, np.full(len(echoes), np.nan), nothing, nothing,
-        np.zeros(len(echoes), dtype=bool),
-    )  # fmt: skip
+    error = np.full_like(echoes.position, np.nan)
+    ghosts = Points.of(echoes, echoes.position, confidence=EXPLAINED, error=error, explanation=found.explanation)
     return joined(points, ghosts)

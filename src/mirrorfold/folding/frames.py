@@ -106,7 +106,9 @@ def each_frame(
         Each frame is put into it as soon as it is done, and taken from it where it is there already.
     progress : callable (done, total), optional
     """
-    count = frame_count(recording) or 0
+    count = frame_count(recording)
+    if not count:
+        raise InputError("the recording has no frame; give one or more")
     kept = {} if finished is None else finished
     for number in range(count):
         if number not in kept:

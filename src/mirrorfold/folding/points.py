@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
+from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
@@ -87,6 +88,19 @@ class Points:
     decided: Names
     interpolated: Mask
 
+    @classmethod
+    def of(cls, echoes: Echoes, position: Array, **known: Any) -> Points:
+        """Echoes at their places (n, d) [m]: objects in line of sight, not judged yet, but for what is `known`."""
+        nan, none = np.nan, ""
+        usual: dict[str, Any] = {
+            "bounces": np.int32(0), "chain": none, "mirror": none, "confidence": 1.0, "explanation": none,
+            "confocal": nan, "growth": 1.0, "caustic": none, "passed": nan, "wall": none, "decided": none,
+            "interpolated": False,
+        }  # fmt: skip
+        each = {name: np.full(len(echoes), value) for name, value in (usual | known).items() if name != "error"}
+        exceeded, error = np.maximum(echoes.noise, echoes.limit), known.get("error", np.zeros_like(position))
+        return cls(position, echoes.position, echoes.amplitude, exceeded, error=error, **each)
+
     def take(self, which: Mask | Index) -> Points:
         """Some of the points, by mask or index."""
         return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
@@ -105,23 +119,15 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
         What passed through half-transparent walls; these echoes come last.
     """
     folds, ways = tree.folds(), tree.ways()
-    parts: list[tuple[Any, ...]] = []
+    parts = []
     for node in tree.walk():
         for echoes, chain, mirror in ((node.objects, node.chain, ()), (node.face, node.chain[:-1], node.chain)):
-            names = [np.full(len(echoes), chain_name(way), dtype=object) for way in (chain, mirror)]
-            bounces = np.full(len(echoes), len(chain), dtype=np.int32)
-            level = echoes.amplitude, np.maximum(echoes.noise, echoes.limit)
-            cell = magnified(ways[chain], echoes.position, view)
-            parts.append((folds[chain](echoes.position), echoes.position, *level, bounces, *names, *cell))
-    position, initial, amplitude, exceeded, bounces, chains, mirrors, growth, caustic = map(
-        np.concatenate, zip(*parts, strict=True)
-    )
-    named = chains.astype(str), mirrors.astype(str)
-    usual = np.ones_like(amplitude), np.zeros_like(position), np.full(amplitude.shape, "")
-    known = np.full_like(amplitude, np.nan), growth, caustic.astype(str)
-    unasked = np.full_like(amplitude, np.nan), np.full(amplitude.shape, ""), np.full(amplitude.shape, "")
-    heard = position, initial, amplitude, exceeded, bounces
-    points = Points(*heard, *named, *usual, *known, *unasked, np.zeros(amplitude.shape, dtype=bool))
+            growth, caustic = magnified(ways[chain], echoes.position, view)
+            parts.append(Points.of(
+                echoes, folds[chain](echoes.position), bounces=np.int32(len(chain)), chain=chain_name(chain),
+                mirror=chain_name(mirror), growth=growth, caustic=caustic.astype(str),
+            ))  # fmt: skip
+    points = joined(*parts)
     for window in windows:
         points = joined(_asked(points, window), _through(window, tree))
     return points
@@ -147,27 +153,8 @@ def _asked(points: Points, window: Window) -> Points:
 
 def _through(window: Window, tree: MirrorTree) -> Points:
     """What passed through a wall, as points in line of sight."""
-    echoes, count = window.echoes, len(window.echoes)
-    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "")
-    return Points(
-        position=window.place,
-        initial=echoes.position,
-        amplitude=echoes.amplitude,
-        exceeded=np.maximum(echoes.noise, echoes.limit),
-        bounces=np.zeros(count, dtype=np.int32),
-        chain=np.full(count, ""),
-        mirror=np.full(count, ""),
-        confidence=np.ones(count),
-        error=np.zeros_like(window.place),
-        explanation=np.full(count, ""),
-        confocal=np.full(count, np.nan),
-        growth=np.ones(count),
-        caustic=np.full(count, ""),
-        passed=window.probability,
-        wall=np.full(count, chain or "?"),
-        decided=np.full(count, window.decided),
-        interpolated=np.zeros(count, dtype=bool),
-    )
+    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "?")
+    return Points.of(window.echoes, window.place, passed=window.probability, wall=chain, decided=window.decided)
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:

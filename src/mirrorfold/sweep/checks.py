@@ -90,7 +90,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
     if frequency.size > 1:
-        step = np.diff(frequency)
+        step = np.diff(frequency.astype(float))
         if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean():
             raise refuse(
                 f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "

@@ -61,10 +61,10 @@ def frequency_step(sweep: xr.Dataset) -> float:
 
 
 def ambiguous_range(sweep: xr.Dataset) -> float:
-    """The range [m] at which echoes wrap around to zero, ``c / (2 df)``."""
-    return wave_speed(sweep) / (2.0 * frequency_step(sweep))
+    """The range [m] at which echoes wrap around to zero, ``c / (2 df)``; infinite for a single frequency."""
+    return np.inf if sweep.sizes["frequency"] == 1 else wave_speed(sweep) / (2.0 * frequency_step(sweep))
 
 
 def range_resolution(sweep: xr.Dataset) -> float:
-    """Range resolution [m], ``c / (2 B)`` with the bandwidth B of all samples."""
-    return wave_speed(sweep) / (2.0 * frequency_step(sweep) * sweep.sizes["frequency"])
+    """Range resolution [m], ``c / (2 B)`` with the bandwidth B of all samples; infinite for a single frequency."""
+    return ambiguous_range(sweep) / sweep.sizes["frequency"]

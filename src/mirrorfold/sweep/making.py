@@ -225,13 +225,13 @@ def _numbers(name: str, value: ArrayLike) -> Array:
 
 
 def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
-    """The sweep with white complex Gaussian noise.
+    """The sweep with white complex Gaussian noise, on all pairs that were measured.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     snr_db : float [dB]
-        Mean power of the samples over the power of the noise, per sample, before any focusing.
+        Mean power of the measured samples over the power of the noise, per sample, before any focusing.
     seed : int
 
     Returns
@@ -239,12 +239,16 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     xarray.Dataset
         With attr `snr_db`.
     """
-    s = check_sweep(sweep)["s"].values
+    sweep = check_sweep(sweep)
+    s = sweep["s"].values
     # Part by part: magnitudes in double precision would take as much as the samples.
     power = sum(float(np.sum(np.abs(part).astype(float) ** 2)) for part in s) / s.size * 10.0 ** (-snr_db / 10.0)
+    measured = sweep["measured"].values if "measured" in sweep else np.ones(1, dtype=bool)
+    power /= max(float(measured.mean()), 1.0 / s.size)
     generator = np.random.default_rng(seed)
     noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     noise *= np.sqrt(power / 2.0).astype(np.float32)
+    noise *= measured
     noise += s
     noisy = noise.astype(np.complex64, copy=False)
     return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=float(snr_db), noise_seed=int(seed))

@@ -9,8 +9,9 @@ and what is then seen by way of it is the evidence. Which rows are tried, and wh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from itertools import compress
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -53,6 +54,23 @@ class Again(Protocol):
     def __call__(self, *, echoes: Echoes, besides: Sequence[Mirror]) -> Found: ...  # noqa: D102
 
 
+class ShownNew(NamedTuple):
+    """Echoes by one way over a row, (n,), the places they fold to (n, d) [m], and how uncertain these are, (n,) [m]."""
+
+    echoes: Echoes
+    place: Array
+    reach: Array
+
+    def cells_at(self, others: Sequence[ShownNew], view: View) -> int:
+        """Resolution cells of these echoes that fold to a place where some of the others do, too."""
+        agrees = np.zeros(len(self.place), dtype=bool)
+        for other in others:
+            if len(other.place):
+                away, nearest = cKDTree(other.place).query(self.place)
+                agrees |= away <= np.hypot(self.reach, other.reach[nearest])
+        return filled_cells(view, self.echoes.take(agrees))
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What stands behind a row.
@@ -65,11 +83,14 @@ class Evidence:
         Those of them that fold to places where nothing was known to be.
     empty : float
         Share of all that fold to where the radar sees nothing.
+    shown : tuple of ShownNew
+        What the `new` ones show, by each way over the row.
     """
 
     cells: int
     new: int
     empty: float
+    shown: tuple[ShownNew, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def possible(self) -> bool:
@@ -145,9 +166,9 @@ def with_rows(
                 if len(kept) < len(trial):
                     break
                 tried = step(echoes=echoes, besides=every)
-                seen = [(row, evidence(tried, view, row, places, shown)) for row in trial]
-                seen = [(row, what) for row, what in seen if what.cells >= fewest and tells(what)]
-                kept = [row for row, what in seen if what.possible or not whole]
+                seen = agreeing([evidence(tried, view, row, places, shown) for row in trial], view)
+                enough = [what.cells >= fewest and tells(what) and (what.possible or not whole) for what in seen]
+                kept = list(compress(trial, enough))
             if len(kept) == len(trial):
                 break
             trial = kept
@@ -191,7 +212,7 @@ def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown =
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
-    cells, fresh, empty = 0, 0, 0
+    cells, empty, shows = 0, 0, list[ShownNew]()
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
     for index, way in own:
@@ -203,11 +224,22 @@ def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown =
         range_, direction, inside = view.locate(place)
         contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(seen), bool)
         across = growth_over([row], seen.position).max(axis=1) * view.cross_cell(seen.position)
-        near = tree.query(place)[0] <= KNOWN_CELLS * np.hypot(view.range_cell, across)
+        reach = KNOWN_CELLS * np.hypot(view.range_cell, across)
+        new = (tree.query(place)[0] > reach) & ~contradicted
         cells += filled_cells(view, seen)
-        fresh += filled_cells(view, seen.take(~near & ~contradicted))
         empty += filled_cells(view, seen.take(contradicted))
-    return Evidence(cells, fresh, empty / max(cells, 1))
+        shows.append(ShownNew(seen.take(new), place[new], reach[new]))
+    fresh = sum(filled_cells(view, one.echoes) for one in shows)
+    return Evidence(cells, fresh, empty / max(cells, 1), tuple(shows))
+
+
+def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
+    """The evidence of rows, each with what others show at the same new places: only true mirrors agree."""
+    together = []
+    for one in seen:
+        more = sum(shows.cells_at(one.shown, view) for other in seen if other is not one for shows in other.shown)
+        together.append(replace(one, cells=one.cells + more, new=one.new + more))
+    return together
 
 
 def _part_of(mirror: Mirror, row: Mirror) -> bool:

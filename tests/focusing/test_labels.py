@@ -1,0 +1,52 @@
+"""What an image says of the array: its direction in the floor plan, and how much of it lies along that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from focusing_problems import BAND, line, noise, plane
+from numpy.testing import assert_allclose
+
+import mirrorfold as mf
+from mirrorfold.sweep import make_sweep
+
+PIXELS = {"x": np.linspace(-0.1, 0.1, 8), "y": np.linspace(0.3, 0.5, 8)}
+
+
+def attrs(tx, rx=None):
+    rx = tx if rx is None else rx
+    sweep = make_sweep(noise((41, len(tx), len(rx))), frequency=BAND, tx_position=tx, rx_position=rx)
+    return mf.focus(sweep, **PIXELS).attrs
+
+
+def leaned(position, degrees):
+    """Turned back about the x axis."""
+    angle = np.radians(degrees)
+    turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+    return position @ turn.T
+
+
+@pytest.mark.parametrize(("columns", "rows", "lean"), [(9, 13, 0.0), (13, 9, 0.0), (4, 30, 0.0), (9, 13, 5.0)])
+def test_a_plane_of_antennas_is_as_wide_as_its_columns_however_tall(columns, rows, lean):
+    found = attrs(leaned(plane(columns, rows, 2e-3), lean))
+    assert_allclose(found["array_direction"], [1.0, 0.0, 0.0], atol=1e-12)
+    width = (columns - 1) * 2e-3
+    assert (found["tx_aperture"], found["rx_aperture"]) == pytest.approx((width, width))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 80.0, 135.0, -60.0])
+def test_a_line_points_along_itself_towards_plus_x(degrees):
+    angle = np.radians(degrees)
+    along = np.array([np.cos(angle), np.sin(angle), 0.0])
+    found = attrs(line(8, 1e-3) @ np.array([along, [-along[1], along[0], 0.0], [0.0, 0.0, 1.0]]))
+    sign = 1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0
+    assert_allclose(found["array_direction"], sign * along, atol=1e-12)
+    assert found["tx_aperture"] == pytest.approx(7e-3)
+
+
+def test_one_transmitter_and_an_upright_line_have_no_aperture_in_the_floor_plan():
+    found = attrs(line(1, 1e-3), line(8, 1e-3))
+    assert (found["tx_aperture"], found["rx_aperture"]) == pytest.approx((0.0, 7e-3))
+    upright = attrs(line(8, 1e-3)[:, [2, 1, 0]])
+    assert_allclose(upright["array_direction"], [1.0, 0.0, 0.0])
+    assert upright["tx_aperture"] == 0.0
