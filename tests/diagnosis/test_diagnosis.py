@@ -161,6 +161,19 @@ def test_cables_show_in_three_and_a_half_centimetres_of_a_full_wave_sweep(shared
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("step", [3, 5, 6])
+def test_echoes_from_beyond_the_ambiguous_range_are_no_cable(shared_data, step):
+    """Of the frequencies of a full-wave sweep few are kept: 1 to 2 m are unambiguous, and the scene is larger."""
+    sweep = mf.load(shared_data / "two_walls_fullwave.nc")
+    sweep = sweep.isel(frequency=slice(None, None, step), tx=slice(None, None, 2), rx=slice(None, None, 2))
+    assert named(sweep) == ()
+    if step == 3:
+        found, _ = diagnose(mf.calibrate.remove_cable(sweep, -1.4))
+        assert [finding.name for finding in found] == ["range-offset"]
+        assert float(found[0].remedy.split()[-1]) == pytest.approx(1.4, abs=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [11, 31, 41])
 def test_arrays_too_short_to_tell_distances_are_not_blamed(shared_data, size):
     whole = mf.load(shared_data / "two_walls_fullwave.nc")

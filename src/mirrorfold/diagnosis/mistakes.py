@@ -128,11 +128,14 @@ def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, 
     around = conjugated != reversed_
     stated = waves.ambiguous_range - waves.range if around else waves.range
     true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
-    curvature = (-1.0 if conjugated else 1.0) / true
+    sign = -1.0 if conjugated else 1.0
     table = waves.coherence[int(exchanged), int(reversed_)]
     splines = CubicSpline(waves.curvature, table, axis=1)
-    coherence = np.stack([PPoly(splines.c[..., row], splines.x)(q) for row, q in enumerate(curvature)])
-    fit = _explained(coherence)
+    pieces = [PPoly(splines.c[..., row], splines.x) for row in range(len(table))]
+    # An echo may also come from beyond the ambiguous range, whatever else is wrong.
+    curvature, beyond = sign / true, sign / (true + waves.ambiguous_range)
+    coherence = [np.maximum(piece(q), piece(late)) for piece, q, late in zip(pieces, curvature, beyond, strict=True)]
+    fit = _explained(np.stack(coherence))
     # Nearer than the strongest curvature looked for, echoes tell nothing.
     return np.where(np.abs(curvature) <= waves.curvature[-1], fit, _explained(table).mean(axis=1, keepdims=True))
 
