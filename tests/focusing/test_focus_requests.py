@@ -13,6 +13,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import FocusPlan, default_grid, focus, prepare
 from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import make_sweep
 
 pytestmark = pytest.mark.usefixtures("every_sector_counts")
 
@@ -107,3 +108,18 @@ def test_bad_sweeps_get_one_sentence():
 def test_pixels_partly_beyond_the_ambiguous_range_are_warned_of():
     with pytest.warns(UserWarning, match="ambiguous range"):
         focus(small_sweep(), x=[0.0], y=[0.5, 2.0])
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
+def test_the_dark_beside_bright_echoes_is_as_exact_as_asked(tolerance):
+    """The image of a place where hardly anything is: relative to it, errors of the samples are a larger part."""
+    antennas = line(41, 1e-3)
+    frequency = np.linspace(140e9, 150e9, 101)
+    path = np.hypot(antennas[:, 0] - 0.1, 1.1)
+    phase = 2.0 * np.pi / speed_of_light * np.multiply.outer(frequency, path[:, None] + path)
+    sweep = make_sweep(np.exp(-1j * phase), frequency=frequency, tx_position=antennas, rx_position=antennas)
+    dark = {"x": np.linspace(0.95, 1.05, 6), "y": np.linspace(0.25, 0.35, 6)}
+    image = focus(sweep, **dark, tolerance=tolerance)
+    bright = focus(sweep, x=np.linspace(0.05, 0.15, 6), y=np.linspace(1.05, 1.15, 6))
+    assert abs(image).max() < 1e-3 * abs(bright).max()
+    assert image.attrs["error"] <= tolerance

@@ -24,7 +24,7 @@ from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.scans import focus_scans
-from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
 from mirrorfold.focusing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
 
@@ -171,7 +171,7 @@ def _joined(
     goals = np.full(count, np.inf)
     for again in (False, True):
         for n, strip in enumerate(strips):
-            if again and (errors[n] <= goals[n] or ways[n] == "exact"):
+            if again and errors[n] <= goals[n]:
                 continue
             plans.clear()  # of the tables of the strip before
             part, errors[n], ways[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
@@ -203,17 +203,19 @@ def _focus_frames(
     proven = prove(problem, tolerance, frames[0], plans, len(frames), inner, room, goal)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
-    plan = None if proven is None else proven.plan
+    plan, finer = None if proven is None else proven.plan, EXACT_SHARE * tolerance
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
     worst = 0.0
     for n, s in enumerate(frames):
-        images[n] = plan(s) if plan is not None else focus_exact(problem, s, EXACT_SHARE * tolerance, inner)
+        images[n] = plan(s) if plan is not None else focus_exact(problem, s, finer, inner)
         if n in checked and np.any(s):
             error = measured_error(problem, images[n], s, seed=n)
-            if error > goal and plan is not None:
+            while error > goal and (plan is not None or finer > FINEST_TOLERANCE):
+                # Of an image that is darker than its sweep, as beside all echoes, errors are a larger part.
+                finer = finer if plan is not None else max(finer * min(0.5, 0.5 * goal / error), FINEST_TOLERANCE)
                 plan = None
-                images[n] = focus_exact(problem, s, EXACT_SHARE * tolerance)
+                images[n] = focus_exact(problem, s, finer)
                 error = measured_error(problem, images[n], s, seed=n)
             worst = max(worst, error)
         if progress is not None and len(frames) > 1:
