@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -13,7 +15,7 @@ from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
-from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls
+from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls
 from mirrorfold.tree.doubted import without_doubted
 from mirrorfold.tree.rounds import find_tree
 
@@ -66,6 +68,25 @@ def test_of_curved_mirrors_nothing_is_said():
     ways = {(): (), (0,): (LineMirror(*MIRROR),), (1,): (bent,)}
     assert told(seen_in(BEHIND_IT[None]), ways=ways) == [False]
     assert told(seen_in(BEHIND_IT[None]), (1,), ways) == [False]
+
+
+BENT = ArcMirror(middle=np.array([0.0, 2.5]), radius=1.0, first=1.5 * np.pi - 0.3, span=0.6, radar=np.zeros(2))
+"""The near side of a column straight ahead, from 1.5 m on, 0.6 m wide."""
+
+
+def test_behind_a_curved_row_that_is_no_mirror_nothing_is_in_line_of_sight(found):
+    """Well behind it; as deep as an object is; before it; at its end; and beyond that. What a mirror shows is no row."""
+    sight = found[0].sight
+    depth = float(sight.view.object_depth(np.array([1.5]))[0])
+    end = BENT.at(0.0)
+    places = [[0.0, 2.2], [0.0, 1.5 + 0.9 * depth], [0.0, 1.3], 1.5 * end, 1.5 * (end + [-0.1, 0.0])]
+    objects = echoes_at(sight.view, np.array(places))
+    assert behind_rows(objects, [BENT], sight).tolist() == [True, False, False, False, False]
+    assert not behind_rows(objects, [], sight).any()
+    shown = replace(BENT, middle=np.array([1.3, 2.5]), first=1.5 * np.pi - 0.45, span=0.2)
+    assert not behind_rows(echoes_at(sight.view, 1.3 * shown.center[None]), [shown], sight).any()
+    after = without_doubted(*found, [replace(BENT, middle=np.array([0.0, 1.9]))])
+    assert after.explanation.tolist() == without_doubted(*found).explanation.tolist()
 
 
 @pytest.fixture(scope="module")

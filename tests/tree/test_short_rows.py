@@ -47,7 +47,7 @@ def steps_2_to_4(*parts):
     again = partial(find_tree, view, settings=settings)
     steps = Steps(partial(find_echoes, view), again, again)
     first = find_tree(view, echoes, settings)
-    found, _ = find_short(first, view, steps, minimum_length=settings.minimum_length)
+    found, *_ = find_short(first, view, steps, minimum_length=settings.minimum_length)
     return first, found, view, settings, steps
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import NEAREST
 from mirrorfold.detection.image_view import ImageView
@@ -20,7 +21,7 @@ from mirrorfold.detection.lines import find_lines
 from mirrorfold.detection.mirror import Mirror, fold_of
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 BEHIND = "would stand behind a wall"
@@ -91,6 +92,23 @@ def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror
         return behind
     others = [other for name, other in ways.items() if name != chain]
     return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
+
+
+def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
+    """Which objects in line of sight would stand behind curved rows that are no mirrors, (n,).
+
+    Rows are unbroken, and let no wave pass: what is behind is an image of what is known, or multiple scattering.
+    """
+    view, behind = sight.view, np.zeros(len(objects), dtype=bool)
+    if not isinstance(view, ImageView):
+        return behind
+    for row in rows:
+        cell = INSIDE_CELLS * view.cell_at(row.center)
+        range_, direction, _ = view.locate(row.center[None])
+        if isinstance(row, ArcMirror) and row.length > 3.0 * cell and sight.seen_through(range_, direction) == ROOT:
+            crossing = row.part(cell, row.length - cell).crossing(view)[objects.direction]
+            behind |= objects.range > crossing + view.object_depth(objects.range)
+    return behind
 
 
 def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, Array]:

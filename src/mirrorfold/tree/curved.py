@@ -28,8 +28,8 @@ mirrors, which fold to wrong places, fill fewer of the cells behind a pillar tha
 and more behind true mirrors of random scenes, 0.17 at most behind others, and 0.21 behind an arc of full waves."""
 
 
-def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror]]:
-    """Steps 2 to 4 once more with the curved mirrors that the image tells, and these, see `with_rows`."""
+def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:
+    """Steps 2 to 4 once more with the curved mirrors that the image tells, these, and other rows, see `with_rows`."""
     return with_rows(
         found,
         view,

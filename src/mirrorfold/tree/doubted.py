@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mirrorfold.common.types import Chain, Names
+from mirrorfold.detection.mirror import Mirror
 from mirrorfold.detection.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.behind_things import BEHIND_A_THING, behind_things
-from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_walls, flat_things
+from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls, flat_things
 from mirrorfold.tree.late_edges import late_edges
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.misplaced import LATE
@@ -19,7 +20,7 @@ from mirrorfold.tree.outshone import OUTSHONE, outshone
 from mirrorfold.tree.to_and_fro import TO_AND_FRO, to_and_fro
 
 
-def without_doubted(found: Found, view: View) -> Found:
+def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
     """What was found, without objects that known walls and things speak against, or far brighter echoes.
 
     Those would stand behind them, went to and fro before walls, or are sent on too late by their edges; or they may be
@@ -29,12 +30,15 @@ def without_doubted(found: Found, view: View) -> Found:
     ----------
     found : Found
     view : View
+    bent : sequence of Mirror
+        Curved rows of echoes of which nothing tells that they are mirrors.
     """
     ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_things(found)
     between = to_and_fro(found, view)
     told = (
         (LATE, lambda node: late_edges(node.objects, ways, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
+        (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
         (TO_AND_FRO, lambda node: between[node.chain]),
         (OUTSHONE, lambda node: outshone(node.objects, view)),
     )

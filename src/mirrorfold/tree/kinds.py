@@ -61,7 +61,7 @@ def find_every_kind(
         Whether mirrors may be shorter than what tells them by themselves.
     """
     again = partial(find_tree, view, settings=settings, measured=measured)
-    found, rows = again(echoes=echoes, known=known, walls=walls), list[Mirror]()
+    found, rows, bent = again(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
     if both:
@@ -75,13 +75,13 @@ def find_every_kind(
             again=again,
         )
         if settings.curved:
-            found, rows = find_curved(found, view, steps)
+            found, rows, bent = find_curved(found, view, steps)
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
-            found, rows = find_short(found, view, steps, minimum_length=shortest, besides=rows)
+            found, rows, _ = find_short(found, view, steps, minimum_length=shortest, besides=rows)
         # Walls that only what stands behind them has told are transparent as often.
         if both and rows:
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
-    return found if found.windows or not settings.opaque else without_doubted(found, view)
+    return found if found.windows or not settings.opaque else without_doubted(found, view, bent)

@@ -35,8 +35,8 @@ median by 5 dB."""
 
 def find_short(
     found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Mirror] = ()
-) -> tuple[Found, list[Mirror]]:
-    """Steps 2 to 4 once more with the short mirrors that the image tells, and these, see `with_rows`.
+) -> tuple[Found, list[Mirror], list[Mirror]]:
+    """Steps 2 to 4 once more with the short mirrors that the image tells, these, and other rows, see `with_rows`.
 
     Parameters
     ----------

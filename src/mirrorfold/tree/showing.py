@@ -125,7 +125,7 @@ def with_rows(
     shown: Shown | None = None,
     tells: Callable[[Evidence], bool] = lambda seen: True,
     besides: Sequence[Mirror] = (),
-) -> tuple[Found, list[Mirror]]:
+) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more, with the rows that are mirrors by what they show; as before where there are none.
 
     Those in line of sight are looked for first, then those that known mirrors show.
@@ -149,14 +149,15 @@ def with_rows(
 
     Returns
     -------
-    Found, list of Mirror
-        The latter with those of `besides`.
+    Found, list of Mirror, list of Mirror
+        What is found, the rows that are mirrors with those of `besides`, and the rows that were tried in vain.
     """
-    told, first, shown = list[Mirror](), found, shown or behind
+    told, every_row, first, shown = list[Mirror](), list[Mirror](), found, shown or behind
     for _ in range(2):
         known = [*besides, *told]
-        trial = [*told, *(row for row in proposed(found, view) if not any(overlap(row, other) for other in known))]
-        tried = found
+        new = [row for row in proposed(found, view) if not any(overlap(row, other) for other in known)]
+        every_row += new
+        trial, tried = [*told, *new], found
         while len(trial) > len(told):
             every = [*besides, *trial]
             echoes = steps.heard(through=every)
@@ -175,7 +176,8 @@ def with_rows(
         if len(trial) <= len(told):
             break
         told, found = trial, tried
-    return found, [*besides, *told]
+    in_vain = [row for row in every_row if not any(overlap(row, other) for other in told)]
+    return found, [*besides, *told], in_vain
 
 
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
