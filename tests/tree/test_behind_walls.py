@@ -75,11 +75,11 @@ BENT = ArcMirror(middle=np.array([0.0, 2.5]), radius=1.0, first=1.5 * np.pi - 0.
 
 
 def test_behind_a_curved_row_that_is_no_mirror_nothing_is_in_line_of_sight(found):
-    """Well behind it; as deep as an object is; before it; at its end; and beyond that. What a mirror shows is no row."""
+    """Well behind it; as deep as an object is; before it; at its end; beyond that; and behind a row in a mirror."""
     sight = found[0].sight
     depth = float(sight.view.object_depth(np.array([1.5]))[0])
     end = BENT.at(0.0)
-    places = [[0.0, 2.2], [0.0, 1.5 + 0.9 * depth], [0.0, 1.3], 1.5 * end, 1.5 * (end + [-0.1, 0.0])]
+    places = [[0.0, 2.2], [0.0, 1.5 + 0.9 * depth], [0.0, 1.3], 1.5 * end, 1.5 * (end - np.array([0.1, 0.0]))]
     objects = echoes_at(sight.view, np.array(places))
     assert behind_rows(objects, [BENT], sight).tolist() == [True, False, False, False, False]
     assert not behind_rows(objects, [], sight).any()
