@@ -16,6 +16,7 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common import leftovers
+from mirrorfold.common.cache import signature
 from mirrorfold.common.leftovers import remove, temporary_name, temporary_prefix
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import directory_written_whole, written_whole
@@ -322,6 +323,7 @@ def test_names_of_a_folder_that_was_killed_lead_nowhere_else(tmp_path):
     complete.mkdir(parents=True)
     (complete / ".replaces").write_text(f"../precious\n{tmp_path / 'precious'}")
     (complete / "data").write_text("new")
+    (complete / ".signature").write_text(signature(complete.name))
     (tmp_path / "precious").touch()
     with written_whole(tmp_path / "out" / "a.txt") as temporary:
         temporary.write_text("x")
@@ -334,6 +336,7 @@ def test_a_folder_that_cannot_be_completed_is_in_nobodys_way(tmp_path):
     complete = tmp_path / f".mirrorfold-{machine}-{dead()}-0123abcd.complete"
     complete.mkdir()
     (complete / "data").write_text("new")
+    (complete / ".signature").write_text(signature(complete.name))
     (tmp_path / "data").mkdir()
     for _ in range(2):
         with written_whole(tmp_path / "a.txt") as temporary:

@@ -20,6 +20,10 @@ NAME = re.compile(r"\.?mirrorfold-([0-9a-f]{8})-([0-9]+)-\w{8}(\.\w+)?")
 """Machine, process and a random word, then the suffix."""
 
 
+COMPLETE = ".complete"
+"""Suffix of a temporary directory whose files wait to replace others."""
+
+
 def temporary_prefix() -> str:
     """How the names of this process's temporary files begin; a word of eight letters follows."""
     return f"mirrorfold-{_machine()}-{os.getpid()}-"
@@ -50,9 +54,10 @@ def _is_own(state: os.stat_result) -> bool:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what killed processes have left in a folder, as far as this user may."""
+    """Remove what killed processes have left in a folder, as far as this user may; not results that wait there."""
     for path in leftovers(folder):
-        remove(path)
+        if path.suffix != COMPLETE:
+            remove(path)
 
 
 def remove(path: Path) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
 import platform
 import time
 from collections.abc import Callable
@@ -22,6 +21,7 @@ import numba
 import numpy as np
 import scipy.fft
 
+from mirrorfold.common.cache import cache_folder
 from mirrorfold.common.leftovers import remove_leftovers, temporary_name
 from mirrorfold.focusing import exact_kernels, line_kernels, phasor, range_tables
 from mirrorfold.focusing.interpolation import triangular_kernel
@@ -91,7 +91,7 @@ class Machine:
 @lru_cache(maxsize=1)
 def machine() -> Machine:
     """Speed of the machine: measured, or found as it was measured before."""
-    path = _cache_file()
+    path = cache_folder() / "machine.json"
     with suppress(OSError, ValueError, TypeError):
         kept = json.loads(path.read_text())
         if kept.pop("of") == _identity():
@@ -104,12 +104,6 @@ def machine() -> Machine:
         partial.write_text(json.dumps({"of": _identity(), **asdict(found)}))
         partial.replace(path)
     return found
-
-
-def _cache_file() -> Path:
-    """In the user's cache folder."""
-    folder = os.environ.get("XDG_CACHE_HOME")
-    return (Path(folder) if folder else Path(os.path.expanduser("~")) / ".cache") / "mirrorfold" / "machine.json"
 
 
 def _identity() -> list[str]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from mirrorfold.common.leftovers import leftovers, remove, temporary_name
+from mirrorfold.common.cache import is_signed, signature
+from mirrorfold.common.leftovers import COMPLETE, leftovers, remove, temporary_name
+from mirrorfold.common.reading import read_text
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 
@@ -131,7 +133,7 @@ def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -
 
     New files are never found beside old ones, whenever the process ends: once the new ones are complete and on the
     disk, the temporary directory is renamed to say so; then the old ones are removed; then the new ones move. If the
-    process is killed meanwhile, the next one that writes to `path` goes on with that.
+    process is killed meanwhile, the next one of this user that writes to `path` goes on with that.
 
     Parameters
     ----------
@@ -172,49 +174,69 @@ def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -
         old = {*replaces, *(file.name for file in files)}
         for name in old:
             check_output(path / name)
+        complete = path / (temporary.name + COMPLETE)
         (temporary / OLD_FILES).write_text("\n".join(sorted(old)), encoding="utf-8")
-        _sync(temporary / OLD_FILES)
+        (temporary / SIGNATURE).write_text(signature(complete.name) or "", encoding="utf-8")
+        _sync_all([temporary / OLD_FILES, temporary / SIGNATURE])
         _sync(temporary)
-        complete = temporary.rename(path / (temporary.name + COMPLETE))
+        temporary.rename(complete)
     except OSError as error:
         raise _named(error, temporary, path) from None
     finally:
         remove(temporary)
-    _replace_files(complete)
+    _replace_files(complete, _followed)
 
-
-COMPLETE = ".complete"
-"""Suffix of a temporary directory whose files wait to replace others."""
 
 OLD_FILES = ".replaces"
-"""The file in it that names the others."""
+"""In a directory whose files wait to replace others, the file that names these."""
+
+SIGNATURE = ".signature"
+"""The file in it that says that this user's program has made it."""
 
 
 def clean_up(folder: Path) -> None:
-    """Finish or remove what killed processes have left in a folder."""
+    """Finish or remove what this user's killed processes have left in a folder.
+
+    A folder may come from a stranger, with such things in it and with links: what another has made is left alone, and
+    links are replaced, not followed.
+    """
     for path in leftovers(folder):
-        if path.suffix == COMPLETE:
-            with suppress(OSError, InputError):  # what is in its way there is no matter of the file to be written now
-                _replace_files(path)
-        else:
+        if path.suffix != COMPLETE:
             remove(path)
+        elif _is_signed(path):
+            with suppress(OSError, InputError):  # what is in its way there is no matter of the file to be written now
+                _replace_files(path, lambda target: target)
 
 
-def _replace_files(complete: Path) -> None:
+def _is_signed(complete: Path) -> bool:
+    """Whether a directory whose files wait to replace others was made by a program of this user."""
+    with suppress(OSError, UnicodeDecodeError, InputError):
+        return is_signed(complete.name, read_text(complete / SIGNATURE, "leave it"))
+    return False
+
+
+def _replace_files(complete: Path, place: Callable[[Path], Path]) -> None:
     """Remove the old files of the directory around this one, then move the files of this one there.
 
     The list of the old files goes with the last of them: whoever goes on later must not take new files for old ones.
+
+    Parameters
+    ----------
+    complete : path
+    place : callable
+        What is to be removed or replaced for a path: where it leads to if it is a link, or the link itself.
     """
     listed = complete / OLD_FILES
     with held_signals(), suppress(FileNotFoundError):  # another process may be faster
         if listed.exists():
             for name in listed.read_text(encoding="utf-8").splitlines():
-                _followed(complete.parent / Path(name).name).unlink(missing_ok=True)
+                place(complete.parent / Path(name).name).unlink(missing_ok=True)
             _sync(complete.parent)
             listed.unlink()
             _sync(complete)
         for file in sorted(complete.iterdir()):
-            _move(file, complete.parent / file.name)
+            if file.name != SIGNATURE:
+                _move(file, place(complete.parent / file.name))
         _sync(complete.parent)
     remove(complete)
 
@@ -307,8 +329,7 @@ def _followed(path: Path) -> Path:
 
 
 def _move(source: Path, target: Path) -> None:
-    """Put a file in the place of another; where that is a link to another disk, by a copy beside its end."""
-    target = _followed(target)
+    """Put a file in the place of another; where that lies on another disk, by a copy beside it."""
     try:
         os.replace(source, target)
     except OSError as error:
