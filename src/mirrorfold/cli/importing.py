@@ -122,7 +122,7 @@ def import_(
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
-        output_file(output, inputs=files)
+        output_file(output, inputs=[*files, positions, None if mapping is None else Path(mapping)])
     if polarization is not None and (guess or image is not None):
         raise InputError("--polarization is that of sweeps; leave it out, or --guess and --image")
     if guess:

@@ -27,7 +27,7 @@ from mirrorfold.cli import (
 from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.options import app, command, completed
 from mirrorfold.cli.verbose import with_verbose
-from mirrorfold.cli.writing import with_no_clobber
+from mirrorfold.cli.writing import with_inputs_spared, with_no_clobber
 from mirrorfold.errors import InputError
 
 FUNCTIONS = (
@@ -38,12 +38,17 @@ FUNCTIONS = (
     *(looking.report, looking.view, looking.show, shell.completion, outputs.schema),
 )
 
+OWN_FILES = ("reproduce",)
+"""Verbs that go on from what they have written before, and replace what of it is damaged; `benchmark` is another."""
+
 for function in FUNCTIONS:
     parameters = signature(function).parameters
     name = function.__name__.rstrip("_")  # `import` is a word of the language
     verb = completed(function)
     if "dry_run" in parameters:
         verb = with_verbose(verb)
+    if "output" in parameters and name not in OWN_FILES:
+        verb = with_inputs_spared(verb)
     if {"output", "out"}.intersection(parameters):
         verb = with_no_clobber(verb)
     app.command(

@@ -141,7 +141,7 @@ def fold(
         raise InputError("--output is missing; give the file to write, for example -o reconstruction.nc")
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
     output_file(output, inputs=inputs)
-    check_export(export)
+    check_export(export, [*inputs, output])
     known = given_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
@@ -203,7 +203,7 @@ def reconstruct(
     given |= {"preset": preset}
     extra = [path for path in (mirrors, plan) if path is not None]
     output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
-    check_export(export)
+    check_export(export, [*sweep, *extra])
     known, walls = given_mirrors(mirrors), given_plan(plan)
 
     def work(path: Path, folder: Path) -> tuple[xr.DataTree, list[Path]]:

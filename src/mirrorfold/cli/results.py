@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,12 +158,12 @@ def given_plan(path: Path | None) -> Any:
     return read_plan(path)
 
 
-def check_export(path: Path | None) -> None:
-    """Refuse a file for other programs that could not be written, before the work begins."""
+def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
+    """Refuse a file for other programs that could not be written, or is an input, before the work begins."""
     if path is not None:
         from mirrorfold.io.exports import check_export_path
 
-        check_export_path(path)
+        check_export_path(path, inputs=inputs)
         announce([path])
 
 

@@ -166,7 +166,8 @@ def simulate(
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
-    output_file(output, inputs=[scene])
+    meshes = [getattr(surface, "path", None) for surface in truth.surface]
+    output_file(output, inputs=[scene, *meshes])
     results = output.with_name(f"{output.name}.frequencies")
     try:
         with progress("simulating the sweep") as report:

@@ -63,6 +63,22 @@ def announce(paths: Iterable[Path]) -> None:
         remark([f"overwrites {', '.join(there)}"])
 
 
+def with_inputs_spared(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The verb, which replaces no file that it has read, whoever named it: the user, a scene, or a scan."""
+
+    @functools.wraps(function)
+    def verb(*args: Any, **kwargs: Any) -> Any:
+        from mirrorfold.common.reading import files_read
+
+        token = files_read.set(set())
+        try:
+            return function(*args, **kwargs)
+        finally:
+            files_read.reset(token)
+
+    return verb
+
+
 def with_no_clobber(function: Callable[..., Any]) -> Callable[..., Any]:
     """The verb with the option ``--no-clobber``."""
     signature = inspect.signature(function)

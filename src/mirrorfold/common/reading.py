@@ -8,10 +8,14 @@ import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from mirrorfold.errors import InputError
+
+files_read: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
+"""Files that the command at work has read, whoever named them; None where nobody wants to know."""
 
 
 def check_file(path: str | Path, remedy: str) -> Path:
@@ -37,6 +41,9 @@ def check_file(path: str | Path, remedy: str) -> Path:
     if not stat.S_ISREG(mode):
         what = "a directory" if stat.S_ISDIR(mode) else "no file but a device, a pipe or a socket"
         raise InputError(f"{path}: is {what}; {remedy}")
+    read = files_read.get()
+    if read is not None:
+        read.add(Path(path).absolute())
     return Path(path)
 
 

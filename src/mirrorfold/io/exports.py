@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -88,15 +89,15 @@ def export(
     return path
 
 
-def check_export_path(path: str | Path) -> Path:
+def check_export_path(path: str | Path, *, inputs: Iterable[str | Path] = ()) -> Path:
     """The path, if a file for other programs can be written there.
 
     Raises
     ------
     InputError
-        If its suffix names no format that is known, or its directory cannot be written to.
+        If its suffix names no format that is known, or as of `mirrorfold.io.files.check_output`.
     """
-    path = check_output(path)
+    path = check_output(path, inputs=inputs)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: ends in {path.suffix!r}, expected one of {', '.join(FORMATS)}")
     return path

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mirrorfold.common.cache import is_signed, signature
 from mirrorfold.common.leftovers import COMPLETE, leftovers, remove, temporary_name
-from mirrorfold.common.reading import read_text
+from mirrorfold.common.reading import files_read
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 
@@ -36,7 +36,8 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
     ------
     InputError
         If something else than a file is there (a folder, a device, a pipe), its directory is missing or read-only, it
-        is one of the inputs, its name ends otherwise, or it is there and must not be overwritten.
+        is one of the inputs or a file that the command has read (`files_read`), its name ends otherwise, or it is there
+        and must not be overwritten.
     """
     path = _check_name(path)
     if suffixes and path.suffix.lower() not in suffixes:
@@ -51,7 +52,7 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
     _check_parent(path)
     if target != path:
         _check_parent(target)
-    _check_inputs(path, inputs)
+    _check_inputs(path, [*inputs, *(files_read.get() or ())])
     if not clobber.get() and os.path.lexists(path):
         raise InputError(f"{path}: is there already, and --no-clobber is given; give another name, or move it away")
     return path
@@ -210,8 +211,8 @@ def clean_up(folder: Path) -> None:
 
 def _is_signed(complete: Path) -> bool:
     """Whether a directory whose files wait to replace others was made by a program of this user."""
-    with suppress(OSError, UnicodeDecodeError, InputError):
-        return is_signed(complete.name, read_text(complete / SIGNATURE, "leave it"))
+    with suppress(OSError, UnicodeDecodeError):
+        return (complete / SIGNATURE).is_file() and is_signed(complete.name, (complete / SIGNATURE).read_text("utf-8"))
     return False
 
 
@@ -350,6 +351,7 @@ def _check_parent(path: Path) -> None:
 
 def _check_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
     """Refuse a path that is one of the inputs, under whatever name."""
+    there = path.exists()
     for source in map(Path, inputs):
-        if path.exists() and source.exists() and path.samefile(source):
+        if there and source.exists() and path.samefile(source):
             raise InputError(f"{path}: is the input itself and would be overwritten; give another name for the output")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.geometry import Isometry, unit
 from mirrorfold.common.memory import check_room
+from mirrorfold.common.reading import check_file
 from mirrorfold.common.types import Array, Index
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Box, Cylinder, Mannequin, Mesh, Panel, Patch, Scene3D, Sphere, Surface3D
@@ -126,7 +127,7 @@ def _mesh(surface: Surface3D) -> tuple[Array, Index]:
     if isinstance(surface, Mannequin):
         return mannequin_mesh(surface.height, surface.arms, surface.elbows, surface.stride)
     if isinstance(surface, Mesh):
-        return _mesh_file(surface.path, surface.scale)
+        return _mesh_file(check_file(surface.path, "give the path of an STL, OBJ or PLY file"), surface.scale)
     if isinstance(surface, Box):
         return _rounded_box(surface.size, surface.rounding)
 
@@ -177,8 +178,6 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
     InputError
         If it cannot be read, is open, crosses itself or is enormous.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: does not exist; give the path of an STL, OBJ or PLY file")
     check_room(MESH_GROWTH * path.stat().st_size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
     try:
         mesh: Any = _trimesh().load(path, force="mesh")
