@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
-from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, nbytes
+from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, check_memory, nbytes
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -143,11 +143,13 @@ def check_netcdf(path: Path) -> None:
     ------
     InputError
         If the file would take down, or never release, whoever opens it; if it shows data of other files, by external
-        links, external storage or virtual arrays; if its groups are no tree; if it is damaged.
+        links, external storage or virtual arrays; if its groups are no tree; if its texts would fill the
+        memory; if it is damaged.
     """
     state = path.stat()
     answer = _checked(str(path.absolute()), state.st_mtime_ns, state.st_size)
     _check_answer(path, answer)
+    check_memory(path, answer["varying"], "its texts")
 
 
 @lru_cache(maxsize=16)

@@ -8,6 +8,7 @@ a line of its output, followed by the bytes of the array.
 from __future__ import annotations
 
 import json
+import os
 import sys
 from contextlib import suppress
 from typing import Any
@@ -16,6 +17,7 @@ import h5py
 import numpy as np
 
 from mirrorfold.io.readers.contents import nbytes
+from mirrorfold.io.readers.hdf5_varying import Budget, RefusedError, varies
 
 MOST_OBJECTS = 100_000
 """Groups and arrays in one file; a file with more is damaged or made to keep the reader busy."""
@@ -30,15 +32,11 @@ UNITS = ("units", "unit", "long_name")
 """Attributes of arrays that matter."""
 
 
-class RefusedError(Exception):
-    """What is in a file must not be read; the sentence says why."""
-
-
 def survey(path: str) -> dict[str, Any]:
     """What a file holds: its arrays with shape, type, names of axes and size on disk, and its attributes."""
     with open(path, "rb") as raw:
         matlab = raw.read(19) == b"MATLAB 7.3 MAT-file"
-    found = []
+    found, budget = [], Budget(os.path.getsize(path))
     with h5py.File(path, "r") as file:
         for name in own_links(file):
             if file.get(name, getlink=True).__class__ is not h5py.HardLink:
@@ -47,25 +45,31 @@ def survey(path: str) -> dict[str, Any]:
             if not isinstance(item, h5py.Dataset):
                 continue
             check_own_values(name, item)
-            described = _described(name, item)
+            described = _described(name, item, budget)
             if described is not None:
                 found.append(described)
-        attrs = {str(name): _attr(file.attrs, name) for name in file.attrs}
+        attrs = {str(name): _attr(file.attrs, name, budget) for name in file.attrs}
     attrs = {name: value for name, value in attrs.items() if value is not None}
     return {"matlab": matlab, "arrays": found, "attrs": attrs}
 
 
-def check_netcdf(path: str) -> None:
+def check_netcdf(path: str) -> int:
     """Touch all that whoever reads a netCDF file touches, small arrays included, as far as it can be read.
+
+    Returns
+    -------
+    int [bytes]
+        What its texts and rows of variable length take in memory.
 
     Raises
     ------
     RefusedError
-        If it refers to other files, or its groups are no tree, which those who walk through them might never leave.
+        If it refers to other files, its groups are no tree, which those who walk through them might never leave, or its
+        texts would fill the memory.
     """
+    budget = Budget(os.path.getsize(path))
     with h5py.File(path, "r") as file:
-        for key in file.attrs:
-            _attr(file.attrs, key)
+        _touch_attrs(file, budget)
         groups = {h5py.h5o.get_info(file.id).addr}
         for name in own_links(file):
             item = None
@@ -76,10 +80,17 @@ def check_netcdf(path: str) -> None:
                 if place in groups:
                     raise RefusedError(f"its group {name!r} is there under another name too; copy its data")
                 groups.add(place)
+                _touch_attrs(item, budget)
             if isinstance(item, h5py.Dataset):
                 check_own_values(name, item)
-                with suppress(Exception):
-                    _touch(item)
+                _touch_attrs(item, budget)
+                try:
+                    _touch(name, item, budget)
+                except RefusedError:
+                    raise
+                except Exception:  # whoever reads it says what is wrong
+                    continue
+    return budget.taken
 
 
 def own_links(file: h5py.File) -> list[str]:
@@ -117,19 +128,28 @@ def check_own_values(name: str, dataset: h5py.Dataset) -> None:
         raise RefusedError(f"the values of {name!r} lie in another file; copy the data into one file")
 
 
-def _touch(dataset: h5py.Dataset) -> None:
-    """Read the attributes of an array, and its values if it is small."""
-    for key in dataset.attrs:
-        _attr(dataset.attrs, key)
+def _touch_attrs(item: h5py.Group | h5py.Dataset, budget: Budget) -> None:
+    """Read the attributes of a group or an array."""
+    names: list[str] = []
+    with suppress(Exception):
+        names += item.attrs
+    for name in names:
+        _attr(item.attrs, name, budget)
+
+
+def _touch(name: str, dataset: h5py.Dataset, budget: Budget) -> None:
+    """Read the values of an array if it is small, or if only reading tells how large they are."""
     if dataset.size is None:
         return
-    if dataset.size * dataset.dtype.itemsize <= SMALL_BYTES:
+    if varies(dataset.dtype):
+        budget.read(name, dataset)
+    elif dataset.size * dataset.dtype.itemsize <= SMALL_BYTES:
         dataset[()]
     elif dataset.chunks is not None:
         dataset.id.get_num_chunks()
 
 
-def _described(name: str, dataset: h5py.Dataset) -> dict[str, Any] | None:
+def _described(name: str, dataset: h5py.Dataset, budget: Budget) -> dict[str, Any] | None:
     """What is to be known of an array; None for what holds no numbers or text."""
     shape, dtype = dataset.shape, dataset.dtype
     if shape is None or name.startswith("#"):  # an empty array, or what MATLAB keeps for itself
@@ -140,9 +160,9 @@ def _described(name: str, dataset: h5py.Dataset) -> dict[str, Any] | None:
         return None if text is None else entry | {"text": text}
     if dtype.names is None and dtype.kind not in "fciub":
         return None
-    if dtype.hasobject or dtype.itemsize == 0 or dataset.attrs.get("MATLAB_empty", 0):
+    if dtype.hasobject or dtype.itemsize == 0 or _attr(dataset.attrs, "MATLAB_empty", budget):
         return None
-    attrs = {str(key): _attr(dataset.attrs, key) for key in dataset.attrs if str(key) in UNITS}
+    attrs = {str(key): _attr(dataset.attrs, key, budget) for key in dataset.attrs if str(key) in UNITS}
     dims = []
     for axis in dataset.dims:
         scales = axis.values()
@@ -156,10 +176,16 @@ def _text(name: bytes | str) -> str:
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
 
 
-def _attr(attrs: Any, name: str) -> str | float | None:
-    """An attribute that is a short text or a number."""
+def _attr(attrs: Any, name: str, budget: Budget) -> str | float | None:
+    """An attribute that is a short text or a number.
+
+    Raises
+    ------
+    RefusedError
+        If it takes too much memory.
+    """
     try:
-        value = attrs[name]
+        value = budget.attribute(attrs, name)
     except (
         LookupError,
         OSError,
@@ -181,8 +207,7 @@ def serve() -> None:
         asked, body = json.loads(line), np.empty(0, np.uint8)
         try:
             if "netcdf" in asked:
-                check_netcdf(asked["path"])
-                answer = {}
+                answer: dict[str, Any] = {"varying": check_netcdf(asked["path"])}
             elif "name" not in asked:
                 answer = survey(asked["path"])
             else:

@@ -1,0 +1,108 @@
+"""Texts and rows of variable length in HDF5 files: many may share one place in the file, and are long in memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import h5py
+import numpy as np
+
+from mirrorfold.io.readers.contents import HARMLESS_BYTES, LARGEST_EXPANSION
+
+OBJECT_BYTES = 64
+"""What a text or a row takes in memory beside its content."""
+
+
+class RefusedError(Exception):
+    """What is in a file must not be read; the sentence says why."""
+
+
+class Budget:
+    """What all texts and rows of variable length in a file may take in memory.
+
+    None of them is longer than the file. So many are read at once that even the longest ones fit.
+
+    Parameters
+    ----------
+    size : int [bytes]
+        Of the file.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.limit = max(HARMLESS_BYTES, LARGEST_EXPANSION * size)
+        self.taken = 0
+        self._at_once = int(self.limit // max(size, 1))
+
+    def attribute(self, attrs: h5py.AttributeManager, name: str) -> Any:
+        """The value of an attribute.
+
+        Raises
+        ------
+        RefusedError
+            If it is a long list of texts, or with what was read before it takes too much memory.
+        """
+        described = attrs.get_id(name)
+        varying = varies(described.dtype)
+        if varying and math.prod(described.shape or ()) > self._at_once:
+            raise RefusedError(f"its attribute {name!r} is a list of {math.prod(described.shape)} texts; shorten it")
+        value = attrs[name]
+        if varying:
+            self._add(value, f"attribute {name!r}")
+        return value
+
+    def read(self, name: str, dataset: h5py.Dataset) -> None:
+        """Read an array of texts or rows, to see what they take.
+
+        Raises
+        ------
+        RefusedError
+            If it takes too much memory, with what was read before.
+        """
+        for block in _blocks(dataset.shape, self._at_once):
+            self._add(dataset[block], f"variable {name!r}")
+
+    def _add(self, value: Any, what: str) -> None:
+        self.taken += _weight(value)
+        if self.taken > self.limit:
+            raise RefusedError(
+                f"its {what} would expand to more than {self.limit:.3g} bytes, which no measurement does; the file is "
+                "damaged or made to fill the memory"
+            )
+
+
+def varies(dtype: np.dtype) -> bool:
+    """Whether values of a type have no fixed length.
+
+    Raises
+    ------
+    RefusedError
+        If they are parts of records or of other rows, which no measurement needs.
+    """
+    text, row = h5py.check_string_dtype(dtype), h5py.check_vlen_dtype(dtype)
+    if text is not None:
+        return text.length is None
+    inner = [dtype[name] for name in dtype.names or ()]
+    inner += [] if row is None else [row]
+    inner += [] if dtype.subdtype is None else [dtype.subdtype[0]]
+    if any(map(varies, inner)):
+        raise RefusedError("it holds records or rows of texts; write the texts as an array of their own")
+    return row is not None
+
+
+def _blocks(shape: tuple[int, ...], at_once: int) -> Iterator[tuple[Any, ...]]:
+    """Slices that together cover an array, with at most so many values each."""
+    if not shape:
+        yield ()
+        return
+    for leading in np.ndindex(shape[:-1]):
+        for start in range(0, shape[-1], at_once):
+            yield (*leading, slice(start, start + at_once))
+
+
+def _weight(value: Any) -> int:
+    """Bytes that a value takes."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes + (sum(map(_weight, value.flat)) if value.dtype.hasobject else 0)
+    return OBJECT_BYTES + (len(value) if isinstance(value, bytes | str) else 0)
