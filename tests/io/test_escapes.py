@@ -39,8 +39,15 @@ def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
 
 @pytest.mark.parametrize(
     "text",
-    ["a = " + "[" * 5000 + "]" * 5000, "a = " + "{b=" * 3000 + "1" + "}" * 3000, "a = " + "9" * 5000],
-    ids=["arrays", "tables", "digits"],
+    [
+        "a = " + "[" * 5000 + "]" * 5000,
+        "a = " + "{b=" * 3000 + "1" + "}" * 3000,
+        "a = " + "9" * 5000,
+        "a." * 40000 + "a = 1\n",
+        "b = 1\n[" + "a . " * 40000 + "a]\n",
+        "b = {" + r'"\"." . ' * 40000 + "'a' = 1}\n",
+    ],
+    ids=["arrays", "tables", "digits", "name", "heading", "quoted name"],
 )
 def test_toml_that_is_too_deep_or_too_long(folder, capsys, text):
     (folder / "a.toml").write_text(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -13,6 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from mirrorfold.errors import InputError
+
+LARGEST_TEXT = 64 << 20
+"""A file that a person writes, or a script writes for a person, is smaller [bytes]."""
+
+MOST_PARTS = 100
+"""Of a name in TOML such as ``a.b.c``: the time and the memory that reading one takes grow with their square."""
+
+_PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+
+_LONG_NAME = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
 
 files_read: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
 """Files that the command at work has read, whoever named them; None where nobody wants to know."""
@@ -53,10 +64,13 @@ def read_text(path: str | Path, remedy: str) -> str:
     Raises
     ------
     InputError
-        As of `check_file`, and if the file may not be read or holds no text in UTF-8.
+        As of `check_file`, and if the file may not be read, is too large, or holds no text in UTF-8.
     """
     try:
-        return check_file(path, remedy).read_text(encoding="utf-8-sig")
+        size = check_file(path, remedy).stat().st_size
+        if size > LARGEST_TEXT:
+            raise InputError(f"{path}: has {size} bytes, expected a text of at most {LARGEST_TEXT}; {remedy}")
+        return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {remedy}") from None
     except UnicodeDecodeError as error:
@@ -78,10 +92,15 @@ def parsed(text: str, kind: str, source: str, remedy: str) -> Any:
     Raises
     ------
     InputError
-        If the text is not valid, is nested too deeply, or holds a number of thousands of digits.
+        If the text is not valid, is nested too deeply, or holds a number of thousands of digits or a name of very many
+        parts.
     """
     try:
-        return json.loads(text) if kind == "JSON" else tomllib.loads(text)
+        if kind == "JSON":
+            return json.loads(text)
+        if _LONG_NAME.search(text) is None:
+            return tomllib.loads(text)
+        reason = f"a name has more than {MOST_PARTS} parts, joined by dots"
     except RecursionError:
         reason = "it is nested too deeply"
     except ValueError as error:  # of both formats, and of numbers that are too long

@@ -9,14 +9,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mirrorfold.common.reading import parsed
+from mirrorfold.common.reading import LARGEST_TEXT, parsed
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import read_bytes
 
 Model = TypeVar("Model", bound=BaseModel)
-
-LARGEST_FILE = 64 << 20
-"""A file that a person writes, or a script writes for a person, is smaller [bytes]."""
 
 
 def read_written(path: Path) -> dict[str, Any]:
@@ -28,8 +25,8 @@ def read_written(path: Path) -> dict[str, Any]:
         If it cannot be read, or is not valid; the message has the line.
     """
     raw = read_bytes(path, growth=20.0)
-    if len(raw) > LARGEST_FILE:
-        raise InputError(f"{path}: has {len(raw)} bytes, expected a description of fewer than {LARGEST_FILE}")
+    if len(raw) > LARGEST_TEXT:
+        raise InputError(f"{path}: has {len(raw)} bytes, expected a description of at most {LARGEST_TEXT}; shorten it")
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     try:
         text = raw.decode("utf-8-sig")
