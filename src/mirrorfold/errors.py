@@ -1,4 +1,4 @@
-"""The one error type that mirrorfold raises for wrong input."""
+"""The one error type that mirrorfold raises for wrong input, and what its sentences may quote."""
 
 from __future__ import annotations
 
@@ -7,14 +7,29 @@ import re
 LONG_WORD = re.compile(r"(\S{300})\S{100,}(\S{100})")
 """What no text has but a value that was not meant to be read, such as a number of a thousand digits."""
 
+UNPRINTABLE = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that steer a terminal, turn the direction of writing, or stand for bytes that are no text."""
+
 LONGEST = 2000
 """Letters of a sentence that somebody reads."""
+
+
+def printable(text: str) -> str:
+    r"""The text with a mark in the place of what is no character: a file from a stranger may hold any.
+
+    Examples
+    --------
+    >>> printable("\x1b[2J title, \udcff") == "\ufffd[2J title, \ufffd"
+    True
+    """
+    return UNPRINTABLE.sub("\ufffd", text)
 
 
 class InputError(ValueError):
     """Wrong input: one plain sentence with what was expected, what was found, where, and the remedy.
 
-    The command line prints the sentence and exits with code 2. What it quotes is shortened where it is very long.
+    The command line prints the sentence and exits with code 2. What it quotes is shortened where it is very long, and
+    holds no character that a terminal would obey.
 
     Parameters
     ----------
@@ -38,7 +53,7 @@ def shortened(sentence: str) -> str:
     sentence = str(sentence)
     if len(sentence) > 10 * LONGEST:  # to look through megabytes takes seconds
         sentence = f"{sentence[: 5 * LONGEST]}{sentence[-5 * LONGEST :]}"
-    sentence = LONG_WORD.sub(r"\1 ... \2", sentence)
+    sentence = LONG_WORD.sub(r"\1 ... \2", printable(sentence))
     if len(sentence) > LONGEST:
         sentence = f"{sentence[: LONGEST - 520]} ... {sentence[-500:]}"
     return sentence

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import mirrorfold as mf
 from mirrorfold.cli.forecast import show_forecast
 from mirrorfold.cli.options import Numbers, OptionalOutput, command, parse_numbers
-from mirrorfold.cli.terminal import progress, show_files, show_json
+from mirrorfold.cli.terminal import progress, say, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.units import Length, Memory
@@ -250,11 +250,11 @@ def calibrate(
         show_json(done)
         return
     for step in done.processing:
-        print(step)
+        say(step)
     if done.rx_displacement_m is not None:
-        print(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
+        say(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
     if done.elements_residual_m is not None:
-        print(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
+        say(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
     show_files(files)
 
 

@@ -10,6 +10,7 @@ from mirrorfold.cli.results import read
 from mirrorfold.cli.study_tables import show_comparison
 from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
+from mirrorfold.errors import printable
 
 FORMATS = (".html", ".png", ".pdf", ".svg")
 
@@ -37,7 +38,7 @@ def compare(
     a, b = (read(path, "reconstruction", "image") for path in (first, second))
     if frame is not None:
         a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)
-    names = str(first), str(second)
+    names = printable(str(first)), printable(str(second))
     found = mf.compare(a, b, names=names)
     if output is not None and output.suffix.lower() == ".html":
         from mirrorfold.reporting.comparison import write_comparison

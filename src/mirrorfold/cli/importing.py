@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
-from mirrorfold.cli.terminal import progress, remark, show_files, show_info, show_json
+from mirrorfold.cli.terminal import progress, remark, say, show_files, show_info, show_json
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.units import Length
@@ -209,7 +209,7 @@ def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: 
         )
         show_json(proposal)
         return
-    print(text, end="")
+    say(text, end="")
     works = f"this makes {found.works}" if found.works else "this is not complete yet: see TO DO"
     remark([works])
     show_files(written)
@@ -261,4 +261,4 @@ def export(
         show_json(TouchstoneScan(kind="scan", positions=str(positions), files=[str(output)]))
         return
     show_files([output])
-    print(f"read it back with: mirrorfold import {output} --positions {positions} -o sweep.nc")
+    say(f"read it back with: mirrorfold import {output} --positions {positions} -o sweep.nc")

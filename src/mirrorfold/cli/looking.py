@@ -10,7 +10,7 @@ from typing import Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import FloorPlanFile, Frame, Output
 from mirrorfold.cli.results import given_plan, read
-from mirrorfold.cli.terminal import show_files, show_json
+from mirrorfold.cli.terminal import say, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
@@ -107,7 +107,7 @@ def view(
         if json:
             show_json(View(kind="view", address=address))
         else:
-            print(f"{file} is at {address} for one browser on this machine: the link works once; Ctrl+C ends it")
+            say(f"{file} is at {address} for one browser on this machine: the link works once; Ctrl+C ends it")
         sys.stdout.flush()
 
     with suppress(KeyboardInterrupt):

@@ -28,7 +28,7 @@ from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.options import app, command, completed
 from mirrorfold.cli.verbose import with_verbose
 from mirrorfold.cli.writing import with_inputs_spared, with_no_clobber
-from mirrorfold.errors import InputError
+from mirrorfold.errors import InputError, printable
 
 FUNCTIONS = (
     *(simulating.demo, simulating.simulate),
@@ -87,7 +87,7 @@ def run(arguments: Sequence[str]) -> None:
         If the arguments or the input are wrong.
     """
     app.help_formatter = "default" if sys.stdout.isatty() else PlainHelp()
-    token = command.set(shlex.join(["mirrorfold", *arguments]))
+    token = command.set(printable(shlex.join(["mirrorfold", *arguments])))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
     except CycloptsError as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import mirrorfold as mf
 from mirrorfold.cli.options import parse_numbers
-from mirrorfold.cli.terminal import remark, show_files, show_frames, show_json, show_mirrors
+from mirrorfold.cli.terminal import remark, say, show_files, show_frames, show_json, show_mirrors
 from mirrorfold.cli.writing import announce
 from mirrorfold.errors import InputError
 
@@ -194,5 +194,5 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
     kinds = f"{found.points - found.points_on_mirrors} of objects and {found.points_on_mirrors} of walls"
     left_out = f"; {found.left_out} echoes from elsewhere, or copies, were left out" if found.left_out else ""
     doubted = f"; {found.doubted} more are doubted" if found.doubted else ""
-    print(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{left_out}{doubted}")
+    say(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{left_out}{doubted}")
     show_files(files)

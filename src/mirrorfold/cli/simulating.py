@@ -22,6 +22,7 @@ from mirrorfold.cli.results import (
 )
 from mirrorfold.cli.terminal import (
     progress,
+    say,
     show_files,
     show_info,
     show_json,
@@ -93,7 +94,7 @@ def demo(
     show_mirrors(mf.info(reconstruction).mirrors)
     show_score(score)
     show_files(paths)
-    print(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
+    say(f"open {out / REPORT} in a browser, or look at {out / PICTURE}")
 
 
 def simulate(

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
-from mirrorfold.cli.terminal import WIDE, console, duration, number, show_files, table_of
+from mirrorfold.cli.terminal import WIDE, CleanTable, console, duration, number, show_files, table_of
 
 if TYPE_CHECKING:
     from mirrorfold.benchmarking.comparing import BenchmarkComparison
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 def show_comparison(found: Comparison) -> None:
     """Print how two results differ: levels, points, mirrors."""
     levels = found.levels
-    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts = CleanTable(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_row("first", found.first)
     facts.add_row("second", found.second)
     facts.add_row("level, second over first", f"{number(levels.median_db, '+.2f')} dB (median)")

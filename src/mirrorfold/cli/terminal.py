@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mirrorfold.cli import note
+from mirrorfold.errors import printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,6 +57,23 @@ def remark(sentences: Iterable[str]) -> None:
         note(sentence)
 
 
+def say(text: str, end: str = "\n") -> None:
+    """Print a text that may quote a file."""
+    print(printable(text), end=end)
+
+
+class CleanTable(Table):
+    """A table whose cells may quote a file."""
+
+    def add_row(self, *cells: Any, **options: Any) -> None:
+        """Add a row of cells."""
+        super().add_row(*(printable(cell) if isinstance(cell, str) else cell for cell in cells), **options)
+
+    def add_column(self, header: Any = "", *parts: Any, **options: Any) -> None:
+        """Add a column with its heading."""
+        super().add_column(printable(header) if isinstance(header, str) else header, *parts, **options)
+
+
 def show_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object."""
     print(to_json(result))
@@ -80,12 +98,12 @@ def to_json(result: Mapping[str, Any]) -> str:
 def show_files(files: Iterable[Any]) -> None:
     """Say where the files are."""
     for file in files:
-        print(f"wrote {file}")
+        say(f"wrote {file}")
 
 
 def show_info(found: Mapping[str, Any]) -> None:
     """Print what `info` has found, as a table of names and values."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table = CleanTable(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
         if name in UNLISTED or value in (None, ""):
             continue
@@ -99,7 +117,7 @@ def show_info(found: Mapping[str, Any]) -> None:
     elif found.get("mirrors"):
         show_mirrors(found["mirrors"])
     for sentence in found["remarks"]:
-        print(f"! {sentence}")
+        say(f"! {sentence}")
 
 
 def show_options(options: Sequence[OptionFacts]) -> None:
@@ -182,7 +200,7 @@ def show_score(score: PlanScore | VolumeScore) -> None:
         points.add_row(label, *(number(value, ".1f" if scale > 1 else ".3f", scale) for value in values))
     console().print(mirrors, points)
     for name, patch in (score.get("patches") or {}).items():
-        print(f"{name} over its surroundings: {number(patch['contrast_db'], '.1f')} dB")
+        say(f"{name} over its surroundings: {number(patch['contrast_db'], '.1f')} dB")
 
 
 def describe(name: str, value: Any) -> tuple[str, str]:
@@ -263,11 +281,11 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def table_of(title: str) -> Table:
+def table_of(title: str) -> CleanTable:
     """A table: with ruled lines in a terminal, and with nothing but words and numbers for files and pipes."""
     if sys.stdout.isatty():
-        return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        return CleanTable(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    return CleanTable(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
 def console(plain_width: int = PLAIN_WIDTH) -> Console:

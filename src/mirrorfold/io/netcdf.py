@@ -6,10 +6,8 @@ a sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +20,7 @@ from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
+from mirrorfold.io.attributes import decoded, storable
 from mirrorfold.io.conforming import check_facts, check_radar, check_tables, conform_attrs
 from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.readers.contents import check_expansion, nbytes
@@ -129,7 +128,7 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
     for node in content.subtree:
-        _decode_attrs(node.attrs)
+        node.attrs = {name: decoded(value) for name, value in node.attrs.items()}
         conform_attrs(node.attrs)
     return content
 
@@ -342,36 +341,10 @@ def _as_image(content: xr.Dataset, source: str) -> xr.DataArray:
 def _storable(content: xr.Dataset) -> xr.Dataset:
     """A copy whose attributes netCDF can hold and whose variables forget how another file stored them."""
     content = content.drop_encoding()
-    content.attrs = {name: _storable_attr(value) for name, value in content.attrs.items()}
+    content.attrs = {name: storable(value) for name, value in content.attrs.items()}
     for variable in content.variables.values():
-        variable.attrs = {name: _storable_attr(value) for name, value in variable.attrs.items()}
+        variable.attrs = {name: storable(value) for name, value in variable.attrs.items()}
     return content
-
-
-def _storable_attr(value: Any) -> Any:
-    """Numbers, strings and arrays of numbers as they are; the rest as JSON, which `_decode_attrs` undoes."""
-    if isinstance(value, str) or (isinstance(value, (int, float, np.number)) and not isinstance(value, bool)):
-        return value
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size:
-        return value
-    return json.dumps(value, default=_plain)
-
-
-def _decode_attrs(attrs: dict[Any, Any]) -> None:
-    """Turn JSON lists, objects, booleans and nulls back to what they were, in place."""
-    for name, value in attrs.items():
-        if isinstance(value, str) and (value[:1] in ("[", "{") or value in ("true", "false", "null")):
-            with suppress(ValueError, RecursionError):  # it is a text that only begins like JSON
-                attrs[name] = json.loads(value)
-
-
-def _plain(value: Any) -> Any:
-    """What JSON has no word for."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return dict(value)
-    return str(value)
 
 
 def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
