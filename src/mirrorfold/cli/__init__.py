@@ -20,8 +20,9 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from mirrorfold import __version__
+from mirrorfold.cli.streams import flushed, open_streams, print_error, silence
 from mirrorfold.common.signals import ended_as_by_ctrl_c
-from mirrorfold.errors import InputError
+from mirrorfold.errors import InputError, printable
 
 NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
 """What a path may be that is wrong in itself: too long, or a link in a circle."""
@@ -159,8 +160,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    open_streams()
     if argv is not None:
         return _run(list(argv))
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     gc.set_threshold(*COLLECTION_THRESHOLDS)
     try:
         with hidden_dask() if WITHOUT_DASK.intersection(sys.argv[1:2]) else nullcontext():
@@ -172,12 +176,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     """Run one command; returns the exit code."""
-    if not arguments or arguments[0] in ("--help", "-h", "help"):
-        print(_help())
-        return DONE
-    if arguments[0] == "--version":
-        print(__version__)
-        return DONE
     as_json = any(word == "--json" or word.startswith("--json=") for word in arguments)
     kept = held_notes.set([] if as_json else None)
     try:
@@ -196,11 +194,7 @@ def _attempt(arguments: list[str]) -> int:
 def _attempt_until(signals: list[int], arguments: list[str]) -> int:
     """The same, while the signals that come are listed."""
     try:
-        from mirrorfold.cli.program import run
-
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: note(str(message))
-            run(arguments)
+        _carry_out(arguments)
         sys.stdout.flush()
     except InputError as error:
         return _complain(error, str(error), WRONG_INPUT)
@@ -208,7 +202,7 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
         code = SIGNALLED + signals[0] if signals else INTERRUPTED
         return _complain(error, str(error) or "interrupted; nothing was written", code)
     except BrokenPipeError:  # the reader of our output has gone, for example `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence(sys.stdout)
         return FAILED
     except (MemoryError, OSError) as error:
         if isinstance(error, OSError) and error.errno in NO_NAME:
@@ -218,6 +212,21 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
         found = f"{type(error).__name__}: {error}"
         return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
     return DONE
+
+
+def _carry_out(arguments: list[str]) -> None:
+    """Print the help or the version, or run one verb."""
+    if not arguments or arguments[0] in ("--help", "-h", "help"):
+        print(_help())
+        return
+    if arguments[0] == "--version":
+        print(__version__)
+        return
+    from mirrorfold.cli.program import run
+
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: note(str(message))
+        run(arguments)
 
 
 def machine_trouble(error: OSError | MemoryError) -> str:
@@ -244,18 +253,21 @@ def note(sentence: str) -> None:
 def _release(sentences: list[str] | None) -> None:
     """Print the remarks that were held back."""
     for sentence in sentences or ():
-        print(f"mirrorfold: note: {sentence}", file=sys.stderr)
+        print_error(f"mirrorfold: note: {printable(sentence)}")
 
 
 def _complain(error: BaseException, sentence: str, code: int) -> int:
     """Print one line, or one JSON object for machines; a traceback only for those who ask for it."""
     if os.environ.get("MIRRORFOLD_DEBUG") == "1":
         raise error
-    sentence, held = " ".join(sentence.split()), held_notes.get()
+    sentence, held = printable(" ".join(sentence.split())), held_notes.get()
+    if isinstance(error, OSError):  # what stdout still holds, because its disk is full, would be a failure again
+        with flushed(sys.stdout):
+            pass
     if held is None:
-        print(f"mirrorfold: {sentence}", file=sys.stderr)
+        print_error(f"mirrorfold: {sentence}")
         return code
-    print(json.dumps({"error": sentence, "exit_code": code, "remarks": held}), file=sys.stderr)
+    print_error(json.dumps({"error": sentence, "exit_code": code, "remarks": held}))
     held_notes.set(None)
     return code
 
