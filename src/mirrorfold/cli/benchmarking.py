@@ -14,6 +14,7 @@ from mirrorfold.cli.terminal import progress, show_json, show_result
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.saving import save_figure
 
 PICTURE = "figures.png"
 PICTURES = (".png", ".pdf", ".svg")
@@ -117,7 +118,7 @@ def benchmark(
         ) from None
     with directory_written_whole(output, replaces=names) as directory:
         write_tables(result, directory)
-        mf.plot.benchmark(result).savefig(directory / PICTURE)
+        save_figure(mf.plot.benchmark(result), directory / PICTURE)
     files = [output / name for name in (FILE, *names)]
     show_result(result, files, show_benchmark, json=json)
 
@@ -144,7 +145,7 @@ def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None
     found = compare(first, second)
     if output is not None:
         with written_whole(output) as temporary:
-            mf.plot.benchmark_comparison(found).savefig(temporary)
+            save_figure(mf.plot.benchmark_comparison(found), temporary)
     show_result(found, [] if output is None else [output], show_benchmark_comparison, json=json)
 
 

@@ -11,6 +11,7 @@ from mirrorfold.cli.study_tables import show_comparison
 from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
 from mirrorfold.errors import printable
+from mirrorfold.plotting.saving import save_figure
 
 FORMATS = (".html", ".png", ".pdf", ".svg")
 
@@ -46,5 +47,5 @@ def compare(
         write_comparison(a, b, output, names=names)
     elif output is not None:
         with written_whole(output) as temporary:
-            mf.plot.compare(a, b, names=names).savefig(temporary, dpi=200)
+            save_figure(mf.plot.compare(a, b, names=names), temporary, dpi=200)
     show_result(found, [] if output is None else [output], show_comparison, json=json)

@@ -14,6 +14,7 @@ from mirrorfold.cli.terminal import say, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.saving import save_figure
 
 FORMATS = (".png", ".pdf", ".svg")
 """Suffixes of figures: for screens, for papers, and for both."""
@@ -158,7 +159,7 @@ def show(
         found = mf.pick_frame(found, frame)
     drawn, figure = draw(found, what, truth, floor_db, str(file), given_plan(plan))
     with written_whole(output) as temporary:
-        figure.savefig(temporary, dpi=dpi, bbox_inches="tight")
+        save_figure(figure, temporary, dpi=dpi, bbox_inches="tight")
     if json:
         show_json(Figure(kind="figure", what=drawn, files=[str(output)]))
         return

@@ -13,6 +13,7 @@ from mirrorfold.cli.terminal import show_files, show_info, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.units import Frequency, Length, Time
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.saving import save_figure
 
 Level = Annotated[float, Parameter(allow_leading_hyphen=True)]
 
@@ -118,7 +119,7 @@ def plan(
         from mirrorfold.plotting import planning as plot_plan
 
         with written_whole(output) as temporary:
-            plot_plan.plan(found, roughness=heights, detection_db=detection_db).savefig(temporary)
+            save_figure(plot_plan.plan(found, roughness=heights, detection_db=detection_db), temporary)
         files.append(str(output))
     if json:
         show_json(found.but(files=files))

@@ -13,6 +13,7 @@ from mirrorfold.cli.options import parse_numbers
 from mirrorfold.cli.terminal import remark, say, show_files, show_frames, show_json, show_mirrors
 from mirrorfold.cli.writing import announce
 from mirrorfold.errors import InputError
+from mirrorfold.plotting.saving import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,21 +100,21 @@ def write_results(
     names = [RECONSTRUCTION, PICTURE]
     if frame_count(reconstruction) is not None:
         figure: Any = mf.plot.frames(reconstruction).figure
-        figure.savefig(directory / FRAMES, bbox_inches="tight")
+        save_figure(figure, directory / FRAMES, bbox_inches="tight")
         names.append(FRAMES)
         reconstruction = mf.pick_frame(reconstruction, 0)
         reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
     mf.report(reconstruction, directory / REPORT, scene=scene, plan=plan)
     names.append(REPORT)
-    mf.plot.before_after(reconstruction, scene, plan=plan).savefig(directory / PICTURE)
+    save_figure(mf.plot.before_after(reconstruction, scene, plan=plan), directory / PICTURE)
     if "z" not in reconstruction.children["objects"].variables:
         return names
     from mirrorfold.plotting import volumes as plot_volume
 
-    plot_volume.space(reconstruction, scene).savefig(directory / SPACE)
+    save_figure(plot_volume.space(reconstruction, scene), directory / SPACE)
     names.append(SPACE)
     if plot_volume.has_body(reconstruction):
-        plot_volume.body(reconstruction, scene).savefig(directory / BODY)
+        save_figure(plot_volume.body(reconstruction, scene), directory / BODY)
         names.append(BODY)
     return names
 

@@ -16,6 +16,7 @@ from mirrorfold import __version__
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.io.files import check_output_directory, directory_written_whole, written_whole
+from mirrorfold.plotting.saving import save_figure
 from mirrorfold.reproducing.catalogue import EXPERIMENTS, Experiment, chosen
 from mirrorfold.reproducing.findings import Findings, Picture, Result
 from mirrorfold.reproducing.pages import index_markdown, page_markdown, to_html
@@ -154,8 +155,8 @@ def _timed(kept: Path, digest: str) -> Iterator[Callable[[], float]]:
 def _write(result: Result, found: Findings, directory: Path) -> None:
     """Write all files of an experiment."""
     for name, (figure, _) in found.figures.items():
-        figure.savefig(directory / f"{name}.png", dpi=DPI)
-        figure.savefig(directory / f"{name}.pdf")
+        save_figure(figure, directory / f"{name}.png", dpi=DPI)
+        save_figure(figure, directory / f"{name}.pdf")
     found.data.to_netcdf(directory / DATA, engine="h5netcdf")
     (directory / PAGE).write_text(page_markdown(result), encoding="utf-8")
     (directory / RESULT).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
