@@ -244,7 +244,13 @@ def empty(path):
     path.write_bytes(b"")
 
 
-@pytest.mark.parametrize("damage", [spoil_middle, cut_short, one_number, of_its_neighbour, empty])
+def pipe(path):
+    """As a pipe, which nobody will ever write to."""
+    path.unlink()
+    os.mkfifo(path)
+
+
+@pytest.mark.parametrize("damage", [spoil_middle, cut_short, one_number, of_its_neighbour, empty, pipe])
 def test_a_result_that_cannot_be_trusted_is_solved_again_and_told_of(tmp_path, monkeypatch, damage):
     scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
     whole = mf.simulate(scene, solver="fullwave", checkpoint=folder)["s"].values
@@ -258,6 +264,23 @@ def test_a_result_that_cannot_be_trusted_is_solved_again_and_told_of(tmp_path, m
         again = mf.simulate(scene, solver="fullwave", checkpoint=folder, resume=True)["s"].values
     assert solved == [2]
     np.testing.assert_array_equal(again.view(np.uint64), whole.view(np.uint64))
+
+
+@pytest.mark.parametrize("name", ["00000.npy", "sweep.sha256"])
+def test_a_folder_in_the_place_of_a_result_is_refused_before_the_work(tmp_path, scene_file, capsys, name):
+    (tmp_path / "sweep.nc.frequencies" / name / "mine").mkdir(parents=True)
+    command = ["simulate", str(scene_file), "--solver", "fullwave", "--workers", "1", "-o", str(tmp_path / "sweep.nc")]
+    assert main([*command, "--resume"]) == 2
+    assert f"{name}: is a folder in the place of a file with results; move it away" in capsys.readouterr().err
+    assert (tmp_path / "sweep.nc.frequencies" / name / "mine").is_dir()
+
+
+def test_a_pipe_in_the_place_of_the_mark_is_replaced(tmp_path):
+    scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
+    folder.mkdir()
+    os.mkfifo(folder / "sweep.sha256")
+    mf.simulate(scene, solver="fullwave", checkpoint=folder)
+    assert (folder / "sweep.sha256").is_file()
 
 
 @pytest.mark.parametrize("mark", [None, "", "no fingerprint"])

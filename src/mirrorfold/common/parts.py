@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from mirrorfold.errors import InputError
+
 DIGEST_BYTES = hashlib.sha256().digest_size
 
 BLOCK_BYTES = 1 << 20
@@ -52,8 +54,9 @@ class Parts:
     @property
     def fingerprint_found(self) -> str | None:
         """The fingerprint that stands in the folder; None where there is none that is whole."""
+        mark = self.folder / self.mark
         try:
-            text = (self.folder / self.mark).read_text(encoding="ascii")
+            text = mark.read_text(encoding="ascii") if mark.is_file() else ""
         except (OSError, UnicodeDecodeError):
             return None
         return text if len(text) == 2 * DIGEST_BYTES else None
@@ -63,8 +66,16 @@ class Parts:
         return sorted(int(path.stem) for path in self.folder.glob(f"[0-9]*{self.suffix}") if path.stem.isdigit())
 
     def verified(self) -> set[int]:
-        """Numbers of the parts that are whole and of this work; warns of the others."""
+        """Numbers of the parts that are whole and of this work; warns of the others.
+
+        Raises
+        ------
+        InputError
+            If a folder is in the place of a part or of the fingerprint.
+        """
         found = self.numbers()
+        for path in (self.folder / self.mark, *map(self.path, found)):
+            _check_no_folder(path)
         whole = {number for number in found if is_sealed(self.path(number), self._owner(number))}
         bad = [self.path(number).name for number in found if number not in whole]
         if bad:
@@ -77,9 +88,17 @@ class Parts:
 
     @contextmanager
     def written(self, number: int) -> Iterator[Path]:
-        """A temporary path to write a part to, sealed and put in its place when the block ends well."""
+        """A temporary path to write a part to, sealed and put in its place when the block ends well.
+
+        Raises
+        ------
+        InputError
+            If a folder is in the place of the part or of the fingerprint.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self.path(number)
+        for place in (self.folder / self.mark, path):
+            _check_no_folder(place)
         temporary = path.with_name(f"{path.stem}.{secrets.token_hex(4)}{UNFINISHED}")
         try:
             if self.fingerprint_found != self.fingerprint:
@@ -107,6 +126,12 @@ class Parts:
         return f"{self.fingerprint} {number}"
 
 
+def _check_no_folder(path: Path) -> None:
+    """Refuse a folder where a file belongs; what else is there, such as a pipe, is replaced."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder in the place of a file with results; move it away")
+
+
 def seal(path: Path, owner: str) -> None:
     """Append the digest of `owner` and of all that a file holds, and have the disk hold both.
 
@@ -121,7 +146,9 @@ def seal(path: Path, owner: str) -> None:
 
 
 def is_sealed(path: Path, owner: str) -> bool:
-    """Whether a file is as it was when it was sealed for this owner; not where it cannot be read."""
+    """Whether a file is as it was when it was sealed for this owner; not where it cannot be read, or is a pipe."""
+    if not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             content = os.fstat(file.fileno()).st_size - DIGEST_BYTES
