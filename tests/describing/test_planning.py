@@ -105,7 +105,7 @@ def test_what_will_go_wrong_is_remarked():
         ({"points": 1}, "points"),
         ({"points": 10**9}, "points"),
         ({"aperture": -1.0}, "aperture"),
-        ({"pitch": 1e-12}, "pitches"),
+        ({"pitch": 1e-7}, "pitches"),
         ({"pitch": 1.0}, "pitch"),
         ({"range": float("nan")}, "range"),
         ({"materials": ["cheese"]}, "cheese"),
@@ -117,6 +117,33 @@ def test_what_will_go_wrong_is_remarked():
 def test_what_makes_no_sense_is_refused(change, words):
     with pytest.raises(mf.InputError, match=words):
         mf.plan(**BASE | change)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_numbers_that_no_measurement_has_are_refused(sign):
+    """They overflowed, or made a budget of infinities."""
+    for name in ("power_dbm", "gain_dbi", "noise_figure_db"):
+        mf.plan(**BASE, instrument=Instrument(**{name: sign * 200.0}))
+        with pytest.raises(mf.InputError, match=rf"{name} is .*, expected a number of decibels from -200 to 200"):
+            Instrument(**{name: sign * 4000.0})
+    for name in ("range", "aperture", "pitch", "rx_aperture", "rx_pitch", "target", "leg"):
+        with pytest.raises(mf.InputError, match=f"{name} is "):
+            mf.plan(**BASE | {name: sign * 1e308})
+    for name in ("if_bandwidth", "settling", "moving"):
+        with pytest.raises(mf.InputError, match=f"{name} is "):
+            Instrument(**{name: sign * 1e300})
+    for roughness in ((sign * 1e308, None), (0.0, sign * 1e308)):
+        with pytest.raises(mf.InputError, match="of the roughness is "):
+            mf.plan(**BASE, roughness=roughness)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"range": 1e-9}, {"range": 1e7}, {"target": 1e-20}, {"target": 1e20}, {"leg": 1e7}, {"roughness": (1e7, 1e-12)},
+     {"detection_db": -200.0}, {"roughness": (1e7, None)}, {"roughness": (0.0, 1e7)}],
+)  # fmt: skip
+def test_numbers_at_the_limits_are_planned(change):
+    mf.plan(**BASE | change)
 
 
 @pytest.mark.slow

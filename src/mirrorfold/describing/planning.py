@@ -10,7 +10,7 @@ import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
 
 from mirrorfold.common.arguments import shown
-from mirrorfold.common.plausible import frequency_unit, length_unit
+from mirrorfold.common.plausible import FARTHEST, HIGHEST, frequency_unit, length_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
 from mirrorfold.describing.quality import ExpectedQuality, expected_quality
@@ -55,6 +55,34 @@ FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `mirrorfold benchmark`: two to three seconds for three million pixels."""
 
 
+LEVEL = -200.0, 200.0, "decibels"
+"""No power, gain, noise or signal that is measured lies outside of this."""
+
+LIMITS: dict[str, tuple[float, float, str]] = {
+    **dict.fromkeys(("power_dbm", "gain_dbi", "noise_figure_db", "detection_db"), LEVEL),
+    **dict.fromkeys(("aperture", "pitch", "range", "rx_aperture", "rx_pitch"), (1e-9, FARTHEST, "metres")),
+    **dict.fromkeys(("leg", "rms height of the roughness"), (0.0, FARTHEST, "metres")),
+    "correlation length of the roughness": (1e-12, FARTHEST, "metres"),
+    **dict.fromkeys(("settling", "moving"), (0.0, 1e9, "seconds")),
+    "frequency": (1e-3, HIGHEST[True], "hertz"),
+    "if_bandwidth": (1e-6, 1e13, "hertz"),
+    "target": (1e-20, 1e20, "square metres"),
+}
+"""Least and largest value of each number, so wide that what lies outside is a slip, and its unit."""
+
+
+def _check_number(name: str, value: float) -> None:
+    """Refuse what no such number can be.
+
+    Raises
+    ------
+    InputError
+    """
+    low, high, unit = LIMITS[name]
+    if not isinstance(value, int | float | np.number) or not low <= value <= high:
+        raise InputError(f"{name} is {value!r}, expected a number of {unit} from {low:g} to {high:g}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Instrument:
     """The radar's electronics, for the link budget and the time.
@@ -84,10 +112,7 @@ class Instrument:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not isinstance(value, (int, float)) or not np.isfinite(value):
-                raise InputError(f"{name} is {value!r}, expected a finite number")
-        if self.if_bandwidth <= 0 or self.settling < 0 or self.moving < 0:
-            raise InputError("if_bandwidth must be above zero, settling and moving must not be negative")
+            _check_number(name, value)
 
 
 class BudgetRow(Record):
@@ -317,18 +342,18 @@ def _check(
     InputError
         With the first such argument.
     """
-    if len(band) != 2 or not np.isfinite(band).all() or not 0 < band[0] < band[1]:
-        raise InputError(f"band is {band!r}, expected two rising frequencies in hertz, for example (270e9, 300e9)")
+    low, high, _ = LIMITS["frequency"]
+    if len(band) != 2 or not low <= band[0] < band[1] <= high:
+        expected = f"two rising frequencies from {low:g} to {high:g} Hz, for example (270e9, 300e9)"
+        raise InputError(f"band is {band!r}, expected {expected}")
     if isinstance(points, bool) or not isinstance(points, (int, np.integer)) or not 2 <= points <= LARGEST_COUNT:
         raise InputError(f"points is {points!r}, expected a whole number of frequencies of at least 2")
-    lengths = {"aperture": aperture, "pitch": pitch, "range": range_, "target": target}
-    lengths |= {
-        name: value for name, value in (("rx_aperture", rx_aperture), ("rx_pitch", rx_pitch)) if value is not None
-    }
-    for name, value in lengths.items():
-        if not np.isfinite(value) or value <= 0:
-            unit = "square metres" if name == "target" else "metres"
-            raise InputError(f"{name} is {value!r}, expected a number of {unit} above zero")
+    given = {"aperture": aperture, "pitch": pitch, "range": range_, "rx_aperture": rx_aperture, "rx_pitch": rx_pitch}
+    given |= {"target": target, "leg": leg, "detection_db": detection_db}
+    given |= {"rms height of the roughness": roughness[0], "correlation length of the roughness": roughness[1]}
+    for name, value in given.items():
+        if value is not None:
+            _check_number(name, value)
     meant = frequency_unit(band[1], aperture, pitch, speed_of_light)
     if meant is not None:
         raise InputError(
@@ -341,12 +366,6 @@ def _check(
             f"pitch is {pitch:g} m, {pitch * band[1] / speed_of_light:.0f} wavelengths; probably {pitch:g}{coarse} was "
             "meant"
         )
-    if not np.isfinite(leg) or leg < 0:
-        raise InputError(f"leg is {leg!r}, expected a number of metres of at least zero")
-    if not np.isfinite(detection_db):
-        raise InputError(f"detection_db is {detection_db!r}, expected a number of decibels")
-    if not np.isfinite(roughness[0]) or roughness[0] < 0 or (roughness[1] is not None and not roughness[1] > 0):
-        raise InputError(f"roughness is {roughness!r}, expected an rms height and a correlation length in metres")
     for length, step, side in (
         (aperture, pitch, "aperture"),
         (rx_aperture or aperture, rx_pitch or pitch, "rx_aperture"),
