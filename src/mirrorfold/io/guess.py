@@ -11,9 +11,10 @@ import numpy as np
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble
 from mirrorfold.io.mapping import Mapping
+from mirrorfold.io.place_search import LARGEST_LOOKED_AT
 from mirrorfold.io.proposal import BESIDE, Finding, Guess
 from mirrorfold.io.readers import Contents, Variable, read_contents
-from mirrorfold.io.recognition import LARGEST_LOOKED_AT, Search
+from mirrorfold.io.recognition import Search
 from mirrorfold.io.strict import validated
 
 MOST_TABLES = 20

@@ -22,11 +22,16 @@ START, STOP = (
 PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
 TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
 CHANNELS = re.compile(r"chan|pair")
-COORDINATE = re.compile(r"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis|m|mm)?$")
+LENGTH_UNIT = rf"(?:_?(?:{'|'.join(KINDS['length'])}))?"
+"""A unit of length that may stand at the end of a name."""
+
+COORDINATE = re.compile(rf"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis)?{LENGTH_UNIT}$")
 TX_COORDINATE = re.compile(
-    r"^(?:tx|trans(?:mitter)?|t)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:tx|t)(?:_?m{1,2})?$"
+    rf"^(?:tx|trans(?:mitter)?|t)_?(?:pos)?_?([xyz]){LENGTH_UNIT}$|^([xyz])_?(?:tx|t){LENGTH_UNIT}$"
 )
-RX_COORDINATE = re.compile(r"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz])(?:_?m{1,2})?$|^([xyz])_?(?:rx|r)(?:_?m{1,2})?$")
+RX_COORDINATE = re.compile(
+    rf"^(?:rx|rec(?:eiver)?|r)_?(?:pos)?_?([xyz]){LENGTH_UNIT}$|^([xyz])_?(?:rx|r){LENGTH_UNIT}$"
+)
 
 BEFORE_UNIT = {
     "frequency": r"f|freq|frequency|frequencies",
