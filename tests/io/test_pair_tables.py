@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 
 import numpy as np
@@ -98,6 +99,19 @@ def test_a_long_table_of_places_needs_nothing_else(tmp_path, measured):
             for i in range(3) for k in range(12) for n in range(f.size)]  # fmt: skip
     path = write(tmp_path / "a.csv", headings, np.array(rows))
     same(mf.import_data(path), *measured)
+
+
+@pytest.mark.parametrize(("heading", "unit"), [("phase", 1.0), ("phase", 180 / np.pi), ("phase_rad", 1.0)])
+def test_phases_without_a_unit_are_radians_where_they_go_around_a_circle_of_two_pi(tmp_path, measured, heading, unit):
+    _, tx, rx, _ = measured
+    path = long(
+        tmp_path / "a.csv", *measured, ["f_GHz", "tx", "rx", "mag", heading], lambda i, k: (i, k),
+        values=lambda one: (abs(one), unit * np.angle(one)),
+    )  # fmt: skip
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        same(mf.import_data(path, positions=places(tx, rx)), *measured)
+    assert any("taken for radians" in str(one.message) for one in said) == (heading == "phase" and unit == 1.0)
 
 
 def test_missing_pairs_of_a_long_table_are_marked(tmp_path, measured):

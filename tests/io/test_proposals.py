@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from point_target import AXES, same
+from point_target import AXES, echo, line_of, same
 from profiles import examples
 from scipy.io import savemat
 
@@ -129,3 +129,25 @@ def test_the_command_imports_by_a_proposed_mapping(npz, tmp_path, capsys):
     assert mf.load(out).attrs["command"].startswith("mirrorfold import ")
     assert main(["import", "--guess", str(npz), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["works"].startswith("s(frequency 21, tx 5, rx 7)")
+
+
+@pytest.mark.parametrize("axis", [0, -1])
+def test_a_proposal_knows_an_axis_of_real_and_imaginary_parts(tmp_path, measured, axis):
+    f, tx, rx, s = measured
+    np.savez(tmp_path / "d.npz", cube=np.stack([s.real, s.imag], axis), f=f, tx=tx, rx=rx)
+    guess = guess_mapping(tmp_path / "d.npz")
+    assert not guess.missing
+    same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), f, tx, rx, s)
+
+
+def test_a_proposal_is_not_sure_of_axes_of_equal_length(tmp_path, measured):
+    f, tx, _, _ = measured
+    rx = line_of(f.size)
+    np.savez(tmp_path / "d.npz", s=echo(f, tx, rx), f=f, tx_pos=tx, rx_pos=rx)
+    text = guess_mapping(tmp_path / "d.npz").to_toml()
+    assert "a guess: axis 0 is frequency" in text
+    assert "sure: axis 0" not in text
+    np.savez(tmp_path / "d.npz", s=echo(f, tx, tx), f=f, tx_pos=tx, rx_pos=tx)
+    text = guess_mapping(tmp_path / "d.npz").to_toml()
+    assert "sure: axis 0 is frequency" in text
+    assert "a guess: axis 1 is tx and axis 2 rx" in text

@@ -25,6 +25,7 @@ from mirrorfold.io.names import (
     TRANSMIT,
     unit_of_name,
 )
+from mirrorfold.io.phases import phase_unit
 from mirrorfold.io.place_search import PlaceSearch, last_part
 from mirrorfold.io.proposal import source
 from mirrorfold.io.readers import Variable
@@ -49,6 +50,7 @@ class Search(PlaceSearch):
         dims = list(samples.dims) if len(samples.dims) == len(samples.shape) else [""] * len(shape)
         known = {"frequency", "time", "range", "tx", "rx", "position", "azimuth", "elevation", "frame", "polarization"}
         dims = [name if name in known else "" for name in dims] if len(dims) == len(shape) else [""] * len(shape)
+        self._parts(shape, dims)
         self._spectral(shape, dims)
         self._channels(shape, dims)
         self._extras(shape, dims)
@@ -89,12 +91,15 @@ class Search(PlaceSearch):
         if not reals:
             return None
         name = max(reals, key=lambda key: prod(reals[key].shape))
-        if self._rows(FREQUENCY, [n for n in reals[name].shape if n > 1]) and not self._rows(TIME, reals[name].shape):
+        lengths = [n for n in reals[name].shape if n > 1]
+        over_frequency = bool(self._rows(FREQUENCY, lengths)) and not self._rows(TIME, lengths)
+        if over_frequency and 2 not in (lengths[0], lengths[-1]):
             self.guess.missing.append(
                 f"{name!r} holds real numbers against frequency, magnitudes or one part alone: name the other part or "
                 "the phase in [s]; without it nothing tells where echoes are"
             )
-        self._found(f"the samples are {name!r} {reals[name].shape}", 1, "the largest array; real, so time traces")
+        why = "the largest array" if over_frequency else "the largest array; real, so time traces"
+        self._found(f"the samples are {name!r} {reals[name].shape}", 1, why)
         self.guess.entries["s"] = {"variable": name, "dims": []}
         return self.free.pop(name)
 
@@ -102,17 +107,27 @@ class Search(PlaceSearch):
         """Magnitudes and phases, with their units by name and value."""
         values, turns = (np.asarray(self.contents.array(name), dtype=float) for name in (size, angle))
         decibel = "db" in last_part(size) or bool(np.nanmin(values) < 0.0)
-        degrees = "deg" in last_part(angle) or bool(np.nanmax(np.abs(turns)) > 2.0 * np.pi + 0.01)
-        units = {"magnitude_unit": "dB" if decibel else "linear", "phase_unit": "degree" if degrees else "radian"}
+        told = phase_unit(last_part(angle), turns)
+        units = {"magnitude_unit": "dB" if decibel else "linear", "phase_unit": told or "radian"}
         said = f"{'dB' if decibel else 'linear'}, {units['phase_unit']}"
-        self._found(f"the samples are magnitude {size!r} and phase {angle!r}, {said}", 1, "names, shapes and values")
+        self._found(f"the samples are magnitude {size!r} and phase {angle!r}, {said}", 1 if told else 2,
+                    "names, shapes and values" if told else "names and shapes")  # fmt: skip
         self.guess.entries["s"] = {"magnitude": size, "phase": angle, **units, "dims": []}
         self.free.pop(angle)
         return self.free.pop(size)
 
+    def _parts(self, shape: list[int], dims: list[str]) -> None:
+        """The axis of real and imaginary parts, of samples that are real numbers against frequency."""
+        if "variable" not in self.guess.entries["s"] or not self._is_real():
+            return
+        at = next((at for at in (len(shape) - 1, 0) if shape[at] == 2 and not dims[at]), None)
+        if at is not None and self._rows(FREQUENCY, shape) and not self._rows(TIME, shape):
+            dims[at] = "re_im"
+            self._found(f"axis {at} holds real and imaginary parts", 1, "length two, of real numbers against frequency")
+
     def _spectral(self, shape: list[int], dims: list[str]) -> None:
         """The axis of frequency or time."""
-        is_real = "variable" in self.guess.entries["s"] and self._is_real()
+        is_real = "variable" in self.guess.entries["s"] and self._is_real() and "re_im" not in dims
         for kind, pattern in (("time", TIME), ("frequency", FREQUENCY)) if is_real else (("frequency", FREQUENCY),):
             for name, values in self._rows(pattern, [n for n in shape if n > 1]):
                 step = np.diff(values)
@@ -121,11 +136,11 @@ class Search(PlaceSearch):
                 at = dims.index(kind) if kind in dims else shape.index(values.size)
                 dims[at] = kind
                 unit = self._unit(kind, name, values)
-                self._found(f"axis {at} is {kind}, {name!r} in {unit}", 0, "name, length and equal steps")
-                if kind not in self.contents.variables[self.guess.entries["s"].get("variable", name)].dims:
-                    self._cannot_know(
-                        shape, at, *(n for n, size in enumerate(shape) if size == values.size and n != at)
-                    )
+                held = self.contents.variables[self.guess.entries["s"].get("variable", name)].dims
+                alike = [at] if kind in held else [n for n, size in enumerate(shape) if size == values.size]
+                self._found(f"axis {at} is {kind}, {name!r} in {unit}", 0 if len(alike) == 1 else 2,
+                            "name, length and equal steps")  # fmt: skip
+                self._cannot_know(shape, *alike)
                 said = source(name)
                 self.guess.entries[kind] = {"variable": name} if said == name else said
                 self.guess.entries[kind] |= {"unit": unit}
@@ -192,8 +207,10 @@ class Search(PlaceSearch):
         for order in ((first, second), (second, first)):
             if self._places("tx", TRANSMIT, shape[order[0]]) and self._places("rx", RECEIVE, shape[order[1]]):
                 dims[order[0]], dims[order[1]] = "tx", "rx"
-                self._found(f"axis {order[0]} is tx and axis {order[1]} rx", 0, "names and lengths of the places")
-                self._cannot_know(shape, order[0], order[1])
+                alike = shape[first] == shape[second]
+                self._found(f"axis {order[0]} is tx and axis {order[1]} rx", 2 if alike else 0,
+                            "names and lengths of the places")  # fmt: skip
+                self._cannot_know(shape, *order)
                 return
             for name in ("tx", "rx"):
                 self.guess.entries.pop(name, None)

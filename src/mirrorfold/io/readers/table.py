@@ -8,6 +8,7 @@ Columns are parted by commas, semicolons, tabs or blanks; semicolons allow decim
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
+from mirrorfold.io.phases import phase_unit
 from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
 
@@ -43,13 +45,14 @@ FREQUENCY = re.compile(
 KINDS = (
     ("db", r"db|log\s*mag|dbmag"),
     ("radian", r"rad(ians?)?"),
-    ("degree", r"deg(rees?)?|ang(le)?|phase|uphase"),
+    ("degree", r"deg(rees?)?"),
+    ("phase", r"ang(le)?|phase|uphase"),
     ("real", r"re(al)?"),
     ("imaginary", r"im(ag(inary)?)?"),
     ("magnitude", r"mag(nitude)?|lin(ear)?(\s*mag)?|abs|amplitude"),
 )
 """What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
-and a phase in degrees unless radians are named."""
+and a phase in degrees unless radians are named, or its values go around a circle of 2 pi."""
 
 PARAMETER = re.compile(r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?", re.IGNORECASE)
 
@@ -213,6 +216,10 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str]]:
             unknown.append(heading)
             continue
         parts.setdefault(name, {})[kind] = table.values[:, n]
+    for columns in parts.values():
+        if "phase" in columns:
+            phase = columns.pop("phase")
+            columns[_phase_unit(path, phase)] = phase
     made = {name: _complex(columns) for name, columns in parts.items()}
     unknown += [f"{name} {kind}" for name, values in made.items() if values is None for kind in parts[name]]
     complete = {name: values for name, values in made.items() if values is not None}
@@ -240,6 +247,18 @@ def _name(text: str) -> str:
         out, into = (int(part) for part in match.groups() if part)
         return f"S{out}{into}" if max(out, into) < 10 else f"S{out},{into}"
     return re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
+
+
+def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
+    """The unit of phases whose heading names none; says where it is not the usual one."""
+    if phase_unit("", phase) != "radian":
+        return "degree"
+    warnings.warn(
+        f"{path}: the phases are taken for radians, as all lie within a circle of 2 pi; if they are degrees, say so in "
+        "the heading, as in phase_deg",
+        stacklevel=2,
+    )
+    return "radian"
 
 
 def _complex(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
