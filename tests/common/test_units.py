@@ -107,6 +107,23 @@ def test_a_scene_may_name_its_units():
         parse_scene(said | {"array": {"elements": 5, "pitch": "3 GHz"}})
 
 
+@pytest.mark.parametrize(
+    ("part", "place"),
+    [
+        ({"band": {"start": 290e9, "stop": "300 GHz", "points": 3}}, "band"),
+        ({"array": {"elements": 5, "pitch": "0.5 mm", "center": ["1cm", "2"]}}, "array.center"),
+    ],
+)
+def test_numbers_of_one_place_in_a_scene_all_have_units_or_none(part, place):
+    content = {
+        "name": "units", "array": {"elements": 5, "pitch": 0.5e-3},
+        "band": {"start": 290e9, "stop": 300e9, "points": 3},
+        "surface": [{"name": "a", "kind": "segment", "start": [0.0, 1.0], "end": [0.5, 1.0]}],
+    }  # fmt: skip
+    with pytest.raises(mf.InputError, match=rf"{place}.*: .* gives some numbers a unit and others none"):
+        parse_scene(content | part)
+
+
 def test_a_mapping_and_a_description_of_positions_may_name_their_units():
     row = Values(start="270 GHz", step="0.5GHz", points=3)
     assert (row.start, row.step, row.unit) == (270e9, 0.5e9, "Hz")
@@ -115,5 +132,7 @@ def test_a_mapping_and_a_description_of_positions_may_name_their_units():
     assert Places(position=[[1.0, 2.0, 0.0]], unit="MM").unit == "mm"
     with pytest.raises(ValueError, match="give each its unit"):
         Values(start="270 GHz", stop=300.0, points=3)
+    with pytest.raises(ValueError, match="give each its unit"):
+        Values(start="-12 mm", step="1.2", points=3)
     scan = Scan(file=[{"file": "a.s1p", "position": ["5 mm", "0 mm", "1 cm"]}], scene_center=["1m", 0.0, 0.0])
     assert (scan.file[0].position, scan.file[0].unit, scan.scene_center) == ([0.005, 0.0, 0.01], "m", (1.0, 0.0, 0.0))

@@ -227,3 +227,21 @@ def test_frequencies_that_are_all_zero_tell_no_unit_of_positions(tmp_path):
     guess = guess_mapping(tmp_path / "a.npz")
     with pytest.raises(mf.InputError, match="frequenc"):
         mf.import_data(tmp_path / "a.npz", mapping=guess.entries)
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (["--position-unit", "mm"], "its positions are in metres already"),
+        (["--frequency-unit", "GHz"], "no phase is measured above"),
+    ],
+)
+def test_a_unit_too_many_is_refused(tmp_path, option, said, capsys):
+    mf.save(mf.make_sweep(S, frequency=F, tx_position=TX, rx_position=RX), tmp_path / "a.nc")
+    assert main(["calibrate", str(tmp_path / "a.nc"), "-o", str(tmp_path / "b.nc"), *option]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_arrays_that_no_unit_makes_long_enough_are_refused():
+    with pytest.raises(mf.InputError, match=r"wavelengths long at 3e\+11 Hz; give"):
+        mf.make_sweep(S, frequency=F, tx_position=1e-6 * TX, rx_position=1e-6 * RX)

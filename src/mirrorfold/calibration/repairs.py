@@ -9,9 +9,10 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
+from mirrorfold.common.plausible import LONG_ENOUGH, extent
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import check_sweep, is_raster
+from mirrorfold.sweep import antenna_positions, check_sweep, is_raster, wave_speed
 
 
 def conjugate(sweep: xr.Dataset) -> xr.Dataset:
@@ -68,6 +69,11 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     sweep : xarray.Dataset
     unit : {"mm", "cm", "um", "inch", "m"}
         Of the positions as they stand; any length of `mirrorfold.common.units`.
+
+    Raises
+    ------
+    InputError
+        If the array would then be too short to tell directions: its positions are in metres already.
     """
     scale = _factor("length", unit)
     sweep = check_sweep(sweep, source="scale_positions")
@@ -77,6 +83,12 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     scaled = {
         name: (sweep[name].dims, sweep[name].values * scale, {**sweep[name].attrs, "units": "m"}) for name in names
     }
+    length, wavelength = extent(*antenna_positions(sweep)), wave_speed(sweep) / float(sweep["frequency"].max())
+    if scale * length < LONG_ENOUGH * wavelength <= length:
+        raise InputError(
+            f"scale_positions: in {unit} the array of {length:.3g} m would be {scale * length / wavelength:.1g} "
+            "wavelengths long, which tells no directions; its positions are in metres already, leave the unit out"
+        )
     return recorded(sweep.assign_coords(scaled), f"positions taken for {unit}")
 
 

@@ -47,6 +47,9 @@ LOWEST_ULTRASOUND = 2e4
 HIGHEST = {True: 2e13, False: 2e10}
 """Highest frequencies [Hz] of electromagnetic waves that are measured with their phase, and of sound."""
 
+HIGHEST_OF_ALL = {True: 1e16, False: 1e12}
+"""The phase of no light, and of no sound, is measured above this frequency [Hz]."""
+
 FINEST_APERTURE = 2.0
 """Aperture [m] that beams would need whose steps are so fine; no scanner's is as wide."""
 
@@ -121,6 +124,31 @@ def frequency_unit(highest: float, length: float, step: float, speed: float) -> 
             wanted = USUAL_PITCH / max((step or length) * highest / speed, 1e-300)
             misfit[unit] = abs(np.log(factor / wanted)) if length else -factor
     return min(misfit, key=misfit.__getitem__) if misfit else None
+
+
+def senseless(highest: float, length: float, speed: float) -> str | None:
+    """Why no array so long can have measured waves of such frequencies, in words; None where one can.
+
+    Parameters
+    ----------
+    highest : float [Hz]
+    length : float [m]
+        Of the array, or the width of the beam; zero where it is not known.
+    speed : float [m/s]
+
+    Examples
+    --------
+    >>> senseless(126e9, length=2.4e-8, speed=299792458.0)
+    'an array of 2.4e-08 m is 1e-05 wavelengths long at 1.26e+11 Hz'
+    >>> senseless(126e9, length=0.024, speed=299792458.0)
+    """
+    limit = HIGHEST_OF_ALL[speed > SLOWEST_LIGHT]
+    if highest > limit:
+        return f"frequencies reach {highest:.3g} Hz, and no phase is measured above {limit:g} Hz"
+    in_wavelengths = length * highest / speed
+    if 0.0 < in_wavelengths < SHORTEST_ARRAY:
+        return f"an array of {length:.3g} m is {in_wavelengths:.1g} wavelengths long at {highest:.3g} Hz"
+    return None
 
 
 def may_be_sound(highest: float, length: float, step: float) -> bool:

@@ -127,6 +127,36 @@ def parse_quantities(text: str, kind: str, *, mark: str = ":", unit: str | None 
     return [value * UNITS[unit] for value in values] if unit and named == {False} else values
 
 
+def written_numbers(value: Any) -> list[tuple[float, str]]:
+    """Numbers and units in a value of a file: a text, a number, or lists of them; other texts are names.
+
+    Of numbers that are no texts, which may be too large for a float, only whether they are zero matters.
+
+    Examples
+    --------
+    >>> written_numbers(["8 cm", "0.5", 2, "tx_x"])
+    [(8.0, 'cm'), (0.5, ''), (1.0, '')]
+    """
+    if isinstance(value, list | tuple):
+        return [pair for item in value for pair in written_numbers(item)]
+    if isinstance(value, str):
+        found = split_quantity(value)
+        return [] if found is None else [found]
+    return [(1.0 if value else 0.0, "")] if isinstance(value, int | float) else []
+
+
+def mixes_units(value: Any) -> bool:
+    """Whether some of the numbers in a value have a unit and others none; zero needs none.
+
+    Examples
+    --------
+    >>> mixes_units(["8 cm", "0.5"]), mixes_units(["8 cm", 0]), mixes_units([8, 0.5])
+    (True, False, False)
+    """
+    written = written_numbers(value)
+    return any(unit for _, unit in written) and any(number and not unit for number, unit in written)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Marks the type of a number that may be written with a unit: ``Annotated[float, Quantity("length")]``.

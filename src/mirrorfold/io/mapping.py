@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mirrorfold.common.plausible import FARTHEST
-from mirrorfold.common.units import KINDS, UNITS, Quantity, parse_quantity, split_quantity, unit_named
+from mirrorfold.common.units import KINDS, UNITS, Quantity, mixes_units, parse_quantity, unit_named, written_numbers
 from mirrorfold.errors import InputError
 from mirrorfold.io.strict import read_written, validated
 
@@ -49,29 +49,15 @@ def in_one_unit(content: Any, names: tuple[str, ...]) -> Any:
     if not isinstance(content, dict):
         return content
     given = {name: content[name] for name in names if content.get(name) is not None}
-    written = {unit for value in given.values() for _, unit in _quantities(value)}
-    if not any(written):
+    written = {unit for _, unit in written_numbers(list(given.values())) if unit}
+    if not written:
         return content
     kinds = {kind for kind, units in KINDS.items() if written & units.keys()}
-    bare = any(not unit and number for value in given.values() for number, unit in _quantities(value))
-    if bare or len(kinds) > 1 or "unit" in content:
+    if mixes_units(list(given.values())) or len(kinds) > 1 or "unit" in content:
         raise ValueError(f"{given} mix numbers with and without units or of several kinds; give each its unit, or none")
     kind = kinds.pop()
     converted = {name: _converted(value, kind) for name, value in given.items()}
     return {**content, **converted, "unit": next(iter(KINDS[kind]))}
-
-
-def _quantities(value: Any) -> list[tuple[float, str]]:
-    """Numbers and units in a value: a text, a number, or lists of them; other texts are names.
-
-    Of numbers without a unit, which may be too large for a float, only whether they are zero matters.
-    """
-    if isinstance(value, list):
-        return [pair for item in value for pair in _quantities(item)]
-    if isinstance(value, str):
-        found = split_quantity(value)
-        return [] if found is None or not found[1] else [found]
-    return [(1.0 if value else 0.0, "")] if isinstance(value, int | float) else []
 
 
 def _converted(value: Any, kind: str) -> Any:
@@ -132,7 +118,7 @@ class Values(Strict):
 def _short(value: Any) -> Any:
     """A name stands for a variable; numbers, with a unit or without, for themselves."""
     if isinstance(value, str):
-        return {"values": [value]} if _quantities(value) else {"variable": value}
+        return {"values": [value]} if any(unit for _, unit in written_numbers(value)) else {"variable": value}
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"values": [value]}
     return {"values": value} if isinstance(value, list) else value

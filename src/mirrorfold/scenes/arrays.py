@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
+from pydantic_core import ArgsKwargs
 
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import Quantity
+from mirrorfold.common.units import Quantity, mixes_units
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -35,7 +36,25 @@ POSITION_BYTES = 72.0
 STEP_BYTES = 16.0
 """Memory of a frequency or an angle while the steps are made."""
 
-Point = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
+
+def in_one_unit(given: Any) -> Any:
+    """What a scene file gives in one place, a point or both ends of a band, unless some numbers alone have a unit."""
+    if mixes_units(list(given.values()) if isinstance(given, dict) else given):
+        raise ValueError(f"{given} gives some numbers a unit and others none; give each its unit, or none")
+    return given
+
+
+def both_ends_in_one_unit(given: Any) -> Any:
+    """The fields of a band or of steps, unless one of both ends alone has a unit."""
+    fields = given.kwargs if isinstance(given, ArgsKwargs) else given
+    if isinstance(fields, dict):
+        in_one_unit({name: fields[name] for name in ("start", "stop") if name in fields})
+    return given
+
+
+Point2 = Annotated[tuple[Coordinate, Coordinate], BeforeValidator(in_one_unit)]
+Point3 = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(in_one_unit)]
+Point = Point2 | Point3
 
 
 def point3(point: Sequence[float]) -> Array:
@@ -123,6 +142,8 @@ class Band:
     start: Annotated[Positive, Quantity("frequency")]
     stop: Annotated[Positive, Quantity("frequency")]
     points: Annotated[Count, Field(ge=2)]
+
+    _units = model_validator(mode="before")(both_ends_in_one_unit)
 
     def __post_init__(self) -> None:
         if not self.stop > self.start:

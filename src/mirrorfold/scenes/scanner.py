@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.beams import beam_radius
@@ -15,9 +15,16 @@ from mirrorfold.common.memory import check_room
 from mirrorfold.common.reading import read_text
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import Quantity
-from mirrorfold.scenes.arrays import STEP_BYTES, STRICT, Coordinate, Count, Finite, NonNegativeLength, PositiveLength
-
-Point3 = tuple[Coordinate, Coordinate, Coordinate]
+from mirrorfold.scenes.arrays import (
+    STEP_BYTES,
+    STRICT,
+    Count,
+    Finite,
+    NonNegativeLength,
+    Point3,
+    PositiveLength,
+    both_ends_in_one_unit,
+)
 
 WIDEST = 89.0
 """Largest azimuth or elevation [degree]: the scanner looks forward."""
@@ -37,6 +44,8 @@ class Steps:
     start: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
     stop: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
     points: Annotated[Count, Field(ge=2)]
+
+    _units = model_validator(mode="before")(both_ends_in_one_unit)
 
     def __post_init__(self) -> None:
         if not self.stop > self.start:

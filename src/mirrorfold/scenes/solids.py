@@ -25,18 +25,18 @@ from mirrorfold.scenes.arrays import (
     STRICT,
     AnyAngle,
     Band,
-    Coordinate,
     Finite,
     NonNegative,
     NonNegativeLength,
+    Point2,
+    Point3,
     Positive,
     PositiveLength,
 )
 from mirrorfold.scenes.messages import say_plainly
-from mirrorfold.scenes.scanner import Leakage, Point3, Scanner, Steps
+from mirrorfold.scenes.scanner import Leakage, Scanner, Steps
 from mirrorfold.scenes.surfaces import Roughness
 
-Point2 = tuple[Coordinate, Coordinate]
 Lifted = Annotated[float, Field(ge=0, le=170), Quantity("angle")]
 Bent = Annotated[float, Field(ge=0, le=150), Quantity("angle")]
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -13,10 +13,9 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.errors import InputError
 from mirrorfold.scenes import materials
-from mirrorfold.scenes.arrays import STRICT, AnyAngle, Coordinate, NonNegativeLength, PositiveLength
+from mirrorfold.scenes.arrays import STRICT, AnyAngle, NonNegativeLength, Point2, PositiveLength
 
 Array = NDArray[np.float64]
-Point2 = tuple[Coordinate, Coordinate]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -19,6 +19,7 @@ from mirrorfold.common.plausible import (
     one_part,
     pitch,
     radians_for_degrees,
+    senseless,
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
@@ -102,6 +103,9 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"frequencies up to {frequency.max():g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
             f"give them in hertz (calibrate --frequency-unit {unit}), or for other waves than light the attr wave_speed"
         )
+    what = senseless(float(frequency.max()), _length_and_pitch(sweep)[0], wave_speed(sweep))
+    if unit is None and what is not None:
+        raise refuse(f"{what}; give frequencies in hertz and positions in metres")
     missing = int(np.count_nonzero(~np.isfinite(s.values)))
     if missing:
         raise refuse(
