@@ -255,6 +255,7 @@ class FoldPlan:
             settings = replace(settings, copies=False)
         report(1, 3)
         by_hand, walls = mirrors is not None, None
+        given_count = None if mirrors is None else len(mirrors.walls if isinstance(mirrors, FloorPlan) else mirrors)
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
         if settings.generations == 0 and not by_hand:
@@ -273,7 +274,7 @@ class FoldPlan:
             points = judged(points, found, measured.share)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
-        result = collect(self.image, found, points, settings, grid=grid)
+        result = collect(self.image, found, points, settings, grid=grid, given=given_count)
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result

@@ -134,3 +134,18 @@ def test_plans_lie_over_report_and_figures(reconstruction, tmp_path, monkeypatch
         assert main(["show", "r.nc", "-o", "f.png", "--dpi", "40", "--plan", "plan6.dxf", "--what", what]) == 0
     assert main(["show", "plan6.dxf", "-o", "f.png", "--dpi", "40"]) == 0
     assert main(["show", "r.nc", "-o", "f.png", "--plan", "none.dxf"]) == 2
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_plan_in_millimetres_that_says_no_unit_is_told(reconstruction, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    mf.save(reconstruction, "r.nc")
+    drawing(tmp_path, units=0, scale=1e3)
+    for verb in (["report", "r.nc", "-o", "r.html"], ["show", "r.nc", "-o", "f.png", "--dpi", "40"]):
+        assert main([*verb, "--plan", "plan0.dxf"]) == 0
+        assert capsys.readouterr().err.count("are its numbers millimetres?") == 1
+    plan, metres = read_plan("plan0.dxf"), read_plan(drawing(tmp_path))
+    with pytest.warns(UserWarning, match="all walls reach far beyond"):
+        extent = mf.plot.content_extent(reconstruction, plan=plan, folded=True)
+    assert extent == mf.plot.content_extent(reconstruction, folded=True)
+    assert mf.plot.content_extent(reconstruction, plan=metres, folded=True) != extent

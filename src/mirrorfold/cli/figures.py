@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
@@ -42,7 +43,8 @@ def draw(
         return "sweep", mf.plot.sweep(found)
     if isinstance(found, xr.DataArray):
         axes = _image(mf.pick_frame(found), truth, floor_db, source)
-        if plan is not None:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        if plan is not None and not plan.lies_beyond(np.array([x0, y0]), np.array([x1, y1])):
             mf.plot.plan(plan, axes)
         return "image", axes.figure
     if isinstance(found, FloorPlan):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mirrorfold.common.types import Array
+
+FAR = 30.0
+"""Sizes of a picture beyond which the walls of a plan have nothing to do with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,3 +37,16 @@ class FloorPlan:
         pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in self.lines]
         walls = np.concatenate([np.empty((0, 2, 2)), *pieces])
         object.__setattr__(self, "walls", walls[np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1) > 0.0])
+
+    def lies_beyond(self, low: Array, high: Array) -> bool:
+        """Whether all walls reach far beyond a picture from `low` to `high` (x, y) [m]; gives a warning if so."""
+        outside = np.maximum(np.maximum(low - self.walls, self.walls - high), 0.0)
+        farther = np.linalg.norm(outside, axis=-1).max(axis=-1)
+        beyond = bool(farther.min(initial=np.inf) > FAR * np.max(high - low))
+        if beyond:
+            warnings.warn(
+                f"{self.source}: all walls reach far beyond what is shown; a plan is in metres, unless a DXF file says "
+                "another unit by $INSUNITS: are its numbers millimetres?",
+                stacklevel=2,
+            )
+        return beyond

@@ -27,7 +27,13 @@ FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
 
 
 def collect(
-    image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, *, grid: Grid | None = None
+    image: xr.DataArray,
+    found: Found,
+    points: Points,
+    settings: FoldSettings,
+    *,
+    grid: Grid | None = None,
+    given: int | None = None,
 ) -> xr.DataTree:
     """The folded scene with its origins, as a Reconstruction.
 
@@ -44,6 +50,8 @@ def collect(
     grid : tuple of 1D arrays [m], optional
         Coordinates x and y of the pictures' pixels, and of a volume z, too. By default those of the image, continued as
         far as something folds to outside of it; of a volume, pixels around all points.
+    given : int, optional
+        How many mirrors, or walls of a plan, were given; None where mirrors were looked for.
 
     Returns
     -------
@@ -59,7 +67,7 @@ def collect(
         "threshold": found.echoes.threshold,
         "reference": found.echoes.reference,
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
-        "remark": _remark(found, settings),
+        "remark": _remark(image, found, settings, given),
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
@@ -72,8 +80,20 @@ def collect(
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
-def _remark(found: Found, settings: FoldSettings) -> str:
-    """Why no mirror was found; or in which mirrors the radar sees itself."""
+def _remark(image: xr.DataArray, found: Found, settings: FoldSettings, given: int | None) -> str:
+    """Why there is no mirror, unless none was wanted; or in which mirrors the radar sees itself."""
+    if not found.tree.mirrors and (given == 0 or settings.generations == 0):
+        return ""
+    if not found.tree.mirrors and given is not None:
+        reach = [
+            f"{name} {float(image[name].min()):.3g} to {float(image[name].max()):.3g} m"
+            for name in ("x", "y", "z", "range")
+            if name in image.dims
+        ]
+        which = "the given mirror is not" if given == 1 else f"none of the {given} given mirrors is"
+        return (
+            f"{which} in the radar's sight within the image, {', '.join(reach)}; give metres, as the image shows them"
+        )
     if not found.tree.mirrors:
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"

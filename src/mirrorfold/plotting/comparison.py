@@ -119,7 +119,7 @@ def content_extent(
     scene : Scene or Scene3D, optional
         Its surfaces count too; not those in space, whose halls are longer than what can be seen of them.
     plan : FloorPlan, optional
-        Its walls count too.
+        Its walls count too, unless all reach far beyond the image, about which a warning is given.
     folded : bool
         Of the corrected image; else of the initial one.
 
@@ -135,12 +135,13 @@ def content_extent(
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
     if _is_flat(scene):
         points += [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
-    if plan is not None:
+    grid = reconstruction.children["initial"].dataset
+    corners = np.column_stack([grid["x"].values[[0, -1]], grid["y"].values[[0, -1]]])
+    if plan is not None and not plan.lies_beyond(*corners):
         points += plan.lines
     found = np.concatenate(points)
     if len(found) == 1:
-        grid = reconstruction.children["initial"].dataset
-        found = np.column_stack([grid["x"].values[[0, -1]], grid["y"].values[[0, -1]]])
+        found = corners
     low, high = found.min(axis=0), found.max(axis=0)
     margin = MARGIN * float((high - low).max())
     return (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin)

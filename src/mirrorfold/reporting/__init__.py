@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import xarray as xr
 
 if TYPE_CHECKING:
@@ -58,6 +59,9 @@ def report(
     path = check_output(path, suffixes=PAGES)
     checked = pick_frame(check_reconstruction(reconstruction))
     walls = read_plan(plan) if isinstance(plan, str | Path) else plan
+    corners = np.array([np.asarray(checked[axis])[[0, -1]] for axis in "xy"]).T
+    if walls is not None and walls.lies_beyond(*corners):
+        walls = None
     truth = None
     if scene is not None:
         from mirrorfold.scenes.floor_plan import as_scene
