@@ -35,6 +35,7 @@ from mirrorfold.detection.plan_mirrors import mirrors_of_plan
 from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
+from mirrorfold.focusing.labels import check_origin
 from mirrorfold.focusing.scans import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
@@ -183,6 +184,7 @@ class FoldPlan:
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
         if self._sweep is not None:
+            check_origin(self.image, self._sweep)
             self._told = told_by_sweep(self._sweep)
         # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
         self._view = lru_cache(partial(see, self.image))

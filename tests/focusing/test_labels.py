@@ -50,3 +50,23 @@ def test_one_transmitter_and_an_upright_line_have_no_aperture_in_the_floor_plan(
     upright = attrs(line(8, 1e-3)[:, [2, 1, 0]])
     assert_allclose(upright["array_direction"], [1.0, 0.0, 0.0])
     assert upright["tx_aperture"] == 0.0
+
+
+def test_a_sweep_of_another_radar_is_refused_with_what_differs():
+    tx, rx = line(9, pitch=1e-3), line(12, pitch=1e-3)
+
+    def sweep(*, band=BAND, tx=tx, rx=rx):
+        return make_sweep(noise((band.size, len(tx), len(rx))), frequency=band, tx_position=tx, rx_position=rx)
+
+    image = mf.focus(sweep(), **PIXELS)
+    mf.fold(image, sweep=sweep())
+    away = np.array([0.5, 0.0, 0.0])
+    for other, said in (
+        (sweep(band=BAND[:20]), "20 frequencies in place of 41"),
+        (sweep(band=BAND * 1.01), "Hz at first in place of"),
+        (sweep(tx=tx + away, rx=rx + away), r"0.5, 0, 0 m as the radar's place in place of"),
+        (sweep(tx=line(5, pitch=1e-3)), "0.004 m of transmitters in place of 0.008"),
+    ):
+        with pytest.raises(mf.InputError, match=f"{said}.*; give the sweep that the image was focused from"):
+            mf.fold(image, sweep=other)
+    mf.fold(image.drop_attrs(), sweep=sweep(band=BAND[:20]))

@@ -10,10 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.sweep import is_monostatic, wave_speed
+from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, wave_speed
 
 
 class Labels:
@@ -103,3 +104,38 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
         if name in sweep.attrs:
             attrs[name] = sweep.attrs[name]
     return attrs
+
+
+def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
+    """Refuse a valid sweep of another radar than an image says that it was focused from; one that says nothing passes.
+
+    Raises
+    ------
+    InputError
+        With what differs: the frequencies, or by more than a wavelength the place or the apertures of the arrays.
+    """
+    frequency = sweep["frequency"].values
+    step, wavelength = frequency_step(sweep), wave_speed(sweep) / float(frequency[-1])
+    tx, rx = antenna_positions(sweep)
+    along = np.asarray(image.attrs.get("array_direction", (1.0, 0.0, 0.0)), dtype=float)
+    own: dict[str, tuple[Any, float, str]] = {
+        "frequency_points": (frequency.size, 0.0, "frequencies"),
+        "frequency_start": (frequency[0], 0.5 * step, "Hz at first"),
+        "frequency_stop": (frequency[-1], 0.5 * step, "Hz at last"),
+        "radar_position": (0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), wavelength, "m as the radar's place"),
+        "tx_aperture": (np.ptp(tx @ along), wavelength, "m of transmitters"),
+        "rx_aperture": (np.ptp(rx @ along), wavelength, "m of receivers"),
+    }
+    for name, (value, tolerance, what) in own.items():
+        held = np.asarray(image.attrs.get(name, value))
+        same_kind = held.dtype.kind in "fiu" and held.shape == np.shape(value)
+        if not same_kind or (np.abs(held - value) > tolerance).any():
+            raise InputError(
+                f"sweep: is of another radar than the image, {_said(value)} {what} in place of {_said(held)}; give the "
+                "sweep that the image was focused from, or none"
+            )
+
+
+def _said(value: Any) -> str:
+    """A number, or several, for a message."""
+    return ", ".join(f"{one:.7g}" if isinstance(one, float) else str(one) for one in np.ravel(value).tolist())
