@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from cyclopts import App, Parameter
 
-from mirrorfold.common.units import Quantity, parse_quantities
+from mirrorfold.common.units import Quantity, parse_quantities, split_quantity
 from mirrorfold.errors import InputError
 
 app = App(
@@ -57,6 +57,9 @@ FloorPlanFile = Annotated[
 Frame = Annotated[int | None, Parameter(help="Which frame of a recording, from 0.")]
 Export = Annotated[Path | None, Parameter(help="File for other programs to write too: see `mirrorfold export --help`.")]
 
+LARGEST_INTEGER = 2.0**63
+"""Files hold no larger ones."""
+
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""
 
@@ -81,7 +84,8 @@ def completed(function: Callable[..., Any]) -> Callable[..., Any]:
     """Complete the options of a verb; changes the function in place.
 
     Every flag that is on by default gets an opposite, ``--no-NAME``; one that is off by default, such as ``--json``, is
-    off where it is not given. Every number with a unit (`Quantity`) may be written with another one, as in ``80mm``.
+    off where it is not given. Every number with a unit (`Quantity`) may be written with another one, as in ``80mm``;
+    fractions of whole numbers are refused.
     """
     signature = inspect.signature(function)
     hints = get_type_hints(function, include_extras=True)
@@ -91,9 +95,9 @@ def completed(function: Callable[..., Any]) -> Callable[..., Any]:
             changed[name] = Annotated[bool, Parameter(negative=f"--no-{name.replace('_', '-')}")]
             continue
         quantity = _quantity(hints.get(name))
-        if quantity is not None:
-            converter = Parameter(converter=_reader(quantity), allow_leading_hyphen=True)
-            changed[name] = Annotated[hints[name], converter]
+        read = _whole_number if _is_whole(hints.get(name)) else _reader(quantity) if quantity is not None else None
+        if read is not None:
+            changed[name] = Annotated[hints[name], Parameter(converter=read, allow_leading_hyphen=True)]
     if changed:
         parameters = [one.replace(annotation=changed.get(one.name, one.annotation))
                       for one in signature.parameters.values()]  # fmt: skip
@@ -112,3 +116,17 @@ def _quantity(hint: Any) -> Quantity | None:
 def _reader(quantity: Quantity) -> Callable[[Any, Sequence[Any]], Any]:
     """What cyclopts calls with the type and the words of an option."""
     return lambda _, tokens: quantity.read(tokens[0].value)
+
+
+def _is_whole(hint: Any) -> bool:
+    """Whether a type is that of a whole number, such as ``int | None``."""
+    return hint is int or any(_is_whole(part) for part in getattr(hint, "__args__", ()))
+
+
+def _whole_number(_: Any, tokens: Sequence[Any]) -> int:
+    """A whole number that may be written as ``1e6``; cyclopts would cut off fractions."""
+    text = tokens[0].value
+    found = split_quantity(text)
+    if found is None or found[1] or not found[0].is_integer() or abs(found[0]) >= LARGEST_INTEGER:
+        raise InputError(f"{text!r} is not valid, expected a whole number")
+    return int(text) if text.lstrip("+-").isdecimal() else int(found[0])
