@@ -186,7 +186,7 @@ def null(file, name):
 @pytest.mark.parametrize(
     ("file", "name", "arguments"),
     [
-        ("s", "processing", ["calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "GHz"]),
+        ("s", "processing", ["calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "Hz"]),
         ("s", "title", ["focus", "s.nc", "-o", "o.nc"]),
         ("r", "title", ["report", "r.nc", "-o", "o.html"]),
         ("r", "fold_wall_margin", ["report", "r.nc", "-o", "o.html"]),
@@ -346,4 +346,4 @@ def test_frequencies_that_are_no_row_of_numbers(folder, capsys):
         count = content["frequency"].size
         del content["frequency"]
         content["frequency"] = np.zeros((count, 3))
-    refused(capsys, "calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "GHz", word="frequency")
+    refused(capsys, "calibrate", "s.nc", "-o", "o.nc", "--frequency-unit", "Hz", word="frequency")

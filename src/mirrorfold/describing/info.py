@@ -86,10 +86,13 @@ def _file(path: Path, diagnose: bool) -> Facts:
     content: Any
     try:
         content = load(path)
-    except InputError:
+    except InputError as error:
         if path.suffix.lower() == ".toml":
             raise
-        raw = read_unchecked(path)
+        try:
+            raw = read_unchecked(path)
+        except InputError:
+            raise error from None
         if "s" not in raw or raw["s"].dtype.kind != "c":
             raise
         return describe_sweep(raw, str(path), diagnose=diagnose)

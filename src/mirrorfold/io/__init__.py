@@ -55,11 +55,25 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
         try:
             return import_image(path)
-        except InputError:
+        except InputError as error:
             with suppress(InputError):  # a sweep that says what it holds, or is one of the known kinds
                 return import_data(path)
-            raise
+            raise _as_sweep_to_import(path) or error from None
     return read(path)
+
+
+def _as_sweep_to_import(path: Path) -> InputError | None:
+    """What to do with a file of another tool that holds samples against frequency or time; None for any other."""
+    from mirrorfold.io.names import FREQUENCY, TIME
+    from mirrorfold.io.readers import read_contents
+
+    with suppress(InputError):
+        for name, variable in read_contents(path).variables.items():
+            last = name.rpartition(".")[2].lower()
+            if max(variable.shape, default=1) > 1 and (FREQUENCY.search(last) or TIME.search(last)):
+                what = f"holds {name!r}, so probably a sweep, and does not say all that an import needs"
+                return InputError(f"{path}: {what}; `mirrorfold import --guess {path}` proposes how to read it")
+    return None
 
 
 def load_geometry(path: str | Path) -> xr.Dataset:

@@ -321,12 +321,12 @@ def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
     """The root of the file, and its groups where it is a reconstruction, in memory."""
     with h5py.File(path) as file:  # h5netcdf complains twice, once on stderr, where it cannot read these
         dict(file.attrs)
-    with xr.open_dataset(path, engine=ENGINE) as root:
+    with xr.open_dataset(path, engine=ENGINE, phony_dims="access") as root:
         if only is not None:
             return xr.DataTree(root[[name for name in root.variables if name in only]].load())
         if root.attrs.get("mirrorfold_kind") != "reconstruction":
             return xr.DataTree(root.load())
-    with xr.open_datatree(path, engine=ENGINE) as tree:
+    with xr.open_datatree(path, engine=ENGINE, phony_dims="access") as tree:
         return xr.DataTree.from_dict({node.path: node.to_dataset(inherit=False).load() for node in tree.subtree})
 
 
