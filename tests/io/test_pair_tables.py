@@ -148,6 +148,32 @@ def test_unknown_headings_are_named(tmp_path, measured):
         mf.import_data(path)
 
 
+@pytest.mark.parametrize(
+    "headings", ["freq,TX,RX,Sre,Sim", "Frequency (Hz),Tx No,Rx No,Real,Imag", "Freq [Hz],Tx No.,Rx No.,S_re,S_im"]
+)
+def test_headings_are_understood_in_many_spellings(tmp_path, measured, headings):
+    _, tx, rx, _ = measured
+    path = long(tmp_path / "a.csv", *measured, headings.split(","), lambda i, k: (i + 1, k + 1), scale=1.0)
+    same(mf.import_data(path, positions=places(tx, rx)), *measured)
+
+
+@pytest.mark.parametrize(
+    ("headings", "said"),
+    [
+        ("freq,tx,rx,re,imaginery", "holds the headings 'imaginery', which are not understood"),
+        ("freq,tx,rx,temperature,mag", "and holds magnitudes alone, 'mag', without the other part"),
+        ("freq_GHz,x_mm,y_mm,re,im", "headings 'x_mm', 'y_mm', which are not understood"),
+        ("freq_GHz,azimuth,elevation,re,im", "headings 'azimuth', 'elevation', which are not understood"),
+    ],
+)
+def test_headings_that_make_no_samples_are_named(tmp_path, measured, headings, said):
+    _, tx, rx, _ = measured
+    path = long(tmp_path / "a.csv", *measured, headings.split(","), lambda i, k: (i + 1, k + 1))
+    for given in ({}, {"positions": places(tx, rx)}):
+        with pytest.raises(mf.InputError, match=said):
+            mf.import_data(path, **given)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "content",

@@ -145,7 +145,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
     if mapping is not None:
         return assemble(contents, mapping)
     if contents.mapping is not None:
-        unknown = contents.attrs.get("unknown headings")
+        unknown = [*contents.attrs.get("unknown headings", ()), *contents.attrs.get("halves", ())]
         if unknown:
             warnings.warn(
                 f"{contents.path}: the columns {listed(map(repr, unknown))} are not understood and left out",
@@ -157,16 +157,16 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
 
         return _as_sweep(read(contents.path), contents.path)
     if contents.spectra is not None:
+        unread = contents.not_understood()
         raise InputError(
-            f"{contents.path}: holds {listed(contents.spectra.parameters)} and no positions; give --positions, a "
-            "table that says where the antennas stood for each file"
+            f"{contents.path}: holds {listed(contents.spectra.parameters)} and no positions that are understood"
+            f"{f' ({unread})' if unread else ''}; give --positions, a table that says where the antennas stood for "
+            "each file, or in a table of all samples the columns tx_x_mm, rx_x_mm and so on"
         )
     if (sweep := _known(contents)) is not None:
         return sweep
-    unknown = contents.attrs.get("unknown headings")
-    what = f"holds the headings {listed(map(repr, unknown))}, which are not understood" if unknown else (
-        f"does not say what its variables are ({listed(contents.variables) or 'none'})"
-    )  # fmt: skip
+    held = listed(contents.variables) or "none"
+    what = contents.not_understood() or f"does not say what its variables are ({held})"
     raise InputError(
         f"{contents.path}: {what}; give --mapping FILE, which `mirrorfold import --guess {contents.path}` proposes, or "
         "--image NAME where it holds an image"

@@ -277,7 +277,8 @@ def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
     contents = read_contents(path)
     if "s" not in contents.variables or "frequency" not in contents.variables:
         raise InputError(
-            f"{path}: holds no pairs that are understood; expected columns S_1_1, S_1_2 ..., or freq, tx, rx, re, im"
+            f"{path}: {contents.not_understood() or 'holds no pairs that are understood'}; expected columns S_1_1, "
+            "S_1_2 ..., or freq, tx, rx, re, im"
         )
     described: dict[str, Any] = {"s": {"variable": "s", "dims": list(contents.variables["s"].dims)}}
     described |= {"frequency": {"variable": "frequency", "unit": "Hz"}, "tx": scan.tx, "rx": scan.rx}

@@ -98,6 +98,13 @@ class Contents:
     spectra: Spectra | None = None
     mapping: Mapping[str, Any] | None = None
 
+    def not_understood(self) -> str:
+        """What of the headings of a table makes no samples, in words; empty where all do."""
+        unknown, halves = self.attrs.get("unknown headings") or [], self.attrs.get("halves") or {}
+        said = [f"holds the headings {listed(map(repr, unknown))}, which are not understood"] if unknown else []
+        said += [f"holds {what} alone, {heading!r}, without the other part" for heading, what in halves.items()][:1]
+        return ", and ".join(said)
+
     def array(self, name: str) -> NDArray:
         """The values of a variable.
 

@@ -21,8 +21,10 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import Spectra, Variable
 
 SIDES = {
-    "tx": re.compile(r"^(?:tx|transmit(?:ter)?|source|emitter)(?:_?(?:index|number|no|id|element|antenna|port))?$"),
-    "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:_?(?:index|number|no|id|element|antenna|port))?$"),
+    "tx": re.compile(
+        r"^(?:tx|transmit(?:ter)?|source|emitter)(?:[_ ]?(?:index|number|no|id|element|antenna|port)\.?)?$"
+    ),
+    "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:[_ ]?(?:index|number|no|id|element|antenna|port)\.?)?$"),
 }
 COORDINATE = re.compile(r"^(tx|rx)_?([xyz])(?:[_ ]*[\[(]?\s*(\w+?)\s*[\])]?)?$")
 PARAMETER = re.compile(r"^S(\d+),(\d+)$|^S(\d)(\d)$")

@@ -47,12 +47,18 @@ KINDS = (
     ("radian", r"rad(ians?)?"),
     ("degree", r"deg(rees?)?"),
     ("phase", r"ang(le)?|phase|uphase"),
-    ("real", r"re(al)?"),
-    ("imaginary", r"im(ag(inary)?)?"),
+    ("real", r"s?re(al)?"),
+    ("imaginary", r"s?im(ag(inary)?)?"),
     ("magnitude", r"mag(nitude)?|lin(ear)?(\s*mag)?|abs|amplitude"),
 )
 """What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
 and a phase in degrees unless radians are named, or its values go around a circle of 2 pi."""
+
+HALVES = {
+    "real": "real parts", "imaginary": "imaginary parts", "magnitude": "magnitudes", "db": "magnitudes",
+    "degree": "phases", "radian": "phases", "phase": "phases",
+}  # fmt: skip
+"""What a column of a kind holds, in words."""
 
 PARAMETER = re.compile(r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?", re.IGNORECASE)
 
@@ -78,7 +84,7 @@ class Table:
 def read(path: Path) -> Contents:
     """A text table: the variable ``table``, and one for each column with a heading; what a table of pairs holds."""
     table = read_table(path)
-    spectra, unknown = _spectra(path, table)
+    spectra, unknown, halves = _spectra(path, table)
     pairs = pair_tables.of_spectra(spectra) if spectra is not None else None
     if spectra is not None and pairs is None and len(spectra.parameters) == 1:
         samples = next(iter(spectra.parameters.values()))
@@ -88,7 +94,10 @@ def read(path: Path) -> Contents:
     variables.setdefault("table", Variable.of(table.values))
     for n, heading in enumerate(table.headings):
         variables.setdefault(heading, Variable.of(table.values[:, n]))
-    attrs = {"unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)]}
+    attrs = {
+        "unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)],
+        "halves": halves,
+    }
     mapping = None if pairs is None else pairs.mapping
     return Contents(path, READER.name, variables, attrs, spectra=spectra, mapping=mapping)
 
@@ -195,35 +204,36 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
     return None
 
 
-def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str]]:
-    """Spectra where the headings name a frequency and columns that make complex numbers; and the other headings."""
+def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[str, str]]:
+    """Spectra where the headings name a frequency and columns that make complex numbers.
+
+    And the headings that are not understood, and what those hold that lack the other half of complex numbers.
+    """
     short = [(n, heading) for n, heading in enumerate(table.headings) if len(heading) <= LONGEST_CELL]
     found = [(n, match) for n, heading in short if (match := FREQUENCY.match(heading))]
     if not found:
-        return None, table.headings
+        return None, table.headings, {}
     at, match = found[0]
     if np.iscomplexobj(table.values) and np.any(table.values[:, at].imag):
         raise InputError(f"{path}: the frequencies are complex; put them into a column of their own")
     frequency = table.values[:, at].real * UNITS[(match[1] or "hz").lower()]
     others = {n: heading for n, heading in enumerate(table.headings) if n != at and not pair_tables.is_known(heading)}
     if others and np.iscomplexobj(table.values):
-        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), []
+        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), [], {}
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}
     unknown: list[str] = []
+    whose: dict[tuple[str, str], str] = {}
     for n, heading in others.items():
         kind, name = _kind(heading)
         if kind is None or kind in parts.get(name, {}):
             unknown.append(heading)
             continue
         parts.setdefault(name, {})[kind] = table.values[:, n]
-    for columns in parts.values():
-        if "phase" in columns:
-            phase = columns.pop("phase")
-            columns[_phase_unit(path, phase)] = phase
-    made = {name: _complex(columns) for name, columns in parts.items()}
-    unknown += [f"{name} {kind}" for name, values in made.items() if values is None for kind in parts[name]]
+        whose[name, kind] = heading
+    made = {name: _complex(path, columns) for name, columns in parts.items()}
+    halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
-    return (Spectra(frequency, complete) if complete else None), unknown
+    return (Spectra(frequency, complete) if complete else None), unknown, halves
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
@@ -261,8 +271,11 @@ def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
     return "radian"
 
 
-def _complex(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
+def _complex(path: Path, columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
     """Complex samples from two columns, if these two make some."""
+    if "phase" in columns:
+        phase = columns["phase"]
+        columns = {**columns, _phase_unit(path, phase): phase}
     if {"real", "imaginary"} <= set(columns):
         return np.asarray(columns["real"] + 1j * columns["imaginary"])
     angle = columns.get("radian", np.radians(columns["degree"]) if "degree" in columns else None)
