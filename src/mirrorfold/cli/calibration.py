@@ -11,7 +11,7 @@ import mirrorfold as mf
 from mirrorfold.cli.forecast import show_forecast
 from mirrorfold.cli.options import Numbers, OptionalOutput, command, parse_numbers
 from mirrorfold.cli.terminal import progress, say, show_files, show_json
-from mirrorfold.cli.writing import output_file
+from mirrorfold.cli.writing import netcdf_file, output_file
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.units import Length, Memory
 from mirrorfold.errors import InputError
@@ -156,7 +156,7 @@ def calibrate(
         raise InputError("--output is missing; give the file to write, for example -o clean.nc")
     inputs = [sweep, background, reference, elements, *(sphere or [])]
     if output is not None:
-        output_file(output, inputs=inputs)
+        netcdf_file(output, inputs=inputs)
         if save_elements is not None:
             output_file(save_elements, inputs=[*inputs, output])
     kept = parse_gate(gate) if gate is not None else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, say, show_files, show_info, show_json
-from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.cli.writing import netcdf_file, output_directory, output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
@@ -122,7 +122,9 @@ def import_(
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
-        output_file(output, inputs=[*files, positions, None if mapping is None else Path(mapping)])
+        (output_file if guess else netcdf_file)(
+            output, inputs=[*files, positions, None if mapping is None else Path(mapping)]
+        )
     if polarization is not None and (guess or image is not None):
         raise InputError("--polarization is that of sweeps; leave it out, or --guess and --image")
     if guess:
@@ -242,6 +244,7 @@ def export(
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
+    from mirrorfold.io.files import check_suffix
 
     found = read(file, "sweep", "image", "reconstruction")
     if frame is not None:
@@ -254,6 +257,7 @@ def export(
             return
         show_files([output])
         return
+    check_suffix(output, "a sweep is exported as a folder of Touchstone files")
     output_directory(output, names=("positions.csv", "scan.toml"), inputs=[file])
     with progress("writing the scan") as report:
         positions = mf.save_touchstone(found, output, progress=report)

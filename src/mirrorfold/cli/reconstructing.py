@@ -42,7 +42,7 @@ from mirrorfold.cli.results import (
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_result
-from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.cli.writing import netcdf_file, output_directory
 from mirrorfold.common.settings import takes
 from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
@@ -90,7 +90,7 @@ def focus(
         return
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o image.nc")
-    output_file(output, inputs=[sweep])
+    netcdf_file(output, inputs=[sweep])
     focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, sweep, given, diagnose=False)
@@ -140,7 +140,7 @@ def fold(
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o reconstruction.nc")
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
-    output_file(output, inputs=inputs)
+    netcdf_file(output, inputs=inputs)
     check_export(export, [*inputs, output])
     known = given_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")

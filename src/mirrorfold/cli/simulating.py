@@ -30,7 +30,7 @@ from mirrorfold.cli.terminal import (
     show_result,
     show_score,
 )
-from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.cli.writing import netcdf_file, output_directory
 from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
 
@@ -168,7 +168,7 @@ def simulate(
     if output is None:
         raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
     meshes = [getattr(surface, "path", None) for surface in truth.surface]
-    output_file(output, inputs=[scene, *meshes])
+    netcdf_file(output, inputs=[scene, *meshes])
     results = output.with_name(f"{output.name}.frequencies")
     try:
         with progress("simulating the sweep") as report:

@@ -36,6 +36,20 @@ def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Seq
     return path
 
 
+def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
+    """As `output_file`, for a name that says netCDF, or no kind of file that is known.
+
+    Raises
+    ------
+    InputError
+        As `output_file`, or if the name is that of another kind of file.
+    """
+    from mirrorfold.io.files import NETCDF, check_suffix
+
+    check_suffix(path, NETCDF)
+    return output_file(path, inputs=inputs)
+
+
 def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path | None] = ()) -> Path:
     """The path, if files of these names can be written there; says which of them that overwrites.
 

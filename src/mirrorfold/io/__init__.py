@@ -144,8 +144,10 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
         from mirrorfold.io.scene_files import write_scene
 
         return write_scene(obj, _path("save", path))
+    from mirrorfold.io.files import NETCDF, check_suffix
     from mirrorfold.io.netcdf import write
 
+    check_suffix(_path("save", path), NETCDF)
     return write(obj, _path("save", path))
 
 
