@@ -128,10 +128,10 @@ def fold(
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
         different ways, which focus where nothing is, from true ones.
-    mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], FloorPlan or path, optional
+    mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], list of dicts, FloorPlan or path, optional
         Mirrors in the unfolded image, where they are known or drawn: the two ends of each line, or in a volume the
-        four corners of each plane, or a file of them (JSON). Of a floor plan (DXF, GeoJSON) the walls that the radar
-        sees, directly or by way of others. No others are looked for.
+        four corners of each plane, or a file of them (JSON), or what its list holds. Of a floor plan (DXF, GeoJSON)
+        the walls that the radar sees, directly or by way of others. No others are looked for.
     preset : {"default", "published"}
         Where the settings below come from unless they are given.
     **given

@@ -70,7 +70,7 @@ def test_without_mirrors_the_scene_is_unfolded(view):
     for unfolded in (mf.fold(view, mirrors=[]), mf.fold(view, generations=0)):
         assert not len(ends(unfolded))
         assert (points(unfolded)["bounces"] == 0).all()
-        assert "no mirror" in unfolded.attrs["remark"]
+        assert unfolded.attrs["remark"] == ""
 
 
 def test_a_moved_mirror_moves_what_it_shows_by_twice_as_much(view):
@@ -209,7 +209,21 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
     [
         ("[", "is not valid JSON"),
         ("[]", "holds no list 'mirrors'"),
-        ('{"mirrors": [{"start": [0, 1]}]}', "mirror 0 has no 'start' and 'end'"),
+        ('{"mirrors": [{"start": [0, 1]}]}', "mirror 0 has the entries 'start', expected 'start' and 'end'"),
+        (
+            '{"mirrors": [{"start": [0.45, 1.5], "trough": [0.6, 1.2], "end": [0.9, 1.5]}]}',
+            "mirror 0 has the entries 'start', 'trough', 'end', expected",
+        ),
+        ('{"mirrors": [[[0, 1], [1, 1]], {"start": [0, 1], "end": [1, 1]}]}', "mirror 0 has no entries, expected"),
+        (
+            '{"mirrors": [{"start": [0, 1], "through": [2, 1], "end": [1, 1]}]}',
+            "in line with its ends, but not between",
+        ),
+        (
+            '{"mirrors": [{"start": [0, 1], "through": [0, 1], "end": [1, 1]}]}',
+            "in line with its ends, but not between",
+        ),
+        ('{"mirrors": [{"start": [0, 1], "through": [1, 2], "end": [0, 1]}]}', "mirror 0 starts where it ends"),
         ('{"mirrors": [{"start": [0, 1], "end": [0, 1]}]}', "mirror 0 has no length"),
         ('{"mirrors": [{"start": [0, 1], "end": [0, NaN]}]}', "not finite"),
         ('{"mirrors": [{"start": [0, 1], "end": "x"}]}', "two ends"),
@@ -229,6 +243,15 @@ def test_wrong_settings_are_refused(view):
         mf.fold(view, generations=-1)
     with pytest.raises(mf.InputError, match="two ends"):
         mf.fold(view, mirrors=[1.0, 2.0])
+    with pytest.raises(mf.InputError, match="round in space, cylinders or spheres"):
+        mf.fold(view, mirrors=[{"start": [0, 1, 0], "end": [0, 1, 1], "radius": 0.1}])
+
+
+def test_mirrors_may_be_given_as_the_file_has_them(view):
+    rows = [{"start": start, "end": end} for start, end in (WALL.tolist(),)]
+    assert_allclose(ends(mf.fold(view, mirrors=rows)), ends(mf.fold(view, mirrors=WALL[None])))
+    arc = [*rows, {"start": [-0.5, 1.8], "through": [-0.6, 1.4], "end": [-0.5, 1.0]}]
+    assert "curvature" in mf.fold(view, mirrors=arc).children["mirrors"].dataset
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from mirrorfold.detection.arcs import find_arcs
 from mirrorfold.detection.curved import dimmed
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.image_view import ImageView, to_image_view
-from mirrorfold.detection.known_mirrors import known_mirrors
+from mirrorfold.detection.known_mirrors import is_round, known_mirrors
 from mirrorfold.detection.line_mirror import LineMirror
 from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.plane_mirror import PlaneMirror
@@ -99,6 +99,11 @@ def find_mirrors(
         If the given mirrors are lines and the view that of a volume, or the reverse.
     """
     if known is not None and len(known) and known.shape[2] != view.dimensions:
+        if any(is_round(points) for points in known):
+            raise InputError(
+                "mirrors: some are round in space, cylinders or spheres with a 'radius', and belong to a volume; give "
+                "'start', 'through' and 'end' of an arc for the image of a floor plan"
+            )
         wanted = "the two ends of lines (x, y)" if view.dimensions == 2 else "the four corners of planes (x, y, z)"
         raise InputError(f"mirrors: have {known.shape[1]} points of {known.shape[2]} numbers, expected {wanted} [m]")
     if known is not None:

@@ -11,6 +11,7 @@ an arc ``{"start": [x, y], "through": [x, y], "end": [x, y]}`` by way of a third
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,8 +55,9 @@ EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
 
-    Where some are arcs, of first, third and last points, (mirrors, 3, 2): those of a line lie on it. A cylinder in
-    space is both ends of its axis, three times its radius, and NaN; a sphere twice its middle, and the same.
+    They may be a list of dicts, too, as in the file. Where some are arcs, of first, third and last points,
+    (mirrors, 3, 2): those of a line lie on it. A cylinder in space is both ends of its axis, three times its
+    radius, and NaN; a sphere twice its middle, and the same.
 
     Raises
     ------
@@ -63,8 +65,9 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         If they are neither, hold a number that is not finite, or a mirror has no extent or is not flat; `source` names
         them.
     """
+    rows = _rows(mirrors, source)
     try:
-        places = np.array(mirrors, dtype=float)
+        places = np.array(rows, dtype=float)
     except (TypeError, ValueError, OverflowError):
         places = np.array(np.nan)
     if places.shape[:1] == (0,):
@@ -90,9 +93,22 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
             what = "length; give two different ends" if flat else "extent; give four different corners"
             raise InputError(f"{mirror} has no {what}, or leave it out")
+        if len(points) == 3:
+            _check_arc(points, mirror)
         if not flat and spread[2] > FLATTEST * spread[0]:
             raise InputError(f"{mirror} is not flat; give four corners of one plane")
     return places
+
+
+def _check_arc(points: Array, mirror: str) -> None:
+    """Refuse a first, a third and a last point of an arc (3, 2) through which there is none."""
+    start, through, end = points
+    chord = end - start
+    if np.linalg.norm(chord) <= SHORTEST * np.abs(points).max():
+        raise InputError(f"{mirror} starts where it ends, and so could be any arc; give a full circle as two arcs")
+    along = float((through - start) @ chord / (chord @ chord))
+    if len(arc_through(start, through, end)) == 2 and not 0.0 < along < 1.0:
+        raise InputError(f"{mirror} goes through a point in line with its ends, but not between them; give one between")
 
 
 def is_round(points: Array) -> bool:
@@ -113,24 +129,49 @@ def read_mirrors(path: str | Path) -> Array:
     mirrors = content.get("mirrors") if isinstance(content, dict) else None
     if not isinstance(mirrors, list):
         raise InputError(f"{path}: holds no list 'mirrors'; expected {EXAMPLE}")
+    return check_mirrors(mirrors, str(path))
+
+
+FORMS: dict[frozenset[str], Callable[..., list[Any]]] = {
+    frozenset(("start", "end")): lambda start, end: [start, end],
+    frozenset(("start", "through", "end")): lambda start, through, end: [start, through, end],
+    frozenset(("corners",)): lambda corners: corners,
+    frozenset(("start", "end", "radius")): lambda start, end, radius: [start, end, [radius] * 3, [np.nan] * 3],
+    frozenset(("center", "radius")): lambda center, radius: [center, center, [radius] * 3, [np.nan] * 3],
+}
+"""The rows of `check_mirrors` that mirrors with these entries make."""
+
+
+def _rows(mirrors: Any, source: str) -> Any:
+    """Mirrors as a file describes them, a list of dicts, as rows; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        If one has other entries than a mirror has, or something else stands among them.
+    """
+    if not isinstance(mirrors, list | tuple) or not any(isinstance(mirror, dict) for mirror in mirrors):
+        return mirrors
     places = []
     for number, mirror in enumerate(mirrors):
-        match mirror:
-            case {"start": start, "end": end, "radius": radius}:
-                places.append([start, end, [radius] * 3, [np.nan] * 3])
-            case {"center": center, "radius": radius}:
-                places.append([center, center, [radius] * 3, [np.nan] * 3])
-            case {"corners": corners}:
-                places.append(corners)
-            case {"start": start, "through": through, "end": end}:
-                places.append([start, through, end])
-            case {"start": start, "end": end}:
-                places.append([start, end])
-            case _:
-                raise InputError(f"{path}: mirror {number} has no 'start' and 'end'; expected {EXAMPLE}")
-    if any(len(place) == 3 for place in places) and all(len(place) < 4 for place in places):
+        held = mirror if isinstance(mirror, dict) else {}
+        form = FORMS.get(frozenset(held))
+        if form is None:
+            found = f"the entries {', '.join(map(repr, held))}" if held else "no entries"
+            raise InputError(
+                f"{source}: mirror {number} has {found}, expected 'start' and 'end' of a line, and of an arc 'through' "
+                "between them; in space 'corners' of a plane, 'start', 'end' and 'radius' of a cylinder, or 'center' "
+                "and 'radius' of a sphere"
+            )
+        places.append(form(**held))
+    if any(_size(place) == 3 for place in places) and all(_size(place) < 4 for place in places):
         places = [_by_three(place) for place in places]
-    return check_mirrors(places, str(path))
+    return places
+
+
+def _size(place: Any) -> int:
+    """How many points are given; none where it is no list."""
+    return len(place) if isinstance(place, list | tuple) else 0
 
 
 def _by_three(place: list[Any]) -> list[Any]:
