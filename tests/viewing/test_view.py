@@ -19,6 +19,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.reporting.document import mirror_rows
 from mirrorfold.viewing.controls import CHANGEABLE
 from mirrorfold.viewing.server import TOKEN_HEADER
 from mirrorfold.viewing.session import line_of
@@ -87,6 +88,21 @@ def test_a_fold_is_what_the_api_computes(file, view):
             truth = expected(view, first, mirrors=mirrors, **settings)
             assert_allclose(corrected(found), truth, atol=0.5 * found["images"]["corrected"]["step"] + 1e-3)
             assert found["values"]["wall_margin"] == settings.get("wall_margin", used["wall_margin"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dimension", "labels"), [("polarization", ["TE", "TM"]), ("z", [0.0, 0.1])])
+def test_an_image_of_two_polarizations_or_of_voxels_is_folded_as_by_the_api(view, tmp_path, dimension, labels):
+    both = view.drop_vars("z", errors="ignore").expand_dims({dimension: labels})
+    mf.save(both, tmp_path / "both.nc")
+    with served(tmp_path / "both.nc") as server:
+        first = server.session.state["document"]
+        mirrors = lines_of(first)[:1] + 0.01
+        status, found = call(server, "/api/fold", {"mirrors": mirrors.tolist()})
+    assert status == 200
+    again = mf.fold(both, mirrors=mirrors)
+    assert_allclose(lines_of(found), lines_of({"mirrors": mirror_rows(again)}))
+    assert found["points"]["total"] == again["objects"].sizes["point"]
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_whole
-from mirrorfold.reconstruction import FoldPlan, fold
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import mirror_rows, shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
@@ -122,9 +122,9 @@ class Session:
         """The first document of what a file holds; makes the plan that all further folds use."""
         self._sweep = self._image_command = None
         preset = "default"
-        source: xr.DataArray | xr.DataTree
+        plan: FoldPlan | None = None
         if isinstance(found, xr.DataTree):
-            reconstruction = source = found
+            reconstruction = found
             preset = str(found.attrs.get("preset", "default"))
             preset = preset if preset in PRESETS else "default"
         elif isinstance(found, xr.Dataset | xr.DataArray):
@@ -134,13 +134,9 @@ class Session:
                 self._image_command = f"{self.path.stem}.image.nc"
             else:
                 image = found
-            source = image
-            report = self._report("folding")
-            if image.dims == ("y", "x"):
-                self._plan = FoldPlan(image, sweep=self._sweep)
-                reconstruction = self._plan.fold(progress=report)
-            else:
-                reconstruction = fold(image, progress=report)
+            plan = FoldPlan(image, sweep=self._sweep)
+            plan.expect_memory()
+            reconstruction = plan.fold(progress=self._report("folding"))
         else:
             raise InputError(
                 f"{self.path}: is a scene, expected a sweep, an image or a reconstruction; simulate it first"
@@ -161,8 +157,7 @@ class Session:
         )
         self._zero_db = document["zero_db"]
         if self.editable:
-            if isinstance(source, xr.DataTree):
-                self._plan = FoldPlan(source)
+            self._plan = FoldPlan(reconstruction) if plan is None else plan
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
             # The first fold finds what all further folds share, and the numbers of settings that the image decides.
             first = self._plan.fold(**self._arguments(self._settings, self._lines), grid=self._grid)
