@@ -19,7 +19,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.reporting.document import mirror_rows
+from mirrorfold.reporting.rows import mirror_rows
 from mirrorfold.viewing.controls import CHANGEABLE
 from mirrorfold.viewing.server import TOKEN_HEADER
 from mirrorfold.viewing.session import line_of

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -40,8 +42,29 @@ def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) ->
     return np.asarray(center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
-    """Every mirror of a table in the floor plan: its two ends (2, 2) [m], or points along its arc (n, 2).
+def by_three(places: Any) -> Any:
+    """Lines by three points, too, where some of the given mirrors are arcs; the mirrors as they are where none is.
+
+    What else stands among them is left for `mirrorfold.detection.known_mirrors.check_mirrors` to refuse.
+    """
+    try:
+        mixed = {len(place) for place in places} == {2, 3}
+    except TypeError:
+        return places
+    return [_with_middle(place) for place in places] if mixed else places
+
+
+def _with_middle(place: Any) -> Any:
+    """Both ends of a line, with their middle between them; what is no such line stays."""
+    try:
+        (x0, y0), (x1, y1) = place
+        return [[x0, y0], [0.5 * (x0 + x1), 0.5 * (y0 + y1)], [x1, y1]]
+    except (TypeError, ValueError):
+        return place
+
+
+def mirror_places(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
+    """Every mirror of a table in the floor plan, as mirrors are given.
 
     Parameters
     ----------
@@ -50,13 +73,23 @@ def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
         the face.
     prefix : str
         "folded_" for their true places.
+
+    Returns
+    -------
+    list of arrays [m]
+        Of a line its two ends (2, 2), of an arc its start, the middle and its end (3, 2).
     """
     ends = np.stack([mirrors[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
-    if "curvature" not in mirrors:
+    if "curvature" not in mirrors or "corner_x" in mirrors:  # of round mirrors in space the plan has the outermost
         return list(ends)
     middle = np.stack([mirrors[f"{prefix}{name}"].values for name in ("xm", "ym")], axis=-1)
     bent = mirrors["curvature"].values != 0.0
     return [
-        arc_through(line[0], point, line[1]) if curved else line
+        np.stack([line[0], point, line[1]]) if curved else line
         for line, point, curved in zip(ends, middle, bent, strict=True)
     ]
+
+
+def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
+    """Every mirror of a table, as of `mirror_places`, to be drawn: two ends (2, 2) [m], or points along its arc."""
+    return [place if len(place) == 2 else arc_through(*place) for place in mirror_places(mirrors, prefix)]

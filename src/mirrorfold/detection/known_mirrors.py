@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arcs import arc_through, circle_through
+from mirrorfold.common.arcs import arc_through, by_three, circle_through
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.round_surfaces import RoundSurface
@@ -164,23 +164,7 @@ def _rows(mirrors: Any, source: str) -> Any:
                 "and 'radius' of a sphere"
             )
         places.append(form(**held))
-    if any(_size(place) == 3 for place in places) and all(_size(place) < 4 for place in places):
-        places = [_by_three(place) for place in places]
-    return places
-
-
-def _size(place: Any) -> int:
-    """How many points are given; none where it is no list."""
-    return len(place) if isinstance(place, list | tuple) else 0
-
-
-def _by_three(place: list[Any]) -> list[Any]:
-    """A line by three points, as arcs are given; what has other numbers of coordinates stays, to be refused."""
-    try:
-        (x0, y0), (x1, y1) = place
-        return [[x0, y0], [0.5 * (x0 + x1), 0.5 * (y0 + y1)], [x1, y1]]
-    except (TypeError, ValueError):
-        return place
+    return by_three(places)
 
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:

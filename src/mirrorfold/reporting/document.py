@@ -16,13 +16,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold import __version__
-from mirrorfold.common.chains import mirror_chains
-from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label, reference
+from mirrorfold.common.arcs import mirror_curves
+from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, reference
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
 from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.shown import shown_points
+from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -148,47 +149,6 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
     return scene.name if scene is not None else "Reconstruction"
 
 
-def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
-    """The mirrors, one dict each, with None for what the file does not hold."""
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
-    strengths = held["strength"].values.astype(float)
-    if not reference_echo > 0.0 and strengths.size:
-        reference_echo = float(strengths.max())
-    volume = "corner_x" in held
-    axes = "xyz" if "z0" in held else "xy"
-    rows: list[dict[str, Any]] = []
-    chains = mirror_chains(held)
-    for i in range(held.sizes.get("mirror", 0)):
-        one = held.isel(mirror=i)
-        ends = {
-            prefix: [[float(one[f"{prefix}{axis}{end}"]) for axis in axes] for end in (0, 1)]
-            for prefix in ("", "folded_")
-        }
-        way = np.subtract(ends["folded_"][1], ends["folded_"][0])
-        row: dict[str, Any] = {
-            "number": i,
-            "parent": int(one["parent"]),
-            "generation": int(one["generation"]),
-            "chain": chains[i],
-            "ends": ends[""],
-            "folded_ends": ends["folded_"],
-            "length": float(np.linalg.norm(way)),
-            "angle": float(np.degrees(np.arctan2(way[1], way[0])) % 180.0),
-            "strength_db": _decibel(strengths[i], reference_echo),
-            **{name: _known(one, name) for name in ("angle_error", "offset_error", "fill")},
-        }
-        if volume:
-            for prefix in ("", "folded_"):
-                row[f"{prefix}corners"] = np.stack(
-                    [one[f"{prefix}corner_{axis}"].values for axis in "xyz"], -1
-                ).tolist()
-            heights = one["folded_corner_z"].values
-            row["height"] = float(np.ptp(heights))
-        rows.append(row)
-    return rows
-
-
 def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
     """True surfaces as polylines of points [m]; of a three-dimensional scene the outlines of its flat walls."""
     if scene.dimensions == 2:
@@ -204,31 +164,6 @@ def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
     ]
 
 
-def score_rows(score: dict[str, Any]) -> dict[str, Any]:
-    """The score as tables: headings, and rows of texts."""
-    mirrors = [
-        [str(i), mirror["surface"] or "-", _number(mirror["angle_error_deg"], ".3f"),
-         _number(mirror["offset_error_mm"], ".2f")]
-        for i, mirror in enumerate(score["mirrors"])
-    ]  # fmt: skip
-    hidden = score.get("hidden") or {}
-    points = [["points", *(str(part["points"]) if part else "-" for part in (score, hidden))]]
-    points += [
-        [label, *(_number(part.get(name), form, scale) for part in (score, hidden))]
-        for label, name, form, scale in (
-            ("accuracy [mm]", "accuracy_m", ".1f", 1e3),
-            ("Chamfer distance [mm]", "chamfer_m", ".1f", 1e3),
-            ("precision at 2 cm", "precision_2cm", ".3f", 1.0),
-            ("completeness at 2 cm", "completeness_2cm", ".3f", 1.0),
-            ("F-score at 2 cm", "f_score_2cm", ".3f", 1.0),
-            ("F-score at 5 cm", "f_score_5cm", ".3f", 1.0),
-            ("F-score at 1.5 cells", "f_score_cells", ".3f", 1.0),
-            ("invented share", "invented_fraction", ".3f", 1.0),
-        )
-    ]
-    return {"mirrors": mirrors, "points": points}
-
-
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
     """The part of the plane to show (x0, x1, y0, y1) [m]: all that was found, folded and unfolded, with a margin."""
     objects = shown_points(reconstruction)
@@ -237,7 +172,7 @@ def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) ->
     found = []
     for axis in "xy":
         values = [objects[axis].values, objects[f"{axis}_initial"].values]
-        values += [held[f"{prefix}{axis}{end}"].values for prefix in ("", "folded_") for end in (0, 1)]
+        values += [curve[:, "xy".index(axis)] for prefix in ("", "folded_") for curve in mirror_curves(held, prefix)]
         values += [np.array(line)[:, "xy".index(axis)] for line in truth]
         values += [np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0))])]
         joined = np.concatenate([np.asarray(part, dtype=float).ravel() for part in values])
@@ -310,21 +245,6 @@ def _seen(objects: xr.Dataset) -> dict[str, list[int]]:
     }
 
 
-def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
-    """How much was found: rows of a name and a number, both in words."""
-    bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
-    hidden, walls = int(counts[bounces > 0].sum()), int(on_mirrors(objects).sum())
-    rows = [
-        ["mirrors", str(len(mirrors))],
-        ["points", str(int(counts.sum()))],
-        ["of objects", str(int(counts.sum()) - walls)],
-        ["of walls", str(walls)],
-        ["seen around a corner", str(hidden)],
-        ["generations", str(max((mirror["generation"] for mirror in mirrors), default=0))],
-    ]
-    return rows + [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
-
-
 def _cropped(image: xr.DataArray, extent: tuple[float, float, float, float]) -> xr.DataArray:
     """The pixels inside an extent; the whole image where the extent holds fewer than two pixels a side."""
     part = image.sel(x=slice(*extent[:2]), y=slice(*extent[2:]))
@@ -352,20 +272,3 @@ def _step(axis: Array) -> float:
 
 def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
-
-
-def _known(one: xr.Dataset, name: str) -> float | None:
-    """A variable of one mirror; None where the file lacks it, or it is not a finite number."""
-    value = float(one[name]) if name in one else np.nan
-    return value if np.isfinite(value) else None
-
-
-def _decibel(value: float, zero: float) -> float | None:
-    return float(20.0 * np.log10(value / zero)) if value > 0.0 and zero > 0.0 else None
-
-
-def _number(value: float | None, form: str, scale: float = 1.0) -> str:
-    if value is None or not np.isfinite(value):
-        return "-"
-    text = format(value * scale, form)
-    return format(float(text), "g") if float(text).is_integer() else text  # 0 and 1 are exact

@@ -12,7 +12,7 @@ from importlib.resources import files
 from typing import Any
 
 STYLES = ("page.css",)
-PROGRAMS = ("basics.js", "maps.js", "tree.js", "tables.js", "space.js")
+PROGRAMS = ("basics.js", "sight.js", "maps.js", "tree.js", "tables.js", "space.js")
 MAIN, LIVE = "main.js", "live.js"
 
 

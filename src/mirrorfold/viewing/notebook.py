@@ -34,7 +34,8 @@ def to_html(tree: xr.DataTree) -> str:
         return _plain(tree)
     from mirrorfold.errors import InputError
     from mirrorfold.io.netcdf import check_reconstruction
-    from mirrorfold.reporting.document import found_rows, mirror_rows, title_of
+    from mirrorfold.reporting.document import title_of
+    from mirrorfold.reporting.rows import found_rows, mirror_rows
 
     try:
         checked = check_reconstruction(tree)

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arcs import arc_through, by_three, mirror_places
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
 from mirrorfold.common.stopping import StoppedError, stop
@@ -29,7 +30,7 @@ from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_whole
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.reporting.document import mirror_rows, shown_extent, shown_grid, to_document, truth_lines
+from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
 
@@ -148,7 +149,7 @@ class Session:
         self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
         # Mirrors that were given are given to all further folds, too.
         if self.editable and reconstruction.attrs.get("mirrors_given"):
-            self._lines = np.array([row["ends"] for row in mirror_rows(reconstruction)]).reshape(-1, 2, 2)
+            self._lines = check_mirrors(by_three(mirror_places(reconstruction["mirrors"].to_dataset(inherit=False))))
         truth = [] if self.scene is None else truth_lines(self.scene)
         truth += [] if self.plan is None else [line.tolist() for line in self.plan.lines]
         self._extent = shown_extent(reconstruction, truth)
@@ -167,7 +168,7 @@ class Session:
 
     def _edit_state(self) -> dict[str, Any]:
         """The state of the controls: their values, what kind each is, and the mirrors that were given."""
-        lines = None if self._lines is None else self._lines.tolist()
+        lines = None if self._lines is None else [plainest(points).tolist() for points in self._lines]
         return {
             "editable": self.editable,
             "values": {**self._settings},
@@ -183,9 +184,10 @@ class Session:
         Parameters
         ----------
         request : dict
-            `settings`: by name, some of `mirrorfold.viewing.controls.CHANGEABLE`; `mirrors`: (mirrors, 2, 2) [m], or
-            None to find them; `score`: whether to score the result too, which takes longer than the fold; `page`: a
-            name of the page that asks, by which `cancel` stops the fold. Folds of several pages go on side by side.
+            `settings`: by name, some of `mirrorfold.viewing.controls.CHANGEABLE`; `mirrors`: both ends of each, of an
+            arc a point between them, too [m], or None to find them; `score`: whether to score the result too, which
+            takes longer than the fold; `page`: a name of the page that asks, by which `cancel` stops the fold. Folds of
+            several pages go on side by side.
 
         Returns
         -------
@@ -341,7 +343,7 @@ class Session:
             check_value(name, value)
             settings[name] = value
         mirrors = request.get("mirrors")
-        return settings, None if mirrors is None else check_mirrors(mirrors)
+        return settings, None if mirrors is None else check_mirrors(by_three(mirrors))
 
 
 def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str, Any]:
@@ -361,11 +363,19 @@ def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str,
     return held
 
 
+def plainest(points: Array) -> Array:
+    """A given mirror without its middle point where that lies on the line between its ends."""
+    return points[[0, -1]] if len(arc_through(points[0], points[len(points) // 2], points[-1])) == 2 else points
+
+
 def line_of(ends: Any, lines: Array) -> int:
-    """Index of the line (n, 2, 2) that a mirror with those ends lies on: its ends are nearest to that line."""
-    points = np.asarray(ends, dtype=float)
-    way = lines[:, 1] - lines[:, 0]
-    length = np.linalg.norm(way, axis=1)
-    along = np.einsum("nd,pnd->pn", way, points[:, None] - lines[:, 0]) / length**2
-    nearest = lines[:, 0] + np.clip(along, 0.0, 1.0)[..., None] * way
-    return int(np.argmin(np.linalg.norm(points[:, None] - nearest, axis=-1).max(axis=0)))
+    """Index of the line (n, 2, 2), or arc (n, 3, 2), that a mirror with those ends lies on: its ends are nearest."""
+    points = np.asarray(ends, dtype=float)[:, None]
+    away = []
+    for line in lines:
+        curve = arc_through(line[0], line[len(line) // 2], line[-1])
+        start, way = curve[:-1], np.diff(curve, axis=0)
+        along = np.sum(way * (points - start), axis=-1) / np.sum(way * way, axis=-1)
+        nearest = start + np.clip(along, 0.0, 1.0)[..., None] * way
+        away.append(np.linalg.norm(points - nearest, axis=-1).min(axis=1).max())
+    return int(np.argmin(away))

@@ -48,7 +48,7 @@ async function loadLive(page) {
 }
 function adopt(found, content) {
   edit.settings = { ...found.values };
-  edit.lines = found.lines && found.lines.map((ends) => ({ ends, on: true }));
+  edit.lines = found.lines && found.lines.map((points) => ({ points, on: true }));
   edit.controls = found.controls;
   edit.name = found.save_as;
   edit.editable = found.editable;
@@ -61,7 +61,7 @@ function adopt(found, content) {
 
 // Undo and redo: every step holds the settings, the lines, and once it is folded what it shows. What one movement of the
 // hand changes, such as a mirror that is dragged, is one step: it hands over the same `gesture`.
-const copied = (all) => all && all.map(({ ends, on }) => ({ ends: ends.map((end) => [...end]), on }));
+const copied = (all) => all && all.map(({ points, on }) => ({ points: points.map((point) => [...point]), on }));
 function remember(gesture, content = null) {
   const same = gesture && edit.steps[edit.at].gesture === gesture;
   if (!same && ++edit.at > MOST_STEPS) edit.steps.splice(0, edit.at-- - MOST_STEPS);
@@ -92,9 +92,12 @@ document.addEventListener("keydown", (event) => {
   goTo(edit.at + (key === "y" || event.shiftKey ? 1 : -1));
 });
 
-// The lines as they are now: those given, or those that were found.
-const lines = () => edit.lines || state.content.mirrors.map((mirror) => ({ ends: mirror.ends.map((end) => [...end]), on: true }));
-const request = () => ({ page: PAGE, settings: edit.settings, mirrors: edit.lines && edit.lines.filter((line) => line.on).map((line) => line.ends) });
+// The lines as they are now: those given, or those that were found. Each has its two ends, an arc a point between them.
+const pointsOf = ({ ends: [a, b], through }) => (through ? [a, through, b] : [a, b]);
+const lines = () => edit.lines || copied(state.content.mirrors.map((mirror) => ({ points: pointsOf(mirror), on: true })));
+const endsOf = ({ points }) => [points[0], points.at(-1)];
+const middlePoint = (line) => (line.points.length > 2 ? line.points[1] : middleOf(line.points));
+const request = () => ({ page: PAGE, settings: edit.settings, mirrors: edit.lines && edit.lines.filter((line) => line.on).map((line) => line.points) });
 
 async function refold() {
   if (edit.busy) { edit.again = true; return; }
@@ -154,24 +157,31 @@ function change(act, gesture) {
 function handlesOf(panel) {
   if (!edit.editable || !state.show.mirrors) return [];
   return lines().flatMap((line, k) => {
-    const screen = line.ends.map((end) => panel.toScreen(end)), parts = [];
-    const [[x1, y1], [x2, y2]] = screen, off = !line.on || !used(k);
-    if (edit.lines) parts.push(svg("line", { class: off ? "unused" : "given", x1, y1, x2, y2,
-      stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": off ? "1 7" : "2 4" }));
-    if (off) parts.push(svg("text", { class: "haloed unused", x: (x1 + x2) / 2, y: (y1 + y2) / 2 - 10, "text-anchor": "middle" }, `${k} not used`));
+    const ends = endsOf(line), spots = [...ends, middlePoint(line)].map((point) => panel.toScreen(point)), parts = [];
+    const [mx, my] = spots[2], off = !line.on || !used(k);
+    const points = panel.polyline(curveOf(ends, line.points.length > 2 ? line.points[1] : null));
+    if (edit.lines) parts.push(svg("polyline", { class: off ? "unused" : "given", points, fill: "none", stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": off ? "1 7" : "2 4" }));
+    if (off) parts.push(svg("text", { class: "haloed unused", x: mx, y: my - 10, "text-anchor": "middle" }, `${k} not used`));
     if (!line.on) return parts;
-    const spots = [[screen[0], [0]], [screen[1], [1]], [[0, 1].map((c) => (screen[0][c] + screen[1][c]) / 2), [0, 1]]];
-    for (const [i, [[x, y], which]] of spots.entries())
+    for (const [i, [x, y]] of spots.entries())
       parts.push(svg(i < 2 ? "circle" : "rect", { class: "handle", stroke: "currentColor", tabindex: "0", role: "slider",
         "data-handle": `${k}-${i}`, "aria-label": `${i < 2 ? `end ${i} of` : "all of"} mirror ${k}: arrow keys move it, shift makes small steps`,
-        "aria-valuetext": which.map((w) => line.ends[w].map((v) => fixed(v, 3)).join(", ")).join("; "), "aria-valuenow": "0",
+        "aria-valuetext": (i < 2 ? [ends[i]] : ends).map((end) => end.map((v) => fixed(v, 3)).join(", ")).join("; "), "aria-valuenow": "0",
         ...(i < 2 ? { cx: x, cy: y, r: 5.5 } : { x: x - 4.5, y: y - 4.5, width: 9, height: 9, rx: 2 }),
-        onpointerdown: (event) => drag(panel, k, which, event), onkeydown: (event) => nudge(k, which, event) }));
+        onpointerdown: (event) => drag(panel, k, i, event), onkeydown: (event) => nudge(k, i, event) }));
     return parts;
   });
 }
-function move(k, which, dx, dy, gesture) {
-  change((all) => { for (const w of which) { all[k].ends[w][0] += dx; all[k].ends[w][1] += dy; } }, gesture);
+// Move one end, 0 or 1, or all of a line, 2. An arc is turned and stretched with its ends: it keeps its shape.
+function move(k, handle, dx, dy, gesture) {
+  change((all) => {
+    const before = endsOf(all[k]), after = before.map(([x, y], i) => (handle === 2 || handle === i ? [x + dx, y + dy] : [x, y]));
+    const [[ax, ay], [bx, by]] = before, [[px, py], [qx, qy]] = after, sx = bx - ax, sy = by - ay, ss = sx * sx + sy * sy || 1e-12;
+    // The turn and the stretch as a complex number.
+    const re = ((qx - px) * sx + (qy - py) * sy) / ss, im = ((qy - py) * sx - (qx - px) * sy) / ss;
+    const between = all[k].points.slice(1, -1).map(([x, y]) => [px + re * (x - ax) - im * (y - ay), py + im * (x - ax) + re * (y - ay)]);
+    all[k].points = [after[0], ...between, after[1]];
+  }, gesture);
 }
 // Follow the pointer until it is lifted, wherever it goes.
 function follow(act, end = () => {}) {
@@ -180,23 +190,23 @@ function follow(act, end = () => {}) {
   window.addEventListener("pointermove", act);
   for (const name of ends) window.addEventListener(name, stop);
 }
-function drag(panel, k, which, event) {
+function drag(panel, k, handle, event) {
   event.preventDefault();
   event.stopPropagation();
   const gesture = {};
   let last = panel.toWorld(panel.place(event));
   follow((moved) => {
     const now = panel.toWorld(panel.place(moved));
-    move(k, which, now[0] - last[0], now[1] - last[1], gesture);
+    move(k, handle, now[0] - last[0], now[1] - last[1], gesture);
     last = now;
   });
 }
-function nudge(k, which, event) {
+function nudge(k, handle, event) {
   const size = event.shiftKey ? 0.001 : 0.01;
   const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (!step) return;
   event.preventDefault();
-  move(k, which, size * step[0], size * step[1]);
+  move(k, handle, size * step[0], size * step[1]);
 }
 
 // Draw a mirror by hand: press at one end, let go at the other.
@@ -206,11 +216,11 @@ function startDrawing(button, stage) {
     state.draw = null;
     button.setAttribute("aria-pressed", "false");
     if (panel.which !== "initial") { edit.message = "Draw in the initial image: that is where mirrors are seen."; changed(); return; }
-    const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { ends: [start, [...start]], on: true };
+    const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { points: [start, [...start]], on: true };
     edit.lines = [...lines(), line];
-    follow((moved) => { line.ends = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
+    follow((moved) => { line.points = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
       stage.classList.remove("drawing");
-      const [a, b] = line.ends.map((end) => panel.toScreen(end));
+      const [a, b] = line.points.map((end) => panel.toScreen(end));
       if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 8) edit.lines = before; else { remember(); refold(); }
       changed();
     });

@@ -1,74 +1,4 @@
-// The initial and the corrected image as maps with mirrors, shadows, points and the truth, and what lies under the
-// pointer: its amplitude, and the way that the waves took.
-
-const reflect = (p, [a, b]) => {
-  const nx = a[1] - b[1], ny = b[0] - a[0], k = (2 * ((p[0] - a[0]) * nx + (p[1] - a[1]) * ny)) / (nx * nx + ny * ny);
-  return [p[0] - k * nx, p[1] - k * ny];
-};
-
-// A mirror and those through which it is seen, up to the root.
-function lineage(number) {
-  const { mirrors } = state.content, way = [];
-  for (let n = number; n >= 0 && way.length <= mirrors.length; n = mirrors[n].parent) way.push(mirrors[n]);
-  return way;
-}
-const fold = (p, number) => lineage(number).reduce((q, mirror) => reflect(q, mirror.ends), p);
-const unfold = (p, number) => lineage(number).reverse().reduce((q, mirror) => reflect(q, mirror.ends), p);
-
-// Walk outward along the straight line of sight of the unfolded image: each mirror crossed opens that mirror's world,
-// if its parent's is open. A point just behind a mirror still belongs to its wall.
-function sight(p) {
-  const { radar, mirrors, margin } = state.content;
-  const dx = p[0] - radar[0], dy = p[1] - radar[1], length = Math.hypot(dx, dy);
-  const met = [];
-  for (const mirror of mirrors) {
-    const [[ax, ay], [bx, by]] = mirror.ends, sx = bx - ax, sy = by - ay, turn = dx * sy - dy * sx;
-    const along = ((ax - radar[0]) * sy - (ay - radar[1]) * sx) / turn;
-    const beside = ((ax - radar[0]) * dy - (ay - radar[1]) * dx) / turn;
-    if (along > 0 && along * length < length - margin && beside >= 0 && beside <= 1) met.push([along, mirror]);
-  }
-  met.sort((one, other) => one[0] - other[0]);
-  let world = -1;
-  const path = [[radar[0], radar[1]]];
-  for (const [along, mirror] of met) {
-    if (mirror.parent !== world) return { world: null, path };
-    path.push(fold([radar[0] + along * dx, radar[1] + along * dy], mirror.parent));
-    world = mirror.number;
-  }
-  path.push(fold(p, world));
-  return { world, path };
-}
-
-// What stands at a place of one of the two images: its level, its chain of mirrors, and the path of the waves, folded and
-// unfolded. A point at that place tells the chain; without one, in the corrected image, the chain that shows the place
-// brightest counts.
-function look(which, p) {
-  const { images, grid, points, dimensions, mirrors } = state.content;
-  const spot = { which, place: p, level: levelAt(images[which], grid, p[0], p[1]), world: undefined, point: null };
-  const worldOf = (i) => points.ways[points.chain[i]].at(-1) ?? -1;
-  const nearest = (reach, fits) => {
-    let found = null;
-    for (let i = 0; i < points.count; i++) {
-      const [x, y] = placeOf(points, i, which), distance = Math.hypot(x - p[0], y - p[1]);
-      if (distance < reach && pointShown(points, i) && fits(i)) [found, reach] = [i, distance];
-    }
-    return found;
-  };
-  const here = nearest(Math.max(1.5 * grid.dx, 4 / state.view.scale), () => true);
-  if (dimensions === 2 && which === "initial") Object.assign(spot, { seemed: p }, sight(p));
-  else if (dimensions === 2) {
-    let best = -Infinity;
-    for (const number of here !== null ? [worldOf(here)] : [-1, ...mirrors.map((mirror) => mirror.number)]) {
-      const seemed = unfold(p, number), found = sight(seemed), level = levelAt(images.initial, grid, ...seemed) ?? -100;
-      if (found.world === number && level > best) { best = level; Object.assign(spot, { seemed }, found); }
-    }
-  }
-  spot.point = nearest(0.05, (i) => spot.world === undefined || worldOf(i) === spot.world);
-  if (spot.world === undefined && spot.point !== null) spot.world = worldOf(spot.point);
-  return spot;
-}
-const placeOf = (points, i, which) =>
-  which === "initial" ? [points.x_initial[i], points.y_initial[i]] : [points.x[i], points.y[i]];
+// The initial and the corrected image as maps with mirrors, shadows, points and the truth.
 
 class Panel {
   constructor(which, stage) {
@@ -233,11 +163,12 @@ class Panel {
     if (!lit && (state.lit !== null || this.which === "corrected")) return;
     if (this.which === "corrected" && dimensions === 3) return;
     const reach = 2 * Math.hypot(grid.nx * grid.dx, grid.ny * grid.dy);
-    const far = mirror.ends.map(([x, y]) => {
+    const face = curveOf(mirror.ends, mirror.through);
+    const far = face.map(([x, y]) => {
       const k = reach / Math.max(Math.hypot(x - radar[0], y - radar[1]), 1e-9);
       return [radar[0] + k * (x - radar[0]), radar[1] + k * (y - radar[1])];
     });
-    let area = [mirror.ends[0], mirror.ends[1], far[1], far[0]];
+    let area = [...face, ...far.reverse()];
     if (this.which === "corrected") area = area.map((p) => fold(p, mirror.number));
     context.globalAlpha = (darkStage() ? 0.22 : 0.14) * (lit ? 1.8 : 0.9);
     context.fillStyle = mirrorColour(mirror);
@@ -247,10 +178,11 @@ class Panel {
     context.globalAlpha = 1;
   }
   mirror(mirror) {
-    const ends = (this.which === "initial" ? mirror.ends : mirror.folded_ends).map((p) => this.toScreen(p));
-    const [[x1, y1], [x2, y2]] = ends, colour = mirrorColour(mirror), number = String(mirror.number);
-    const length = Math.hypot(x2 - x1, y2 - y1) || 1, mx = (x1 + x2) / 2 + (14 * (y2 - y1)) / length, my = (y1 + y2) / 2 - (14 * (x2 - x1)) / length;
-    const line = (name) => svg("line", { class: name, x1, y1, x2, y2, stroke: name === "line" ? colour : undefined });
+    const [ends, through] = this.which === "initial" ? [mirror.ends, mirror.through] : [mirror.folded_ends, mirror.folded_through];
+    const [[x1, y1], [x2, y2]] = ends.map((p) => this.toScreen(p)), [x, y] = this.toScreen(through || middleOf(ends));
+    const length = Math.hypot(x2 - x1, y2 - y1) || 1, mx = x + (14 * (y2 - y1)) / length, my = y - (14 * (x2 - x1)) / length;
+    const colour = mirrorColour(mirror), number = String(mirror.number), points = this.polyline(curveOf(ends, through));
+    const line = (name) => svg("polyline", { class: name, points, fill: "none", stroke: name === "line" ? colour : undefined });
     return svg("g", { class: state.lit === mirror.number ? "mirror lit" : "mirror", tabindex: "0", role: "img", "data-number": number,
       "aria-label": `mirror ${mirror.name}, generation ${mirror.generation}, ${fixed(mirror.length, 2)} metres`, ...lights(mirror.number) },
       line("halo"), line("line"), line("hit"),

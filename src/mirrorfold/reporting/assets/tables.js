@@ -45,10 +45,16 @@ function makeMirrors() {
     if (drawn !== content) {
       drawn = content;
       const solid = content.mirrors.some((mirror) => mirror.height !== undefined);
-      const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", "<ends [m]"];
+      // Columns of their own for what only some mirrors have.
+      const more = [["radius", "radius [m]", 1, 3], ["permittivity", "permittivity", 1, 2], ["thickness", "thickness [mm]", 1000, 2]]
+        .filter(([name]) => content.mirrors.some((mirror) => mirror[name] !== null));
+      const measured = (mirror, [name, , scale, digits]) => mirror[name] === null ? "" : fixed(scale * mirror[name], digits)
+        + (mirror[`${name}_error`] === null ? "" : ` \u00b1 ${fixed(scale * mirror[`${name}_error`], digits)}`);
+      const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", ...more.map(([, heading]) => heading), "<ends [m]"];
       const rows = content.mirrors.map((mirror) => [mirror.name, mirror.parent < 0 ? "radar" : `mirror ${content.mirrors[mirror.parent].name}`,
         fixed(mirror.length, 3), ...(solid ? [fixed(mirror.height, 2)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
         fixed(mirror.offset_error === null ? null : 1000 * mirror.offset_error, 2), fixed(mirror.strength_db, 1), fixed(mirror.fill, 2),
+        ...more.map((column) => measured(mirror, column)),
         mirror.folded_ends.map((end) => `(${end.map((v) => fixed(v, 3)).join(", ")})`).join(" \u2013 ")]);
       box.replaceChildren(content.mirrors.length
         ? table("Mirrors at their true places", headings, rows, (i) => ({ "data-number": String(i), ...lights(i) }))

@@ -1,0 +1,134 @@
+"""What pages and notebooks tell of a reconstruction in rows: its mirrors, how much was found, and its score."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mirrorfold.common.arcs import mirror_curves, mirror_places
+from mirrorfold.common.chains import mirror_chains
+from mirrorfold.common.decibels import bounce_label
+from mirrorfold.common.types import Array
+from mirrorfold.describing.reconstructions import on_mirrors
+
+PANE = ("permittivity", "permittivity_error", "thickness", "thickness_error")
+"""Columns of the table of mirrors that only walls have that let waves through."""
+
+
+def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
+    """The mirrors, one dict each, with None for what the file does not hold."""
+    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
+    strengths = held["strength"].values.astype(float)
+    if not reference_echo > 0.0 and strengths.size:
+        reference_echo = float(strengths.max())
+    volume = "corner_x" in held
+    axes = "xyz" if "z0" in held else "xy"
+    rows: list[dict[str, Any]] = []
+    chains = mirror_chains(held)
+    curves = mirror_curves(held, "folded_")
+    places = {prefix: mirror_places(held, prefix) for prefix in ("", "folded_")}
+    for i in range(held.sizes.get("mirror", 0)):
+        one = held.isel(mirror=i)
+        ends = {
+            prefix: [[float(one[f"{prefix}{axis}{end}"]) for axis in axes] for end in (0, 1)]
+            for prefix in ("", "folded_")
+        }
+        way = np.subtract(ends["folded_"][1], ends["folded_"][0])
+        row: dict[str, Any] = {
+            "number": i,
+            "parent": int(one["parent"]),
+            "generation": int(one["generation"]),
+            "chain": chains[i],
+            "ends": ends[""],
+            "folded_ends": ends["folded_"],
+            "through": _middle(places[""][i]),
+            "folded_through": _middle(places["folded_"][i]),
+            "length": float(np.linalg.norm(np.diff(ends["folded_"] if volume else curves[i], axis=0), axis=1).sum()),
+            "angle": float(np.degrees(np.arctan2(way[1], way[0])) % 180.0),
+            "strength_db": _decibel(strengths[i], reference_echo),
+            **{name: _known(one, name) for name in ("angle_error", "offset_error", "fill", *PANE)},
+            **_radius(one),
+        }
+        if volume:
+            for prefix in ("", "folded_"):
+                row[f"{prefix}corners"] = np.stack(
+                    [one[f"{prefix}corner_{axis}"].values for axis in "xyz"], -1
+                ).tolist()
+            heights = one["folded_corner_z"].values
+            row["height"] = float(np.ptp(heights))
+        rows.append(row)
+    return rows
+
+
+def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
+    """How much was found: rows of a name and a number, both in words."""
+    bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
+    hidden, walls = int(counts[bounces > 0].sum()), int(on_mirrors(objects).sum())
+    rows = [
+        ["mirrors", str(len(mirrors))],
+        ["points", str(int(counts.sum()))],
+        ["of objects", str(int(counts.sum()) - walls)],
+        ["of walls", str(walls)],
+        ["seen around a corner", str(hidden)],
+        ["generations", str(max((mirror["generation"] for mirror in mirrors), default=0))],
+    ]
+    return rows + [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
+
+
+def score_rows(score: dict[str, Any]) -> dict[str, Any]:
+    """The score as tables: headings, and rows of texts."""
+    mirrors = [
+        [str(i), mirror["surface"] or "-", _number(mirror["angle_error_deg"], ".3f"),
+         _number(mirror["offset_error_mm"], ".2f")]
+        for i, mirror in enumerate(score["mirrors"])
+    ]  # fmt: skip
+    hidden = score.get("hidden") or {}
+    points = [["points", *(str(part["points"]) if part else "-" for part in (score, hidden))]]
+    points += [
+        [label, *(_number(part.get(name), form, scale) for part in (score, hidden))]
+        for label, name, form, scale in (
+            ("accuracy [mm]", "accuracy_m", ".1f", 1e3),
+            ("Chamfer distance [mm]", "chamfer_m", ".1f", 1e3),
+            ("precision at 2 cm", "precision_2cm", ".3f", 1.0),
+            ("completeness at 2 cm", "completeness_2cm", ".3f", 1.0),
+            ("F-score at 2 cm", "f_score_2cm", ".3f", 1.0),
+            ("F-score at 5 cm", "f_score_5cm", ".3f", 1.0),
+            ("F-score at 1.5 cells", "f_score_cells", ".3f", 1.0),
+            ("invented share", "invented_fraction", ".3f", 1.0),
+        )
+    ]
+    return {"mirrors": mirrors, "points": points}
+
+
+def _middle(place: Array) -> list[float] | None:
+    """The middle of an arc given by three points; None for a line."""
+    return place[1].tolist() if len(place) == 3 else None
+
+
+def _radius(one: xr.Dataset) -> dict[str, float | None]:
+    """Radius [m] of a mirror, negative for a concave one, and its standard error; None for a flat one."""
+    curvature = _known(one, "curvature")
+    if not curvature:
+        return {"radius": None, "radius_error": None}
+    error = _known(one, "curvature_error")
+    return {"radius": 1.0 / curvature, "radius_error": error and error / curvature**2}
+
+
+def _known(one: xr.Dataset, name: str) -> float | None:
+    """A variable of one mirror; None where the file lacks it, or it is not a finite number."""
+    value = float(one[name]) if name in one else np.nan
+    return value if np.isfinite(value) else None
+
+
+def _decibel(value: float, zero: float) -> float | None:
+    return float(20.0 * np.log10(value / zero)) if value > 0.0 and zero > 0.0 else None
+
+
+def _number(value: float | None, form: str, scale: float = 1.0) -> str:
+    if value is None or not np.isfinite(value):
+        return "-"
+    text = format(value * scale, form)
+    return format(float(text), "g") if float(text).is_integer() else text  # 0 and 1 are exact
