@@ -9,6 +9,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.common.arcs import circle_through
 from mirrorfold.io.plans import read_plan
 
 ezdxf = pytest.importorskip("ezdxf", reason="the extra mirrorfold[cad] has ezdxf, which is absent")
@@ -149,3 +150,18 @@ def test_a_plan_in_millimetres_that_says_no_unit_is_told(reconstruction, tmp_pat
         extent = mf.plot.content_extent(reconstruction, plan=plan, folded=True)
     assert extent == mf.plot.content_extent(reconstruction, folded=True)
     assert mf.plot.content_extent(reconstruction, plan=metres, folded=True) != extent
+
+
+@pytest.mark.parametrize("name", ["plan.dxf", "plan.geojson"])
+def test_a_curved_mirror_comes_back_as_the_same_arc(reconstruction, tmp_path, name):
+    arc = np.array([WALL[0], [0.47, 1.22], WALL[1]])
+    line = [[-0.6, 1.7], [-0.65, 1.3], [-0.7, 0.9]]
+    first = mf.fold(reconstruction, mirrors=[arc, line])
+    plan = read_plan(mf.export(first, tmp_path / name))
+    again = mf.fold(reconstruction, mirrors=tmp_path / name)
+    for key in ("curvature", "xm", "ym"):
+        np.testing.assert_allclose(again[f"mirrors/{key}"], first[f"mirrors/{key}"], rtol=1e-9, atol=1e-12)
+    # Where the mirrors stand they are drawn round, for other programs.
+    center, radius = (found[0] for found in circle_through(*arc[:, None]))
+    assert len(plan.lines[0]) > 2
+    np.testing.assert_allclose(np.linalg.norm(plan.lines[0] - center, axis=1), radius, rtol=1e-3)

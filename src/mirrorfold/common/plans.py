@@ -21,8 +21,9 @@ class FloorPlan:
     ----------
     lines : tuple of (n, 2) arrays [m]
         Polylines, each of at least two points; a closed one ends where it begins.
-    images : (mirrors, 2, 2) array [m], optional
-        Ends of the mirrors where they appear in the unfolded image, in files that mirrorfold has written.
+    images : (mirrors, 2, 2) or (mirrors, 3, 2) array [m], optional
+        The mirrors where they appear in the unfolded image, in files that mirrorfold has written: ends of lines, or
+        three points of arcs.
     source : str
         Names the file in messages.
     """

@@ -40,8 +40,8 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
     Returns
     -------
     (mirrors, 2, 2) array [m]
-        Both ends of each. A wall of which the radar sees all keeps its ends; others end at the last line of sight that
-        meets them.
+        Both ends of each; of arcs, in files that mirrorfold has written, three points, (mirrors, 3, 2). A wall of which
+        the radar sees all keeps its ends; others end at the last line of sight that meets them.
 
     Raises
     ------

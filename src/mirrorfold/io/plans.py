@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arcs import arc_through, by_three, circle_through, mirror_places
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.plausible import unplaced
@@ -49,7 +50,8 @@ def read_plan(path: str | Path) -> FloorPlan:
     path : path
         DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also inside of blocks, on layers
         that are visible; `$INSUNITS` says the unit, metres where it says none. GeoJSON: lines and outlines of areas, in
-        metres.
+        metres. On the layer of mirror images an arc, or a line of more than two points, is a curved mirror: an arc by
+        the first, the middle and the last of its points.
 
     Returns
     -------
@@ -68,14 +70,14 @@ def read_plan(path: str | Path) -> FloorPlan:
     if len(found) > LARGEST_COUNT:
         raise InputError(f"{path}: holds {len(found)} lines, expected a floor plan of at most {LARGEST_COUNT}")
     lines = tuple(line for layer, line in found if layer not in (IMAGES, POINTS))
-    images = [line[[0, -1]] for layer, line in found if layer == IMAGES]
+    images = [line[[0, len(line) // 2, -1]] if len(line) > 2 else line for layer, line in found if layer == IMAGES]
     if not lines:
         raise InputError(f"{path}: holds no line or polyline, expected the walls of a floor plan")
     for line in (*lines, *images):
         wrong = unplaced(line)
         if wrong is not None:
             raise InputError(f"{path}: a line has a coordinate that {wrong}; draw it anew, in metres")
-    return FloorPlan(lines, np.array(images) if images else None, str(path))
+    return FloorPlan(lines, np.array(by_three(images)) if images else None, str(path))
 
 
 def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:
@@ -88,7 +90,12 @@ def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:
     space = document.modelspace()
     for layer, place, facts in plan_features(reconstruction):
         attribs = {"layer": layer}
-        drawn = space.add_point(place[0], attribs) if layer == POINTS else space.add_line(*place, attribs)
+        if layer == POINTS:
+            drawn = space.add_point(place[0], attribs)
+        elif len(place) == 3:
+            drawn = space.add_arc(**_arc(place), dxfattribs=attribs)
+        else:
+            drawn = space.add_line(*place, attribs)
         drawn.set_xdata("MIRRORFOLD", [(1000, f"{name}={value}") for name, value in facts.items()])
     document.saveas(path)
 
@@ -99,7 +106,7 @@ def write_geojson(reconstruction: xr.DataTree, path: Path) -> None:
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": place[0].tolist()} if layer == POINTS
-            else {"type": "LineString", "coordinates": place.tolist()},
+            else {"type": "LineString", "coordinates": (arc_through(*place) if len(place) == 3 else place).tolist()},
             "properties": {"layer": layer, **facts},
         }
         for layer, place, facts in plan_features(reconstruction)
@@ -108,30 +115,44 @@ def write_geojson(reconstruction: xr.DataTree, path: Path) -> None:
     path.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
 
 
+def _arc(place: Array) -> dict[str, Any]:
+    """Center, radius and angles [degree], counter-clockwise, of the arc through three points."""
+    (center,), (radius,) = circle_through(*place[:, None])
+    first, middle, last = (float(np.degrees(np.arctan2(*(point - center)[::-1]))) for point in place)
+    if (middle - first) % 360.0 > (last - first) % 360.0:
+        first, last = last, first
+    return {"center": tuple(center), "radius": float(radius), "start_angle": first, "end_angle": last}
+
+
 def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dict[str, Any]]]:
-    """Layer, place (1 or 2, d) [m] and facts of each mirror, of its image, and of each point of a reconstruction."""
+    """Layer, place and facts of each mirror, of its image, and of each point of a reconstruction.
+
+    A place [m] is a point (1, d), the two ends of a line (2, d), or start, middle and end of an arc (3, 2).
+    """
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     axes = "xyz" if "z0" in mirrors else "xy"
     chains = mirror_chains(mirrors)
     for layer, prefix in ((MIRRORS, "folded_"), (IMAGES, "")):
+        places = mirror_places(mirrors, prefix)
         for i in range(mirrors.sizes.get("mirror", 0)):
             ends = np.array([[float(mirrors[f"{prefix}{axis}{end}"][i]) for axis in axes] for end in (0, 1)])
+            place = places[i] if len(places[i]) == 3 else ends
             facts: dict[str, Any] = {"mirror": i, "chain": chains[i]}
             facts |= {
                 name: int(mirrors[name].values[i]) for name in ("parent", "generation", "frame") if name in mirrors
             }
             strength = float(mirrors["strength"].values[i])
-            yield layer, ends, {**facts, "strength": strength if np.isfinite(strength) else None}
+            yield layer, place, {**facts, "strength": strength if np.isfinite(strength) else None}
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     names = [
         name
         for name in ("amplitude", "bounces", "chain", "confidence", "surface", "frame")
         if name in objects.variables
     ]
-    places = np.stack([objects[axis].values for axis in axes if axis in objects.variables], axis=-1)
+    points = np.stack([objects[axis].values for axis in axes if axis in objects.variables], axis=-1)
     columns = [objects[name].values.tolist() for name in names]
-    for place, *values in zip(places, *columns, strict=True):
-        yield POINTS, place[None], dict(zip(names, values, strict=True))
+    for point, *values in zip(points, *columns, strict=True):
+        yield POINTS, point[None], dict(zip(names, values, strict=True))
 
 
 def _geojson(path: Path) -> Iterator[tuple[str, Array]]:
@@ -184,7 +205,12 @@ def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
     for entity in disassemble.recursive_decompose(document.modelspace()):
         layer = str(entity.dxf.layer)
         if entity.dxftype() in CURVES and layer.lower() not in hidden:
-            points = [(point.x, point.y) for point in curves.make_path(entity).flattening(SAGITTA / unit)]
+            curve: Any = entity
+            if entity.dxftype() == "ARC" and layer == IMAGES:  # three points, as exactly as it is drawn
+                along = curve.vertices(curve.angles(3))
+            else:
+                along = curves.make_path(entity).flattening(SAGITTA / unit)
+            points = [(point.x, point.y) for point in along]
             if len(points) > 1:
                 yield layer, unit * np.array(points, dtype=float)
 

@@ -149,7 +149,8 @@ class Session:
         self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
         # Mirrors that were given are given to all further folds, too.
         if self.editable and reconstruction.attrs.get("mirrors_given"):
-            self._lines = check_mirrors(by_three(mirror_places(reconstruction["mirrors"].to_dataset(inherit=False))))
+            given = reconstruction.children["mirrors"].to_dataset(inherit=False)
+            self._lines = check_mirrors(by_three(mirror_places(given)))
         truth = [] if self.scene is None else truth_lines(self.scene)
         truth += [] if self.plan is None else [line.tolist() for line in self.plan.lines]
         self._extent = shown_extent(reconstruction, truth)
