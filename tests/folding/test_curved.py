@@ -7,6 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 import xarray as xr
+from serving import WALLS, two_walls
 
 import mirrorfold as mf
 from mirrorfold.detection.arc_mirror import ArcMirror
@@ -94,3 +95,15 @@ def test_points_near_and_beyond_a_caustic_are_marked() -> None:
     blur = 0.5 * view.glint * abs(bend[1] - width[1]) / float(view.width(2.66))
     assert growth[1] == pytest.approx(np.hypot(width[1], blur), rel=1e-6)
     assert growth[1] > 5.0 * abs(width[1])
+
+
+def test_a_caustic_inside_the_scene_is_told_in_one_sentence() -> None:
+    bay = np.array([WALLS[0][0], np.add(WALLS[0].mean(axis=0), [0.137, 0.061]), WALLS[0][1]])
+    folded = mf.fold(two_walls(), mirrors=[bay, [WALLS[1][0], WALLS[1].mean(axis=0), WALLS[1][1]]])
+    objects = folded["objects"].to_dataset(inherit=False)
+    shown = objects["confidence"].values >= folded.attrs["fold_min_confidence"]
+    count = int(np.count_nonzero((objects["caustic"].values != "") & shown))
+    assert count > 1
+    sentence = f"{count} points lie near or beyond a caustic of a concave mirror, where the image is out of focus"
+    assert folded.attrs["remark"] == sentence
+    assert mf.info(folded).remarks == [f"{sentence}."]

@@ -193,7 +193,8 @@ def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *,
         show_mirrors(found.mirrors)
     counts = ", ".join(f"{count} after {bounces}" for bounces, count in found.points_by_bounces.items())
     kinds = f"{found.points - found.points_on_mirrors} of objects and {found.points_on_mirrors} of walls"
+    through = f", {found.points_through_walls} of them through walls" if found.points_through_walls else ""
     left_out = f"; {found.left_out} echoes from elsewhere, or copies, were left out" if found.left_out else ""
     doubted = f"; {found.doubted} more are doubted" if found.doubted else ""
-    say(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{left_out}{doubted}")
+    say(f"{found.points} points, {kinds}; by bounces: {counts or 'none'}{through}{left_out}{doubted}")
     show_files(files)

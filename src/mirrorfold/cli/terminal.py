@@ -136,10 +136,26 @@ def show_options(options: Sequence[OptionFacts]) -> None:
     console().print(table)
 
 
+MEASURED = (
+    ("radius_m", "radius_error_m", "radius [m]", ".3f", 1.0),
+    ("permittivity", "permittivity_error", "permittivity", ".2f", 1.0),
+    ("thickness_m", "thickness_error_m", "thickness [mm]", ".2f", 1e3),
+)
+"""Columns that only some mirrors have: value, standard error, heading, format, scale."""
+
+
+def _measured(mirror: MirrorFacts, name: str, error: str, _: str, form: str, scale: float) -> str:
+    """A value with its standard error; nothing for a mirror that has none."""
+    values = [getattr(mirror, which) for which in (name, error)]
+    return " \u00b1 ".join(format(scale * value, form) for value in values if value is not None)
+
+
 def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
     """Print the table of mirrors."""
     table = table_of("mirrors, at their true places")
-    for heading in ("mirror", "seen through", "generation", "start [m]", "end [m]", "strength"):
+    more = [column for column in MEASURED if any(getattr(mirror, column[0]) is not None for mirror in mirrors)]
+    headings = ("mirror", "seen through", "generation", "start [m]", "end [m]", "strength")
+    for heading in (*headings, *(column[2] for column in more)):
         table.add_column(heading, justify="right")
     for mirror in mirrors:
         table.add_row(
@@ -148,6 +164,7 @@ def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
             str(mirror.generation),
             *(f"({', '.join(f'{part:.4f}' for part in end)})" for end in (mirror.start_m, mirror.end_m)),
             number(mirror.strength, ".3g"),
+            *(_measured(mirror, *column) for column in more),
         )
     console().print(table)
 

@@ -10,6 +10,9 @@ from mirrorfold.common.types import Array
 COLOURS = ("#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#0072B2")
 """By number of bounces; apart for the colour-blind too (Okabe and Ito, 2008)."""
 
+PASSED_COLOUR, PASSED_LABEL = "#7B3294", "seen through a wall"
+"""Of what passed through a half-transparent wall, and stays where it is seen."""
+
 TRUTH_COLOUR = "#CC0000"
 
 REFERENCE_QUANTILE = 0.9995

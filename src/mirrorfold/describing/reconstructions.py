@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
 from mirrorfold.folding.frames import frame_count
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.shown import passed_walls, shown_points
 
 
 class MirrorFacts(Record):
@@ -23,6 +23,12 @@ class MirrorFacts(Record):
     start_m: list[float] = fact(min_length=2, max_length=3)
     end_m: list[float] = fact(min_length=2, max_length=3)
     strength: Number
+    radius_m: Number = fact("of a curved mirror, negative for a concave one", default=LEFT_OUT)
+    radius_error_m: Number = fact("standard error", default=LEFT_OUT)
+    permittivity: Number = fact("of a wall that lets waves through", default=LEFT_OUT)
+    permittivity_error: Number = fact("standard error", default=LEFT_OUT)
+    thickness_m: Number = fact("of a wall that lets waves through", default=LEFT_OUT)
+    thickness_error_m: Number = fact("standard error", default=LEFT_OUT)
     frame: int = fact("of a recording", default=LEFT_OUT)
 
 
@@ -33,6 +39,7 @@ class ReconstructionFacts(Sized):
     points: int = fact("of objects and on the faces of mirrors, of those that are not doubted")
     points_on_mirrors: int = fact("those on the faces of mirrors")
     points_by_bounces: dict[str, int]
+    points_through_walls: int = fact("those seen through a half-transparent wall, which stay there", default=LEFT_OUT)
     left_out: int = fact(
         "echoes where nothing stands: by mixed paths, from beyond the ambiguous range, or copies of others"
     )
@@ -58,9 +65,11 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         remarks.append(f"{said[0].upper()}{said[1:]}.")
     if not objects.sizes.get("point", 0):
         remarks.append("No object was found.")
-    recording: dict[str, Any] = {}
+    more: dict[str, Any] = {}
+    if "wall" in objects:
+        more["points_through_walls"] = int(passed_walls(objects).sum())
     if (frames := frame_count(reconstruction)) is not None:
-        recording = {"points_by_frame": np.bincount(objects["frame"].values, minlength=frames).tolist()}
+        more["points_by_frame"] = np.bincount(objects["frame"].values, minlength=frames).tolist()
     return ReconstructionFacts(
         kind="reconstruction",
         title=str(reconstruction.attrs.get("title", "")),
@@ -72,7 +81,7 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         doubted=doubted,
         mirrors=mirrors,
         remarks=remarks,
-        **recording,
+        **more,
     )
 
 
@@ -95,8 +104,34 @@ def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:
             start_m=[float(mirror[f"folded_{axis}0"]) for axis in axes],
             end_m=[float(mirror[f"folded_{axis}1"]) for axis in axes],
             strength=float(mirror["strength"]),
-            **({"frame": int(mirror["frame"])} if "frame" in mirror.coords else {}),
+            **_own_facts(mirror),
         )
         for index in range(mirrors.sizes.get("mirror", 0))
         for mirror in [mirrors.isel(mirror=index)]
     ]
+
+
+PANE = {"permittivity": "permittivity", "permittivity_error": "permittivity_error",
+        "thickness": "thickness_m", "thickness_error": "thickness_error_m"}  # fmt: skip
+"""Columns of the table of mirrors for walls that let waves through, and what facts call them."""
+
+
+def _own_facts(mirror: xr.Dataset) -> dict[str, Any]:
+    """What only some mirrors have: frame, radius, and what is known of a wall that lets waves through."""
+    found: dict[str, Any] = {"frame": int(mirror["frame"])} if "frame" in mirror.coords else {}
+    radius, error = radius_of(mirror)
+    if radius is not None:
+        found |= {"radius_m": radius, "radius_error_m": error}
+    pane = {fact: float(mirror[name]) for name, fact in PANE.items() if name in mirror}
+    if np.isfinite(pane.get("permittivity", np.nan)):
+        found |= {fact: value if np.isfinite(value) else None for fact, value in pane.items()}
+    return found
+
+
+def radius_of(mirror: xr.Dataset) -> tuple[float | None, float | None]:
+    """Radius [m] of a row of the table of mirrors, negative for a concave one, and its standard error [m]; or None."""
+    curvature = float(mirror["curvature"]) if "curvature" in mirror else 0.0
+    if curvature == 0.0 or not np.isfinite(curvature):
+        return None, None
+    error = float(mirror["curvature_error"]) / curvature**2 if "curvature_error" in mirror else np.nan
+    return 1.0 / curvature, error if np.isfinite(error) else None

@@ -67,7 +67,7 @@ def collect(
         "threshold": found.echoes.threshold,
         "reference": found.echoes.reference,
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
-        "remark": _remark(image, found, settings, given),
+        "remark": _remark(image, found, points, settings, given),
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
@@ -80,8 +80,10 @@ def collect(
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
-def _remark(image: xr.DataArray, found: Found, settings: FoldSettings, given: int | None) -> str:
-    """Why there is no mirror, unless none was wanted; or in which mirrors the radar sees itself."""
+def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, given: int | None) -> str:
+    """Why there is no mirror, unless none was wanted; or in which mirrors the radar sees itself, and what lies near or
+    beyond a caustic.
+    """
     if not found.tree.mirrors and (given == 0 or settings.generations == 0):
         return ""
     if not found.tree.mirrors and given is not None:
@@ -100,11 +102,15 @@ def _remark(image: xr.DataArray, found: Found, settings: FoldSettings, given: in
         return f"no mirror was found: {why}; the scene is shown unfolded"
     own = found.elsewhere.take(found.explanation == ITSELF)
     through = found.sight.seen_through(own.range, own.direction)
-    return "; ".join(
+    said = [
         f"the radar sees itself in mirror {chain_name(found.sight.chain[index])}, "
         f"{np.median(own.range[through == index]):.3g} m away, and leaves this out"
         for index in np.unique(through)
-    )
+    ]
+    if beyond := int(np.count_nonzero((points.caustic != "") & (points.confidence >= settings.min_confidence))):
+        where = "1 point lies" if beyond == 1 else f"{beyond} points lie"
+        said.append(f"{where} near or beyond a caustic of a concave mirror, where the image is out of focus")
+    return "; ".join(said)
 
 
 def _objects(points: Points) -> xr.Dataset:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import xarray as xr
 
+from mirrorfold.common.types import Mask
 from mirrorfold.folding.settings import FoldSettings
 
 
@@ -23,6 +25,13 @@ def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = Non
     else:
         FoldSettings.rules()["min_confidence"].check("min_confidence", min_confidence)
     return objects.isel(point=objects["confidence"].values >= min_confidence) if min_confidence > 0.0 else objects
+
+
+def passed_walls(objects: xr.Dataset) -> Mask:
+    """Which points of a table were seen through a half-transparent wall, and stand where they are seen, (n,)."""
+    if "wall" not in objects:
+        return np.zeros(objects.sizes.get("point", 0), dtype=bool)
+    return np.asarray(objects["wall"].values.astype(str) != "")
 
 
 def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:

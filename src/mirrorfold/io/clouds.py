@@ -24,7 +24,8 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     `mirror` (1 on the face of a mirror, 0 on an object), `interpolated` (1 in a gap between echoes), `chain`, of a
     recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number of the mirror, in the
     table of mirrors, through which the point was seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name
-    the whole chains.
+    the whole chains. Where walls let waves through there are `passed`, the probability of that, NaN where it was not
+    asked, and `wall`, the number of the wall, -1 where the point did not pass one.
 
     Parameters
     ----------
@@ -48,8 +49,12 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     frames = [table["frame"].values if "frame" in table.variables else np.zeros(count, dtype=int)
               for table, count in ((mirrors, len(chains)), (objects, size))]  # fmt: skip
     number = {key: i for i, key in enumerate(zip(frames[0].tolist(), chains, strict=True))}
-    seen = zip(frames[1].tolist(), objects["chain"].values.astype(str).tolist(), strict=True)
-    columns["chain"] = np.array([number.get(key, -1) for key in seen], dtype="<i4")
+    for name in ("chain", "wall"):
+        if name in objects:
+            seen = zip(frames[1].tolist(), objects[name].values.astype(str).tolist(), strict=True)
+            columns[name] = np.array([number.get(key, -1) for key in seen], dtype="<i4")
+    if "passed" in objects:
+        columns["passed"] = objects["passed"].values.astype("<f4")
     if "frame" in objects.variables:
         columns["frame"] = frames[1].astype("<i4")
     return WRITERS[suffix](columns, chains)

@@ -10,9 +10,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
+from mirrorfold.common.decibels import PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, bounce_label
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.shown import passed_walls, shown_points
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,
@@ -168,12 +168,18 @@ def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
 
 def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
     """One entry for each colour in the picture, and one for the truth."""
-    bounces = {int(count) for count in np.unique(shown_points(reconstruction)["bounces"].values)}
+    objects = shown_points(reconstruction)
+    passed = passed_walls(objects)
+    bounces = {int(count) for count in np.unique(objects["bounces"].values[~passed])}
     bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}
     handles = [
         Line2D([], [], color=colour_of(count), linewidth=2.5, marker="o", markersize=4, label=bounce_label(count))
         for count in sorted(bounces)
     ]
+    if passed.any():
+        handles.append(
+            Line2D([], [], color=PASSED_COLOUR, linestyle="none", marker="D", markersize=4, label=PASSED_LABEL)
+        )
     for known, label in ((scene, "truth"), (plan, "floor plan")):
         if known is not None:
             handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.9, label=label))

@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, decibels
+from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, TRUTH_COLOUR, decibels
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.shown import passed_walls, shown_points
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,
@@ -293,17 +293,18 @@ def _points(reconstruction: xr.DataTree, ax: Axes, suffix: str) -> None:
     """The points, in the colour of the number of bounces; `suffix` says whether folded or not."""
     objects = shown_points(reconstruction)
     bounces = objects["bounces"].values
+    passed = passed_walls(objects)
     size, alpha = (1.3, 0.35) if bounces.size > MANY_POINTS else (2.6, 0.8)
-    for count in np.unique(bounces):
-        chosen = bounces == count
+    kinds = [((bounces == count) & ~passed, "o", colour_of(int(count))) for count in np.unique(bounces)]
+    for chosen, marker, colour in [*kinds, (passed, "D", PASSED_COLOUR)]:
         ax.plot(
             objects[f"x{suffix}"].values[chosen],
             objects[f"y{suffix}"].values[chosen],
             linestyle="none",
-            marker="o",
+            marker=marker,
             markersize=size,
             markeredgewidth=0,
-            color=colour_of(int(count)),
+            color=colour,
             alpha=alpha,
             rasterized=True,
         )

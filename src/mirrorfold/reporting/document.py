@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mirrorfold import __version__
 from mirrorfold.common.arcs import mirror_curves
-from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, reference
+from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, reference
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
@@ -117,6 +117,7 @@ def to_document(
         "command": str(attrs.get("command", "")),
         "colours": list(COLOURS),
         "truth_colour": TRUTH_COLOUR,
+        "passed": {"colour": PASSED_COLOUR, "label": PASSED_LABEL},
         "grid": {"x0": x[0], "dx": _step(x), "nx": x.size, "y0": y[0], "dy": _step(y), "ny": y.size},
         "extent": list(extent),
         "zero_db": zero,
@@ -203,8 +204,8 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 
 
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
-    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain
-    and of the explanation.
+    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain,
+    of the explanation, and of the chain of the wall that it passed through.
     """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
@@ -213,6 +214,8 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     names, number = np.unique(objects["chain"].values[chosen].astype(str), return_inverse=True)
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(np.maximum(objects["amplitude"].values[chosen], 1e-30) / zero)
+    wall = objects["wall"].values[chosen].astype(str) if "wall" in objects else np.full(chosen.size, "")
+    walls, through = np.unique(wall, return_inverse=True)
     explanation = np.full(total, "") if "explanation" not in objects else objects["explanation"].values.astype(str)
     reasons, reason = np.unique(explanation[chosen], return_inverse=True)
     columns = {
@@ -225,11 +228,13 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
         "chain": number.ravel(),
         "reason": reason.ravel(),
         "face": on_mirrors(objects)[chosen],
+        "wall": through.ravel(),
     }
     return {
         "total": int(total),
         "count": int(chosen.size),
         "chains": names.tolist(),
+        "walls": walls.tolist(),
         "reasons": reasons.tolist(),
         **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
     }

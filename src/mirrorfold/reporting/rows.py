@@ -9,12 +9,10 @@ import xarray as xr
 
 from mirrorfold.common.arcs import mirror_curves, mirror_places
 from mirrorfold.common.chains import mirror_chains
-from mirrorfold.common.decibels import bounce_label
+from mirrorfold.common.decibels import PASSED_LABEL, bounce_label
 from mirrorfold.common.types import Array
-from mirrorfold.describing.reconstructions import on_mirrors
-
-PANE = ("permittivity", "permittivity_error", "thickness", "thickness_error")
-"""Columns of the table of mirrors that only walls have that let waves through."""
+from mirrorfold.describing.reconstructions import PANE, on_mirrors, radius_of
+from mirrorfold.folding.shown import passed_walls
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
@@ -50,7 +48,7 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
             "angle": float(np.degrees(np.arctan2(way[1], way[0])) % 180.0),
             "strength_db": _decibel(strengths[i], reference_echo),
             **{name: _known(one, name) for name in ("angle_error", "offset_error", "fill", *PANE)},
-            **_radius(one),
+            **dict(zip(("radius", "radius_error"), radius_of(one), strict=True)),
         }
         if volume:
             for prefix in ("", "folded_"):
@@ -65,17 +63,19 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
 
 def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
     """How much was found: rows of a name and a number, both in words."""
-    bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
-    hidden, walls = int(counts[bounces > 0].sum()), int(on_mirrors(objects).sum())
+    passed, walls = passed_walls(objects), int(on_mirrors(objects).sum())
+    every = objects["bounces"].values
+    bounces, counts = np.unique(every[~passed], return_counts=True)
     rows = [
         ["mirrors", str(len(mirrors))],
-        ["points", str(int(counts.sum()))],
-        ["of objects", str(int(counts.sum()) - walls)],
+        ["points", str(every.size)],
+        ["of objects", str(every.size - walls)],
         ["of walls", str(walls)],
-        ["seen around a corner", str(hidden)],
+        ["seen around a corner", str(int((every > 0).sum()))],
         ["generations", str(max((mirror["generation"] for mirror in mirrors), default=0))],
     ]
-    return rows + [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
+    rows += [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
+    return [*rows, [PASSED_LABEL, str(int(passed.sum()))]] if passed.any() else rows
 
 
 def score_rows(score: dict[str, Any]) -> dict[str, Any]:
@@ -106,15 +106,6 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
 def _middle(place: Array) -> list[float] | None:
     """The middle of an arc given by three points; None for a line."""
     return place[1].tolist() if len(place) == 3 else None
-
-
-def _radius(one: xr.Dataset) -> dict[str, float | None]:
-    """Radius [m] of a mirror, negative for a concave one, and its standard error; None for a flat one."""
-    curvature = _known(one, "curvature")
-    if not curvature:
-        return {"radius": None, "radius_error": None}
-    error = _known(one, "curvature_error")
-    return {"radius": 1.0 / curvature, "radius_error": error and error / curvature**2}
 
 
 def _known(one: xr.Dataset, name: str) -> float | None:

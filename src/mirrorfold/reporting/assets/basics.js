@@ -61,6 +61,8 @@ async function unpack(document_) {
     const parts = chain === "" ? [] : chain.split("/");
     return parts.map((_, i) => number.get(parts.slice(0, i + 1).join("/"))).filter((n) => n !== undefined);
   });
+  // The wall that each point has passed through, if it has.
+  points.passed = Array.from(points.wall, (wall) => number.get(points.walls[wall]));
   return { ...document_, images, points };
 }
 
@@ -134,8 +136,13 @@ const darkStage = () => state.dark || state.map !== "grey";
 const truthColour = () => (darkStage() ? "#ff5c50" : state.content.truth_colour);
 const mirrorColour = (mirror) => colourOf(mirror.generation - 1);
 
+// What points are marked by: the number of bounces, or that they have passed through a wall.
+const PASSED = "passed";
+const kindOf = (points, i) => (points.passed[i] === undefined ? points.bounces[i] : PASSED);
+const kindColour = (kind) => (kind === PASSED ? state.content.passed.colour : colourOf(kind));
+const kindText = (kind) => (kind === PASSED ? state.content.passed.label : bouncesText(kind));
 function pointShown(points, i) {
-  return points.confidence[i] >= state.confidence && !state.hidden.has(points.bounces[i]);
+  return points.confidence[i] >= state.confidence && !state.hidden.has(kindOf(points, i));
 }
 const pointLit = (points, i) => state.lit === null || points.ways[points.chain[i]].includes(state.lit);
 

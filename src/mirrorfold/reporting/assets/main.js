@@ -26,12 +26,12 @@ function makeLegend() {
     if (!content || legend.drawn === content) return;
     legend.drawn = content;
     const counts = new Set(content.mirrors.map((mirror) => mirror.generation - 1));
-    for (let i = 0; i < content.points.count; i++) counts.add(content.points.bounces[i]);
-    legend.replaceChildren(...[...counts].sort().map((bounces) => el("label", {},
-      el("input", { type: "checkbox", checked: !state.hidden.has(bounces), "data-bounces": String(bounces), onchange: (event) => {
-        if (event.target.checked) state.hidden.delete(bounces); else state.hidden.add(bounces);
+    for (let i = 0; i < content.points.count; i++) counts.add(kindOf(content.points, i));
+    legend.replaceChildren(...[...counts].sort().map((kind) => el("label", {},
+      el("input", { type: "checkbox", checked: !state.hidden.has(kind), "data-bounces": String(kind), onchange: (event) => {
+        if (event.target.checked) state.hidden.delete(kind); else state.hidden.add(kind);
         changed();
-      } }), el("span", { class: "swatch", style: { background: colourOf(bounces) } }), bouncesText(bounces))),
+      } }), el("span", { class: kind === PASSED ? "swatch diamond" : "swatch", style: { background: kindColour(kind) } }), kindText(kind))),
       content.truth.length ? el("label", {}, el("span", { class: "swatch truth", style: { background: truthColour() } }), "truth") : "");
   });
   return legend;

@@ -123,9 +123,11 @@ class Panel {
         if (x < -5 || y < -5 || x > this.width + 5 || y > this.height + 5) continue;
         const strong = state.lit !== null && wanted;
         context.globalAlpha = wanted ? (this.which === "initial" && !strong ? 0.55 : 0.9) : 0.12;
-        context.fillStyle = colourOf(points.bounces[i]);
+        const kind = kindOf(points, i), size = (strong ? 3.4 : 2.1) * (points.count > 4000 ? 0.7 : 1), far = 1.4 * size;
+        context.fillStyle = kindColour(kind);
         context.beginPath();
-        context.arc(x, y, (strong ? 3.4 : 2.1) * (points.count > 4000 ? 0.7 : 1), 0, 7);
+        if (kind === PASSED) for (const [dx, dy] of [[far, 0], [0, far], [-far, 0], [0, -far]]) context.lineTo(x + dx, y + dy);
+        else context.arc(x, y, size, 0, 7);
         context.fill();
       }
     context.globalAlpha = 1;

@@ -96,6 +96,10 @@ function look(which, p) {
     }
     return found;
   };
+  // What has passed through a wall stays where it is seen.
+  const close = nearest(0.05, () => true);
+  if (dimensions === 2 && close !== null && points.passed[close] !== undefined)
+    return { ...spot, point: close, world: worldOf(close), passed: points.passed[close], seemed: p, path: [state.content.radar, p] };
   const here = nearest(Math.max(1.5 * grid.dx, 4 / state.view.scale), () => true);
   if (dimensions === 2 && which === "initial") Object.assign(spot, { seemed: p }, sight(p));
   else if (dimensions === 2) {
@@ -111,6 +115,7 @@ function look(which, p) {
   }
   spot.point = nearest(0.05, (i) => spot.world === undefined || worldOf(i) === spot.world);
   if (spot.world === undefined && spot.point !== null) spot.world = worldOf(spot.point);
+  if (spot.point !== null) spot.passed = points.passed[spot.point];
   return spot;
 }
 const placeOf = (points, i, which) =>

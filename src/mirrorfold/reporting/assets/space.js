@@ -76,7 +76,7 @@ function makeSpace() {
     for (const [depth, x, y, i] of order) {
       const near = Math.min(1, Math.max(0, (far + radius - depth) / (2 * radius)));
       context.globalAlpha = (pointLit(points, i) ? 1 : 0.08) * (points.face[i] ? 0.22 + 0.2 * near : 0.55 + 0.45 * near);
-      context.fillStyle = colourOf(points.bounces[i]);
+      context.fillStyle = kindColour(kindOf(points, i));
       const size = (points.face[i] ? 1.3 : 2.4) * (0.7 + 0.7 * near);
       context.fillRect(x - size / 2, y - size / 2, size, size);
     }
@@ -114,7 +114,7 @@ function makeSpace() {
       inside++;
       const [x, y] = to(place(i, 0), place(i, 2)), strength = Math.min(1, Math.max(0.4, 1 - points.level[i] / state.floor));
       context.globalAlpha = (pointLit(points, i) ? 1 : 0.1) * strength;
-      context.fillStyle = colourOf(points.bounces[i]);
+      context.fillStyle = kindColour(kindOf(points, i));
       context.beginPath(); context.arc(x, y, 2.3, 0, 7); context.fill();
     }
     context.globalAlpha = 1;

@@ -10,7 +10,8 @@ function makeReadout() {
     else {
       rows.push(["image", spot.which], ["position", `x ${metres(spot.place[0])}, y ${metres(spot.place[1])}`]);
       rows.push(["amplitude", spot.level === undefined ? "outside" : decibel(spot.level, content.images[spot.which].lowest)]);
-      if (spot.world === null) rows.push(["seen", "through the edge of a mirror"]);
+      if (spot.passed !== undefined) rows.push(["seen", `through mirror ${content.mirrors[spot.passed].name}, stays`]);
+      else if (spot.world === null) rows.push(["seen", "through the edge of a mirror"]);
       else if (spot.world !== undefined) {
         const way = lineage(spot.world).reverse();
         rows.push(["bounces", bouncesText(way.length)]);
@@ -49,7 +50,7 @@ function makeMirrors() {
       const more = [["radius", "radius [m]", 1, 3], ["permittivity", "permittivity", 1, 2], ["thickness", "thickness [mm]", 1000, 2]]
         .filter(([name]) => content.mirrors.some((mirror) => mirror[name] !== null));
       const measured = (mirror, [name, , scale, digits]) => mirror[name] === null ? "" : fixed(scale * mirror[name], digits)
-        + (mirror[`${name}_error`] === null ? "" : ` \u00b1 ${fixed(scale * mirror[`${name}_error`], digits)}`);
+        + (mirror[`${name}_error`] === null ? "" : `\u00a0\u00b1\u00a0${fixed(scale * mirror[`${name}_error`], digits)}`);
       const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", ...more.map(([, heading]) => heading), "<ends [m]"];
       const rows = content.mirrors.map((mirror) => [mirror.name, mirror.parent < 0 ? "radar" : `mirror ${content.mirrors[mirror.parent].name}`,
         fixed(mirror.length, 3), ...(solid ? [fixed(mirror.height, 2)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
