@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import re
+
 import numpy as np
 import pytest
+import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.cli.figures import draw
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import join_polarizations
 
@@ -109,3 +114,39 @@ def test_what_is_wrong_with_polarizations_is_said(both):
         mf.fold(mf.focus(te), sweep=both)
     with pytest.raises(InputError, match="expected TE or TM"):
         mf.focus(te.assign_attrs(polarization="slanted"))
+
+
+@pytest.fixture
+def both_images():
+    """An image of each polarization, TM half as strong."""
+    x, y = np.linspace(-0.5, 0.5, 11), np.linspace(0.5, 1.5, 21)
+    te = np.hypot(x, y[:, None] - 1.0).astype(np.complex64)
+    axes = {"polarization": ["TE", "TM"], "y": y, "x": x}
+    return xr.DataArray(np.stack([te, 0.5j * te]), coords=axes, dims=tuple(axes), name="image").assign_attrs(
+        mirrorfold_kind="image"
+    )
+
+
+def test_an_exported_picture_has_an_array_for_each_polarization(both_images, tmp_path):
+    text = mf.export(both_images, tmp_path / "image.vti").read_text()
+    names = ("image_TE_amplitude", "image_TE_phase", "image_TM_amplitude", "image_TM_phase")
+    for name, value in zip(names, (abs(both_images[0]), None, abs(both_images[1]), None), strict=True):
+        content = base64.b64decode(re.search(f'Name="{name}"[^>]*>([^<]*)<', text)[1])
+        assert len(content) == 4 + 4 * 11 * 21  # as many numbers as the grid has points
+        if value is not None:
+            np.testing.assert_allclose(np.frombuffer(content[4:], "<f4"), value.values.ravel())
+
+
+def test_images_of_two_polarizations_are_shown_and_compared_by_te(both_images, tmp_path, capsys):
+    path = tmp_path / "image.nc"
+    mf.save(both_images, path)
+    other = both_images.copy(data=2.0 * both_images.values)
+    found = mf.compare(both_images, other)
+    assert found.remarks == ["Of several polarizations TE was compared."]
+    assert found.levels.median_db == pytest.approx(20.0 * np.log10(2.0), abs=1e-4)
+    titles = [ax.get_title() for ax in mf.plot.compare(both_images, other).axes]
+    assert titles[:2] == ["first, TE", "second, TE"]
+    what, figure = draw(both_images, None, None, -40.0, "image.nc")
+    assert what == "image"
+    assert figure.axes[0].get_title() == "polarization TE"
+    assert main(["show", str(path), "-o", str(tmp_path / "x.png")]) == 0

@@ -11,6 +11,7 @@ import mirrorfold as mf
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import frame_count
+from mirrorfold.sweep.polarization import first_polarization
 
 
 def draw(
@@ -56,6 +57,7 @@ def draw(
 
 def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any:
     """The axes with the floor plan of an image, or with the plan view of a volume."""
+    image = first_polarization(image)
     normalization, radar = "r", (0.0, 0.0)
     if image.dims == ("range", "azimuth", "elevation"):
         image, normalization = mf.plan_view(image), "none"
@@ -67,6 +69,8 @@ def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any
         if str(image.attrs.get("normalization", "none")) != "none":
             normalization = "none"
     axes = mf.plot.image(image, floor_db=floor_db, normalization=normalization, radar=radar)
+    if "polarization" in image.coords:
+        axes.set_title(f"polarization {image['polarization'].values}")
     if truth is not None:
         _flat(truth, source)
         mf.plot.scene(truth, axes)

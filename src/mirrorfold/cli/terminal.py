@@ -194,11 +194,14 @@ def show_summary(results: Sequence[SweepResult]) -> None:
 def show_score(score: PlanScore | VolumeScore) -> None:
     """Print the score: the mirrors, then a column for all surfaces and one for those out of sight."""
     mirrors = table_of("mirrors against the truth")
-    for heading in ("surface", "angle error [deg]", "offset error [mm]"):
+    curved = any("curvature_error" in mirror for mirror in score.mirrors)
+    for heading in ("surface", "angle error [deg]", "offset error [mm]", *(["curvature error [%]"] if curved else [])):
         mirrors.add_column(heading, justify="left" if heading == "surface" else "right")
     for mirror in score.mirrors:
+        bent = mirror.curvature_error
         mirrors.add_row(
-            str(mirror.surface), number(mirror.angle_error_deg, ".3f"), number(mirror.offset_error_mm, ".2f")
+            *(str(mirror.surface), number(mirror.angle_error_deg, ".3f"), number(mirror.offset_error_mm, ".2f")),
+            *([number(None if bent is None else 100.0 * bent, ".2f") if "curvature_error" in mirror else ""] * curved),
         )
     points = table_of("points against the truth")
     for heading in ("", "all surfaces", "out of sight"):

@@ -23,6 +23,7 @@ from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.io.netcdf import check_image, check_reconstruction
 from mirrorfold.scoring.mirrors import Face, mirror_errors
+from mirrorfold.sweep.polarization import first_polarization
 
 WITHIN_CELLS = 1.5
 """A point is still there where the other result has one within so many resolution cells."""
@@ -132,6 +133,8 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
     remarks: list[str] = []
     if not changes.difference.notnull().any():
         remarks.append("Every pixel of both is zero; there is nothing to compare.")
+    if said := sorted({str(one["polarization"].values) for one in (first, second) if "polarization" in one.coords}):
+        remarks.append(f"Of several polarizations {' and '.join(said)} was compared.")
     record = Comparison(
         kind="comparison",
         compared="images" if isinstance(first, xr.DataArray) else "reconstructions",
@@ -161,7 +164,7 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
 
 
 def checked_pair(first: Any, second: Any) -> tuple[Any, Any]:
-    """Both, checked; of recordings they are single frames.
+    """Both, checked; of recordings they are single frames, of images with two polarizations TE.
 
     Raises
     ------
@@ -173,8 +176,7 @@ def checked_pair(first: Any, second: Any) -> tuple[Any, Any]:
         if isinstance(one, xr.DataTree):
             both.append(pick_frame(check_reconstruction(one, name)))
         elif isinstance(one, xr.DataArray):
-            image = pick_frame(check_image(one, name))
-            both.append(image)
+            both.append(first_polarization(pick_frame(check_image(one, name))))
         else:
             raise InputError(f"{name}: is a {type(one).__name__}, expected a reconstruction or an image")
     if type(both[0]) is not type(both[1]):

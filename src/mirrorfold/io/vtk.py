@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.beams import beam_direction
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.sweep.polarization import picked, polarizations
 
 TYPES = {"<f4": "Float32", "<f8": "Float64", "<i4": "Int32", "<i8": "Int64"}
 
@@ -82,7 +83,10 @@ def volume_file(volume: xr.DataArray) -> bytes:
 
 
 def _parts(title: str, picture: xr.DataArray) -> dict[str, NDArray]:
-    """Amplitude of a picture, and where it is complex its phase [rad]."""
+    """Amplitude of a picture, and where it is complex its phase [rad]; of each polarization by itself."""
+    if "polarization" in picture.dims:
+        each = {f"{title}_{name}": picked(picture, name) for name in polarizations(picture, "image")}
+        return {name: values for label, one in each.items() for name, values in _parts(label, one).items()}
     values = picture.values.ravel()
     if values.dtype.kind != "c":
         return {title: values.astype("<f4")}

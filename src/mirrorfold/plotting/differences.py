@@ -70,7 +70,8 @@ def compare(
     levels = _levels(changes, floor_db)
     for ax, name, level, one in zip(axes, names, levels, (first, second), strict=False):
         shown = ax.imshow(level, extent=edges, origin="lower", cmap=COLOUR_MAP, vmin=floor_db, vmax=0.0)
-        ax.set_title(name, fontsize="medium")
+        shown_as = f"{name}, {one['polarization'].values}" if "polarization" in one.coords else name
+        ax.set_title(shown_as, fontsize="medium")
         if isinstance(one, xr.DataTree):
             mirrors(one, ax, folded=True)
     figure.colorbar(shown, ax=axes[:2], label=f"amplitude [dB], floor {floor_db:g} dB", shrink=0.8)

@@ -82,7 +82,7 @@ def score_rows(score: dict[str, Any]) -> dict[str, Any]:
     """The score as tables: headings, and rows of texts."""
     mirrors = [
         [str(i), mirror["surface"] or "-", _number(mirror["angle_error_deg"], ".3f"),
-         _number(mirror["offset_error_mm"], ".2f")]
+         _number(mirror["offset_error_mm"], ".2f"), _number(mirror.get("curvature_error"), ".2f", 100.0)]
         for i, mirror in enumerate(score["mirrors"])
     ]  # fmt: skip
     hidden = score.get("hidden") or {}

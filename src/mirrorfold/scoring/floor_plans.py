@@ -10,7 +10,7 @@ from mirrorfold.common.geometry import segment_normal
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import BOUNCES, CHORD, STRAIGHT, facets, visible_truth
 from mirrorfold.scoring.mirrors import Face
-from mirrorfold.scoring.truth import Truth
+from mirrorfold.scoring.truth import Array, Truth
 
 TRUTH_SPACING = 0.002
 """True surfaces are sampled this densely [m], a tenth of the distance of a good point."""
@@ -28,10 +28,27 @@ def truth(scene: Scene, *, bounces: int = BOUNCES) -> Truth:
 
 
 def faces(scene: Scene) -> list[Face]:
-    """The straight pieces that a detected mirror may be an image of."""
+    """The straight pieces that a detected mirror may be an image of; of a wall with a thickness its two faces."""
+    found = []
+    for surface in scene.surface:
+        if surface.kind not in STRAIGHT:
+            continue
+        thickness = getattr(surface, "thickness", None)
+        for start, end in facets(surface, CHORD):
+            middle, normal, half = 0.5 * (start + end), segment_normal(start, end), 0.5 * (end - start)[None]
+            if thickness is None:
+                found.append(Face(surface.name, middle, normal, half))
+                continue
+            for outward in (normal, -normal):
+                found.append(Face(surface.name, middle + 0.5 * thickness * outward, outward, half, one_sided=True))
+    return found
+
+
+def curves(scene: Scene) -> list[tuple[str, Array]]:
+    """The curved surfaces that a curved mirror may be an image of: names, and points (n, 2) [m] along each."""
     return [
-        Face(surface.name, 0.5 * (start + end), segment_normal(start, end), 0.5 * (end - start)[None])
+        (surface.name, piece)
         for surface in scene.surface
-        if surface.kind in STRAIGHT
-        for start, end in facets(surface, CHORD)
+        if surface.kind not in STRAIGHT
+        for piece in surface.pieces(TRUTH_SPACING)
     ]

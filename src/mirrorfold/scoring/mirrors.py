@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arcs import arc_through, circle_through, mirror_places
 from mirrorfold.common.geometry import segment_normal
-from mirrorfold.common.records import Number, Record
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,8 @@ class MirrorError(Record):
     angle_error_deg: Number
     offset_error_mm: Number
     generation: int
-    length_m: float
+    length_m: float = fact("along the arc of a curved one")
+    curvature_error: Number = fact("of a curved mirror, as a share of the true curvature", default=LEFT_OUT)
 
 
 @dataclass(frozen=True)
@@ -40,32 +43,94 @@ class Face:
         Its middle [m], and its unit normal.
     halves : (d - 1, d) array [m]
         From the center to the middle of each edge or end.
+    one_sided : bool
+        Whether a mirror is an image of it only if it is seen from where the normal points: the face of a slab.
     """
 
     surface: str
     center: Array
     normal: Array
     halves: Array
+    one_sided: bool = False
 
 
-def mirror_errors(reconstruction: xr.DataTree, faces: list[Face]) -> list[MirrorError]:
-    """Every detected mirror, at its true place, with the nearest face that it agrees with."""
-    found = reconstruction.children["mirrors"].dataset
+def mirror_errors(
+    reconstruction: xr.DataTree, faces: list[Face], curves: Sequence[tuple[str, Array]] = ()
+) -> list[MirrorError]:
+    """Every detected mirror, at its true place, with the nearest face that it agrees with.
+
+    A curved mirror is compared with the nearest of the true `curves`, names and points (n, 2) [m], where one is near.
+    """
+    found = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    places = mirror_places(found, "folded_") if curves and "curvature" in found else []
+    radar = np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"])
     rows = []
     for i in range(found.sizes["mirror"]):
+        generation = int(found["generation"].values[i])
+        bent = _curved_error(places[i], curves, generation) if places else None
+        if bent is not None:
+            rows.append(bent)
+            continue
         center, normal, length = _placed(found.isel(mirror=i))
-        near = [face for face in faces if _distance(center, normal, face) <= MIRROR_OFFSET]
+        parent = int(found["parent"].values[i]) if "parent" in found else -1
+        seen_from = radar[: center.size] if parent < 0 else _placed(found.isel(mirror=parent))[0]
+        near = [
+            face
+            for face in faces
+            if _distance(center, normal, face) <= MIRROR_OFFSET
+            and (not face.one_sided or (seen_from - face.center) @ face.normal > 0.0)
+        ]
         best = min(near, key=lambda face: _distance(center, normal, face), default=None)
         rows.append(
             MirrorError(
                 surface=best.surface if best else None,
                 angle_error_deg=_angle_deg(normal, best.normal) if best else None,
                 offset_error_mm=1e3 * abs(float((center - best.center) @ best.normal)) if best else None,
-                generation=int(found["generation"].values[i]),
+                generation=generation,
                 length_m=length,
             )
         )
     return rows
+
+
+def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation: int) -> MirrorError | None:
+    """An arc by three points (3, 2) [m] against the nearest true curve; None where none agrees, and for a line.
+
+    The true curvature is that of the circle through the places of the curve nearest to its start, middle and end.
+    """
+    if len(place) != 3:
+        return None
+    best: tuple[float, str, Array] | None = None
+    for name, points in curves:
+        nearest = _nearest(place, points)
+        away = float(np.linalg.norm(place[1] - nearest[1]))
+        if away <= MIRROR_OFFSET and (best is None or away < best[0]):
+            best = away, name, nearest
+    if best is None:
+        return None
+    (middle, true_middle), (radius, true_radius) = circle_through(*np.stack([place, best[2]], axis=1))
+    angle = _angle_deg((place[1] - middle) / radius, (best[2][1] - true_middle) / true_radius)
+    if not np.isfinite(true_radius) or angle > MIRROR_ANGLE_DEG:
+        return None
+    # Bent the other way, it is as wrong as both curvatures together.
+    ratio = true_radius / radius * (1.0 if (place[1] - middle) @ (best[2][1] - true_middle) > 0.0 else -1.0)
+    return MirrorError(
+        surface=best[1],
+        angle_error_deg=angle,
+        offset_error_mm=1e3 * best[0],
+        generation=generation,
+        length_m=float(np.linalg.norm(np.diff(arc_through(*place), axis=0), axis=1).sum()),
+        curvature_error=abs(ratio - 1.0),
+    )
+
+
+def _nearest(places: Array, points: Array) -> Array:
+    """The points nearest to places (n, 2) [m] on a line through points (m, 2) [m]."""
+    start, way = points[:-1], np.diff(points, axis=0)
+    along = np.sum((places[:, None] - start) * way, axis=-1) / np.sum(way * way, axis=-1)
+    on_it = start + np.clip(along, 0.0, 1.0)[..., None] * way
+    chosen = np.argmin(np.linalg.norm(places[:, None] - on_it, axis=-1), axis=1)
+    return np.asarray(on_it[np.arange(len(places)), chosen])
 
 
 def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:

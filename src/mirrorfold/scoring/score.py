@@ -169,7 +169,7 @@ def score(
     if told.doubtful is not None:
         asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
     if isinstance(scene, Scene):
-        mirrors = mirror_errors(reconstruction, floor_plans.faces(scene))
+        mirrors = mirror_errors(reconstruction, floor_plans.faces(scene), floor_plans.curves(scene))
         every, hidden, each = _judge(
             points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )

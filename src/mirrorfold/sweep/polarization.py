@@ -109,6 +109,14 @@ def picked(obj: Labelled, name: str) -> Labelled:
     return obj.isel(polarization=names.index(name)).drop_vars("polarization")
 
 
+def first_polarization(image: xr.DataArray) -> xr.DataArray:
+    """Of an image with several polarizations the first, TE if it is there, with its name as a scalar coordinate."""
+    names = polarizations(image, "image")
+    if not names:
+        return image
+    return image.isel(polarization=names.index(next(name for name in POLARIZATIONS if name in names)))
+
+
 def polarized(image: Any, sweep: xr.Dataset | None) -> tuple[dict[str, xr.DataArray], Any, xr.Dataset | None]:
     """The complex images by polarization, where there are both; and the image and the sweep of the first of them.
 
