@@ -47,5 +47,5 @@ print(f"hidden surfaces: {score['hidden']['completeness_2cm']:.0%} covered withi
 # %%
 # Every folded point knows where it stood before, by way of which mirrors it was seen, and how sure that is.
 
-objects = reconstruction["objects"].to_dataset()
+objects = reconstruction["objects"].to_dataset(inherit=False)
 print(objects[["x_initial", "y_initial", "bounces", "chain", "confidence"]].to_dataframe().tail(4).round(3))

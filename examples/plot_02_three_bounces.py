@@ -47,7 +47,7 @@ figure = mf.plot.before_after(reconstruction, scene)
 # %%
 # How many echoes came by way of how many mirrors?
 
-objects = reconstruction["objects"].to_dataset()
+objects = reconstruction["objects"].to_dataset(inherit=False)
 bounces, counts = [0, 1, 2, 3], [int((objects["bounces"] == n).sum()) for n in (0, 1, 2, 3)]
 figure, axes = plt.subplots(figsize=(6.5, 2.6), layout="constrained")
 axes.barh(bounces, counts, color=COLOURS[:4])

@@ -33,3 +33,13 @@ def test_results_go_to_other_programs(tmp_path, monkeypatch, capsys, scene_file)
     brightest = np.unravel_index(np.abs(image.values).argmax(), image.shape)
     place = float(image["x"][brightest[1]]), float(image["y"][brightest[0]])
     assert np.hypot(points["x"] - place[0], points["y"] - place[1]).min() < 0.05
+
+
+def test_tables_have_a_row_for_each_point_and_each_mirror(tmp_path, monkeypatch, capsys, reconstruction):
+    monkeypatch.chdir(tmp_path)
+    mf.save(reconstruction, "r.nc")
+    names = {"reconstruction": mf.load("r.nc")}
+    (step,) = (step for step in steps("docs/howto/programs.md") if "mirrors.csv" in step.text)
+    play(step, capsys, names)
+    assert (len(names["points"]), len(names["mirrors"])) == (5, 1)
+    assert Path("mirrors.csv").read_text().count("\n") == 2
