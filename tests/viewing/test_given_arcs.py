@@ -13,7 +13,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.arcs import circle_through
 from mirrorfold.detection.known_mirrors import read_mirrors
-from mirrorfold.viewing.session import line_of
+from mirrorfold.viewing.lines import line_of
 
 ARC = np.array([WALLS[0][0], np.add(WALLS[0].mean(axis=0), [-0.07, -0.03]), WALLS[0][1]])
 LINE = np.array([WALLS[1][0], WALLS[1].mean(axis=0), WALLS[1][1]])

@@ -21,8 +21,8 @@ from mirrorfold.detection.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.rows import mirror_rows
 from mirrorfold.viewing.controls import CHANGEABLE
+from mirrorfold.viewing.lines import line_of
 from mirrorfold.viewing.server import TOKEN_HEADER
-from mirrorfold.viewing.session import line_of
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arcs import arc_through, by_three, mirror_places
+from mirrorfold.common.arcs import by_three, mirror_places
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
 from mirrorfold.common.stopping import StoppedError, stop
@@ -27,12 +27,15 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, FoldSettings
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.shown import passed_walls, shown_points
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_whole
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
+from mirrorfold.tree.transparent import BY_POLARIZATION
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
+from mirrorfold.viewing.lines import line_of, plainest
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -124,8 +127,10 @@ class Session:
         self._sweep = self._image_command = None
         preset = "default"
         plan: FoldPlan | None = None
+        self._note = ""
         if isinstance(found, xr.DataTree):
             reconstruction = found
+            self._note = what_is_lost(reconstruction)
             preset = str(found.attrs.get("preset", "default"))
             preset = preset if preset in PRESETS else "default"
         elif isinstance(found, xr.Dataset | xr.DataArray):
@@ -175,6 +180,7 @@ class Session:
             "values": {**self._settings},
             "controls": controls(self._settings) if self.editable else [],
             "lines": lines,
+            "note": self._note if self.editable else "",
             "file": self.path.name,
             "save_as": f"{self.path.stem}.edited.nc",
         }
@@ -347,6 +353,19 @@ class Session:
         return settings, None if mirrors is None else check_mirrors(by_three(mirrors))
 
 
+def what_is_lost(reconstruction: xr.DataTree) -> str:
+    """What is no longer known when a reconstruction is folded anew: a sentence for the page, empty for nothing."""
+    objects = shown_points(reconstruction)
+    told = "decided" in objects and objects["decided"].values[passed_walls(objects)] == BY_POLARIZATION
+    if not (count := int(np.count_nonzero(told))):
+        return ""
+    points = "1 point was" if count == 1 else f"{count} points were"
+    return (
+        f"{points} told by a second polarization to have passed through a wall. This file holds one polarization: "
+        "folded anew, they are taken for reflections. Open the sweep or the image to keep them."
+    )
+
+
 def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str, Any]:
     """Every setting of folding as a reconstruction records it; the default where it records none that can be used.
 
@@ -362,21 +381,3 @@ def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str,
             value = getattr(defaults, name)
         held[name] = value
     return held
-
-
-def plainest(points: Array) -> Array:
-    """A given mirror without its middle point where that lies on the line between its ends."""
-    return points[[0, -1]] if len(arc_through(points[0], points[len(points) // 2], points[-1])) == 2 else points
-
-
-def line_of(ends: Any, lines: Array) -> int:
-    """Index of the line (n, 2, 2), or arc (n, 3, 2), that a mirror with those ends lies on: its ends are nearest."""
-    points = np.asarray(ends, dtype=float)[:, None]
-    away = []
-    for line in lines:
-        curve = arc_through(line[0], line[len(line) // 2], line[-1])
-        start, way = curve[:-1], np.diff(curve, axis=0)
-        along = np.sum(way * (points - start), axis=-1) / np.sum(way * way, axis=-1)
-        nearest = start + np.clip(along, 0.0, 1.0)[..., None] * way
-        away.append(np.linalg.norm(points - nearest, axis=-1).min(axis=1).max())
-    return int(np.argmin(away))

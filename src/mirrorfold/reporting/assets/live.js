@@ -51,6 +51,7 @@ function adopt(found, content) {
   edit.lines = found.lines && found.lines.map((points) => ({ points, on: true }));
   edit.controls = found.controls;
   edit.name = found.save_as;
+  edit.note = found.note;
   edit.editable = found.editable;
   edit.first = { settings: { ...found.values }, lines: copied(edit.lines), content };
   edit.steps = [edit.first];
@@ -257,8 +258,9 @@ function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highes
 }
 
 function makeLive(panels) {
-  const notice = el("p", { class: "notice", role: "alert", hidden: true });
-  painters.push(() => { notice.hidden = !edit.message; notice.textContent = edit.message; });
+  const message = el("p", { class: "notice", role: "alert", hidden: true });
+  painters.push(() => { message.hidden = !edit.message; message.textContent = edit.message; });
+  const notice = el("div", {}, message, edit.note ? el("p", { class: "notice", role: "note" }, edit.note) : null);
   if (!edit.editable) {
     const words = "The mirrors of a volume cannot be moved here. What is shown can be chosen by bounces and confidence.";
     return { notice, card: el("section", { class: "card" }, el("h2", {}, "Fold"), el("p", { class: "hint" }, words)) };

@@ -1,0 +1,40 @@
+"""A reconstruction holds one polarization: the page says what is lost of a second one when it is folded anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from browser import opened
+from serving import served, two_walls
+
+import mirrorfold as mf
+from mirrorfold.viewing.session import what_is_lost
+
+
+def told(decided):
+    """A reconstruction of which three points have passed through a wall."""
+    folded = mf.fold(two_walls())
+    objects = folded["objects"].to_dataset(inherit=False)
+    passed = np.arange(objects.sizes["point"]) < 3
+    objects["passed"] = ("point", np.where(passed, 0.98, np.nan).astype(np.float32))
+    objects["wall"] = ("point", np.where(passed, "0", ""))
+    objects["decided"] = ("point", np.where(passed, decided, ""))
+    objects["confidence"].values[:3] = 0.9
+    folded["objects"] = objects
+    return folded
+
+
+@pytest.mark.slow
+def test_the_page_says_what_a_new_fold_does_not_know(tmp_path, chromium):
+    mf.save(told("polarization"), tmp_path / "r.nc")
+    with served(tmp_path / "r.nc") as server, opened(chromium, server.link()) as page:
+        note = page.get_by_role("note").inner_text()
+        assert note.startswith("3 points were told by a second polarization")
+        page.locator("[data-line='0']").uncheck()
+        page.wait_for_selector("html[data-folds='1']")
+        assert page.get_by_role("note").inner_text() == note
+
+
+def test_nothing_is_said_where_nothing_is_lost(reconstruction):
+    assert what_is_lost(reconstruction) == ""
+    assert what_is_lost(told("geometry")) == ""
