@@ -95,15 +95,18 @@ function compose(page) {
   const note = state.content && state.content.points.count < state.content.points.total
     ? el("p", { class: "hint" }, `The strongest ${state.content.points.count} of ${state.content.points.total} points are shown.`) : null;
   const extra = live && typeof makeLive === "function" ? makeLive(panels) : null;
+  const pictures = el("main", { class: "card" }, makeBar(), stage, makeLegend(), note,
+    el("p", { class: "hint noprint" }, touched ? "Drag the divider to compare; tap the picture to ask what is there, move and zoom it with two fingers."
+      : "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked."));
+  const under = el("section", { class: "card noprint", id: "under" }, el("h2", {}, touched ? "Under the finger" : "Under the pointer"), makeReadout());
+  const tree = el("section", { class: "card" }, el("h2", {}, "Mirrors, by who is seen through whom"), makeTree());
+  const display = el("section", { class: "card noprint" }, el("h2", {}, "Display"), makeControls());
+  // In the live page the controls of the fold fill the column beside the pictures: what else was there is below these.
+  const layout = extra
+    ? [el("div", { class: "left" }, pictures, el("div", { class: "pair" }, under, tree)), el("aside", {}, extra.card, display)]
+    : [pictures, el("aside", {}, under, tree, display)];
   page.replaceChildren(makeHeader(), extra ? extra.notice : "", remark,
-    el("div", { class: "layout" },
-      el("main", { class: "card" }, makeBar(), stage, makeLegend(), note,
-        el("p", { class: "hint noprint" }, touched ? "Drag the divider to compare; tap the picture to ask what is there, move and zoom it with two fingers."
-          : "Drag the divider to compare; drag the picture to move it, zoom with the buttons, or with the wheel once it has been clicked.")),
-      el("aside", {}, extra ? extra.card : null,
-        el("section", { class: "card noprint", id: "under" }, el("h2", {}, touched ? "Under the finger" : "Under the pointer"), makeReadout()),
-        el("section", { class: "card" }, el("h2", {}, "Mirrors, by who is seen through whom"), makeTree()),
-        el("section", { class: "card noprint" }, el("h2", {}, "Display"), makeControls()))),
+    el("div", { class: "layout" }, layout),
     el("div", { class: "below" }, state.content ? makeSpace() : "",
       el("section", { class: "card full" }, el("h2", {}, "Mirrors at their true places"), makeMirrors()),
       makeScore(),

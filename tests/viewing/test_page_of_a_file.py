@@ -1,4 +1,4 @@
-"""A reconstruction holds one polarization: the page says what is lost of a second one when it is folded anew."""
+"""The live page of a file: what it says is lost of a second polarization, and how its columns fill the window."""
 
 from __future__ import annotations
 
@@ -38,3 +38,13 @@ def test_the_page_says_what_a_new_fold_does_not_know(tmp_path, chromium):
 def test_nothing_is_said_where_nothing_is_lost(reconstruction):
     assert what_is_lost(reconstruction) == ""
     assert what_is_lost(told("geometry")) == ""
+
+
+@pytest.mark.slow
+def test_no_column_of_the_page_ends_far_above_the_other(tmp_path, chromium):
+    mf.save(mf.fold(two_walls()), tmp_path / "r.nc")
+    window = {"viewport": {"width": 1300, "height": 900}}
+    with served(tmp_path / "r.nc") as server, opened(chromium, server.link(), **window) as page:
+        boxes = [page.locator(one).bounding_box() for one in (".left", "aside")]
+    ends = [box["y"] + box["height"] for box in boxes]
+    assert abs(ends[0] - ends[1]) < 250
