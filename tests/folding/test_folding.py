@@ -206,22 +206,6 @@ def test_a_reconstruction_survives_the_disk(folded, tmp_path):
         assert_array_equal(again.attrs[key], value)
 
 
-@pytest.mark.parametrize(
-    ("mirrors", "said"),
-    [
-        ([[[450, 1500], [900, 1500]]], "the given mirror is not in the radar's sight within the image, x -"),
-        ([[[0.4, -1.5], [0.9, -1.5]], [[450, 1500], [900, 1500]]], "none of the 2 given mirrors is in"),
-        ([], ""),
-    ],
-)
-def test_given_mirrors_that_the_image_does_not_hold_are_told(mirrors, said):
-    image = radar_image(LONE, np.array([6.0]), *grid())
-    remark = mf.fold(image, mirrors=mirrors).attrs["remark"]
-    assert remark.startswith(said)
-    assert bool(remark) == bool(said)
-    assert not mf.fold(image, generations=0).attrs["remark"]
-
-
 def test_an_image_without_mirrors_stays_unfolded_and_says_so():
     image = radar_image(LONE, np.array([6.0]), *grid())
     result = mf.fold(image)

@@ -190,3 +190,21 @@ def test_every_blob_that_is_folded_has_a_point(plan):
     stands = cKDTree(np.column_stack([objects["x"], objects["y"]])[objects["bounces"].values > 0])
     cell = np.hypot(0.03, np.linalg.norm(places, axis=1).max() * 1.5 * 0.011)
     assert stands.query(places)[0].max() < 2.0 * cell
+
+
+@pytest.mark.parametrize(
+    ("mirrors", "said"),
+    [
+        ([[[450, 1500], [900, 1500]]], "the given mirror is not in the radar's sight within the image, x -"),
+        ([[[0.4, -1.5], [0.9, -1.5]], [[450, 1500], [900, 1500]]], "none of the 2 given mirrors is in"),
+        ([], ""),
+    ],
+)
+def test_given_mirrors_that_the_image_does_not_hold_are_told(mirrors, said):
+    image = radar_image(
+        np.array([[-0.4, 0.9]]), np.array([6.0]), np.arange(-0.6, 1.7, 0.0075), np.arange(0.5, 2.3, 0.0075)
+    )
+    remark = mf.fold(image, mirrors=mirrors).attrs["remark"]
+    assert remark.startswith(said)
+    assert bool(remark) == bool(said)
+    assert not mf.fold(image, generations=0).attrs["remark"]
