@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import gc
 import json
+import math
 import os
 import sys
 import warnings
@@ -28,6 +29,9 @@ NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
 """What a path may be that is wrong in itself: too long, or a link in a circle."""
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+LEAST_ADDRESS_SPACE = 700e6
+"""What the libraries take before any work [bytes]; with less, some crash and others wait for ever."""
 
 SIGNALLED = 128
 """The exit code of what a signal ends is higher by its number; that of Ctrl-C is 2."""
@@ -209,6 +213,8 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
             return _complain(error, f"{error.filename}: cannot be a path ({error.strerror}); give another", WRONG_INPUT)
         return _complain(error, machine_trouble(error), FAILED)
     except Exception as error:  # the promise of one plain line holds for our own mistakes too
+        if isinstance(error, ImportError) and address_space() < math.inf:  # a library that found no room
+            return _complain(error, machine_trouble(MemoryError()), FAILED)
         found = f"{type(error).__name__}: {error}"
         return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
     return DONE
@@ -222,11 +228,26 @@ def _carry_out(arguments: list[str]) -> None:
     if arguments[0] == "--version":
         print(__version__)
         return
+    if address_space() < LEAST_ADDRESS_SPACE:
+        raise InputError(
+            f"{address_space() / 1e6:.0f} MB of address space are allowed (ulimit -v), and {LEAST_ADDRESS_SPACE / 1e6:g} "
+            "MB are needed to begin with; allow more"
+        )
     from mirrorfold.cli.program import run
 
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: note(str(message))
         run(arguments)
+
+
+def address_space() -> float:
+    """Limit of what the process may map into its memory, by ``ulimit -v`` [bytes]."""
+    try:
+        import resource
+    except ImportError:  # on Windows
+        return math.inf
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return math.inf if limit == resource.RLIM_INFINITY else float(limit)
 
 
 def machine_trouble(error: OSError | MemoryError) -> str:
