@@ -138,6 +138,22 @@ def test_failures_of_every_verb_are_json_for_those_who_ask(folder, capsys, verb)
     assert failure["remarks"] == []
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nope"], "'nope' is no verb, expected one of demo, simulate, import, "),
+        (["infoo", "s.nc"], "'infoo' is no verb, did you mean 'info'?"),
+        (["--json"], "completion, schema; options follow the verb"),
+        ([""], "'' is no verb"),
+    ],
+)
+def test_a_word_that_is_no_verb_is_answered_with_those_that_are(capsys, words, said):
+    assert main(words) == 2
+    found = capsys.readouterr().err
+    assert said in found
+    assert ", ;" not in found
+
+
 def test_wrong_arguments_and_remarks_are_part_of_the_json(folder, capsys):
     for arguments in (["plan"], ["schema", "nonsense"], ["completion"], ["nonsense"], ["demo", "--out", "scene.toml"]):
         assert main([*arguments, "--json"]) == 2

@@ -230,8 +230,8 @@ def _carry_out(arguments: list[str]) -> None:
         return
     if address_space() < LEAST_ADDRESS_SPACE:
         raise InputError(
-            f"{address_space() / 1e6:.0f} MB of address space are allowed (ulimit -v), and {LEAST_ADDRESS_SPACE / 1e6:g} "
-            "MB are needed to begin with; allow more"
+            f"{address_space() / 1e6:.0f} MB of address space are allowed (ulimit -v), and "
+            f"{LEAST_ADDRESS_SPACE / 1e6:g} MB are needed to begin with; allow more"
         )
     from mirrorfold.cli.program import run
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from inspect import signature
 
 from cyclopts import App, CycloptsError
@@ -86,13 +87,23 @@ def run(arguments: Sequence[str]) -> None:
     InputError
         If the arguments or the input are wrong.
     """
+    if arguments[0] not in VERBS:
+        raise InputError(_no_verb(arguments[0]))
     app.help_formatter = "default" if sys.stdout.isatty() else PlainHelp()
     token = command.set(printable(shlex.join(["mirrorfold", *arguments])))
     try:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
     except CycloptsError as error:
-        verb = f" {arguments[0]}" if arguments[0] in VERBS else ""
         sentence = " ".join(str(error).split()).rstrip(".")
-        raise InputError(f"{sentence}; `mirrorfold{verb} --help` lists what can be given") from None
+        raise InputError(f"{sentence}; `mirrorfold {arguments[0]} --help` lists what can be given") from None
     finally:
         command.reset(token)
+
+
+def _no_verb(word: str) -> str:
+    """What to say of a first word that is no verb."""
+    close = get_close_matches(word, VERBS, n=1)
+    if close:
+        return f"{word!r} is no verb, did you mean {close[0]!r}?"
+    order = "; options follow the verb" if word.startswith("-") else ""
+    return f"{word!r} is no verb, expected one of {', '.join(VERBS)}{order}"
