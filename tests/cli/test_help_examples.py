@@ -21,7 +21,7 @@ def run(verb, capsys):
     assert main(arguments) == 0
     printed = capsys.readouterr()
     remarks = [
-        line for line in printed.err.splitlines() if "note: overwrites" not in line and "S21 was taken" not in line
+        line for line in printed.err.splitlines() if "note: has overwritten" not in line and "S21 was taken" not in line
     ]
     assert remarks == []
     return printed.out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def folder(tmp_path, monkeypatch, sweep):
 def test_a_bad_file_is_named_and_the_others_are_done(folder, capsys):
     assert main(["reconstruct", "a.nc", "bad.nc", "b.nc", "-o", "out", *GRID, "--json"]) == 2
     printed = capsys.readouterr()
-    assert "1 of 3 sweeps could not be reconstructed: bad.nc" in printed.err
+    assert json.loads(printed.err)["error"] == "1 of 3 sweeps could not be reconstructed: bad.nc"
     found = check("reconstruct", printed.out)
     assert [result.sweep for result in found.results] == ["a.nc", "bad.nc", "b.nc"]
     assert "not a netCDF-4 file" in found.results[1].error

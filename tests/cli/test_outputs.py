@@ -84,7 +84,7 @@ def test_what_is_overwritten_is_said_and_no_clobber_refuses(folder, capsys):
     assert main(arguments) == 0
     assert capsys.readouterr().err == ""
     assert main(arguments) == 0
-    assert capsys.readouterr().err == "mirrorfold: note: overwrites scan/positions.csv, scan/scan.toml\n"
+    assert capsys.readouterr().err == "mirrorfold: note: has overwritten scan/positions.csv, scan/scan.toml\n"
     before = {path: path.stat().st_mtime_ns for path in (folder / "scan").iterdir()}
     assert main([*arguments, "--no-clobber"]) == 2
     assert "positions.csv: is there already" in capsys.readouterr().err
@@ -161,8 +161,18 @@ def test_wrong_arguments_and_remarks_are_part_of_the_json(folder, capsys):
     (folder / "out.nc").write_text("old")
     assert main(["fold", "sweep.nc", "-o", "out.nc", "--json"]) == 2  # a sweep is no image
     failure = json.loads(capsys.readouterr().err)
-    assert failure["remarks"] == ["overwrites out.nc"]
+    assert failure["remarks"] == []
+    assert (folder / "out.nc").read_text() == "old"
     assert "expected image or reconstruction" in failure["error"]
+
+
+def test_what_was_overwritten_is_said_of_failures_after_that(folder, capsys, monkeypatch):
+    (folder / "out.nc").write_text("old")
+    (folder / "link.nc").symlink_to("out.nc")
+    monkeypatch.setattr("mirrorfold.cli.importing.show_info", lambda _: 1 / 0)
+    assert main(["import", "sweep.nc", "-o", "link.nc"]) == 1
+    said = f"mirrorfold: note: has overwritten link.nc (a link to {folder / 'out.nc'})\n"
+    assert said in capsys.readouterr().err
 
 
 def test_a_failure_of_ours_is_json_too(folder, capsys, monkeypatch):

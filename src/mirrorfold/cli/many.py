@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import mirrorfold as mf
 from mirrorfold.cli import machine_trouble
+from mirrorfold.cli.streams import print_error
 from mirrorfold.cli.terminal import show_json, show_summary
 from mirrorfold.common.records import Record, fact
-from mirrorfold.errors import InputError
+from mirrorfold.errors import InputError, printable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +62,8 @@ def reconstruct_many(
             reconstruction, files = work(path, output / name)
         except (InputError, OSError, MemoryError) as error:  # the other sweeps are none the worse for it
             said = str(error) if isinstance(error, InputError) else machine_trouble(error)
-            print(f"mirrorfold: {said}", file=sys.stderr)
+            if not json:  # the summary says it
+                print_error(f"mirrorfold: {printable(said)}")
             results.append(SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=said, files=[]))
             continue
         except KeyboardInterrupt as interruption:

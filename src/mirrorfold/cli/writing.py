@@ -1,11 +1,13 @@
-"""Where verbs write: outputs are checked before the work begins, and what will be overwritten is said."""
+"""Where verbs write: outputs are checked before the work begins, and what was overwritten is said at the end."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +24,7 @@ NO_CLOBBER = inspect.Parameter(
 
 
 def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Sequence[str] = ()) -> Path:
-    """The path, if a file can be written there; says so where that overwrites one.
+    """The path, if a file can be written there; it is said at the end if that has overwritten one.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
 
 
 def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path | None] = ()) -> Path:
-    """The path, if files of these names can be written there; says which of them that overwrites.
+    """The path, if files of these names can be written there; it is said at the end which of them were overwritten.
 
     Raises
     ------
@@ -66,15 +68,36 @@ def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path 
     return path
 
 
+files_before: ContextVar[dict[Path, tuple[int, int]] | None] = ContextVar("files_before", default=None)
+"""Files that the verb at work may overwrite, as they were when it began; None outside of verbs."""
+
+
 def announce(paths: Iterable[Path]) -> None:
-    """Say which files are overwritten."""
-    there = [
-        f"{path} (a link to {os.path.realpath(path)})" if path.is_symlink() else str(path)
-        for path in paths
-        if path.exists()
-    ]
-    if there:
-        remark([f"overwrites {', '.join(there)}"])
+    """Remember which files are there, to say at the end which of them were overwritten."""
+    before = files_before.get()
+    if before is not None:
+        before |= {path: _identity(path) for path in paths if path.exists()}
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    """What tells a file from one that was put in its place."""
+    state = path.stat()
+    return state.st_dev, state.st_ino
+
+
+@contextmanager
+def overwriting_said() -> Iterator[None]:
+    """Say at the end of a block which files it has overwritten, also where it has failed after that."""
+    token = files_before.set({})
+    try:
+        yield
+    finally:
+        before = files_before.get() or {}
+        files_before.reset(token)
+        gone = [path for path, identity in before.items() if not path.exists() or _identity(path) != identity]
+        if gone:
+            links = {path: f" (a link to {os.path.realpath(path)})" if path.is_symlink() else "" for path in gone}
+            remark([f"has overwritten {', '.join(f'{path}{link}' for path, link in links.items())}"])
 
 
 def with_inputs_spared(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -103,7 +126,8 @@ def with_no_clobber(function: Callable[..., Any]) -> Callable[..., Any]:
 
         token = clobber.set(not no_clobber)
         try:
-            return function(*args, **kwargs)
+            with overwriting_said():
+                return function(*args, **kwargs)
         finally:
             clobber.reset(token)
 
