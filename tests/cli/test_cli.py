@@ -8,6 +8,7 @@ import os
 import resource
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -332,6 +333,18 @@ def test_progress_is_shown_to_people_only(folder):
     assert result.stdout == "wrote i.nc\n"
     assert "%" not in result.stderr
     assert "\x1b" not in result.stderr
+
+
+def test_a_remark_is_given_once_however_many_frames_have_it(monkeypatch, capsys):
+    def frames(arguments):
+        for _ in range(3):
+            with warnings.catch_warnings():  # as each frame may open its own
+                warnings.simplefilter("always")
+                warnings.warn("y reaches beyond", stacklevel=1)
+
+    monkeypatch.setattr("mirrorfold.cli.program.run", frames)
+    assert main(["focus"]) == 0
+    assert capsys.readouterr().err == "mirrorfold: note: y reaches beyond\n"
 
 
 def test_dask_is_hidden_from_xarray_only_while_a_verb_runs(monkeypatch):

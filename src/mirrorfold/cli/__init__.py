@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mirrorfold import __version__
 from mirrorfold.cli.streams import flushed, open_streams, print_error, silence
@@ -235,8 +235,16 @@ def _carry_out(arguments: list[str]) -> None:
         )
     from mirrorfold.cli.program import run
 
+    said: set[str] = set()
+
+    def once(message: Warning | str, *_: Any, **__: Any) -> None:
+        """A remark; of a recording that gives one for each frame, the first."""
+        if str(message) not in said:
+            said.add(str(message))
+            note(str(message))
+
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: note(str(message))
+        warnings.showwarning = once
         run(arguments)
 
 

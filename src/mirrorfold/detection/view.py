@@ -26,6 +26,9 @@ DEVIATION = 0.3
 """Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
 lobe of the Hann window, and of a Gaussian beam there and back."""
 
+NEGATIVE_SHARE = 0.9
+"""Real parts of waves are negative at half of all pixels, levels in dB below a peak of 0 dB at all others."""
+
 POINTS_AT_ONCE = 1000
 """Points that `View.within` is asked for at once, where the answer is needed piece by piece: each may be near hundreds
 of directions, so that all pairs would take far more memory than the image."""
@@ -257,3 +260,8 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "ima
     if missing := int(np.count_nonzero(~np.isfinite(image.values))):
         wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
         raise InputError(f"{source}: {wrong}")
+    if image.dtype.kind != "c" and (image.values < 0).sum() > NEGATIVE_SHARE * np.count_nonzero(image.values):
+        raise InputError(
+            f"{source}: nearly all values are negative, as levels in dB are, expected amplitudes; import it with "
+            "--decibel, in Python import_image(file, decibel=True), or take 10 ** (image / 20)"
+        )
