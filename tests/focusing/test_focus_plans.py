@@ -108,4 +108,4 @@ def test_a_plan_returns_what_focus_does(z):
 def test_a_frame_of_another_shape_is_refused():
     made = FocusPlan(small_sweep(), x=[0.0], y=[1.0])
     with pytest.raises(InputError, match="shape"):
-        made(np.ones((41, 8, 7)))
+        made(np.ones((41, 8, 7), dtype=complex))

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from math import isfinite
+from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
 LONGEST = 60
@@ -63,3 +68,103 @@ def wrong_kind(name: str, value: Any, expected: str) -> InputError:
     """
     hint = "; read the file with mf.load" if isinstance(value, str | Path) else ""
     return InputError(f"{name}: got {described(value)}, expected {expected}{hint}")
+
+
+WORDS = {
+    "m": "metres", "m^2": "square metres", "Hz": "hertz", "s": "seconds", "degree": "degrees", "dB": "decibels",
+    "m/s": "metres per second", "B": "bytes",
+}  # fmt: skip
+"""How messages name the units of numbers."""
+
+
+def finite(value: Any) -> float | None:
+    """The finite number that a value is, also in an array without dimensions; None for anything else.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> finite(np.float32(0.5)), finite(np.array(2)), finite("2"), finite(True), finite(np.nan)
+    (0.5, 2.0, None, None, None)
+    """
+    if not isinstance(value, Real) and getattr(value, "shape", None) == () and hasattr(value, "item"):
+        value = value.item()
+    if not isinstance(value, Real) or is_truth(value):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return None
+    return number if isfinite(number) else None
+
+
+def is_truth(value: Any) -> bool:
+    """Whether a value is a truth value of Python or of NumPy."""
+    numpy = sys.modules.get("numpy")  # settings are declared without NumPy, whose values exist only once it is imported
+    return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
+
+
+def number(name: str, value: Any, unit: str = "", *, above: float | None = None, lowest: float | None = None) -> float:
+    """A finite number, also from a text such as "80 mm" where its unit has others.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : any
+    unit : str
+        One of `WORDS`, or empty for a pure number.
+    above, lowest : float, optional
+        Bounds.
+
+    Raises
+    ------
+    InputError
+        If it is none, or out of bounds.
+
+    Examples
+    --------
+    >>> number("pitch", "0.5 mm", "m"), number("seed", 3)
+    (0.0005, 3.0)
+    >>> number("pitch", -1, "m", above=0.0)
+    Traceback (most recent call last):
+    mirrorfold.errors.InputError: pitch is -1, expected a number of metres above 0
+    """
+    found = finite(value)
+    if isinstance(value, str) and unit in QUANTITIES:
+        try:
+            found = finite(get_args(QUANTITIES[unit])[1].read(value))
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    if found is None or (above is not None and found <= above) or (lowest is not None and found < lowest):
+        what = f"a number of {WORDS[unit]}" if unit else "a finite number"
+        bounds = "" if above is None else f" above {above:g}"
+        bounds += "" if lowest is None else f" of at least {lowest:g}"
+        raise InputError(f"{name} is {shown(value)}, expected {what}{bounds}")
+    return found
+
+
+def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole number") -> int:
+    """A whole number of at least `lowest`.
+
+    Raises
+    ------
+    InputError
+        If it is none; `what` says what was expected.
+    """
+    found = finite(value)
+    if found is None or not found.is_integer() or found < lowest:
+        raise InputError(f"{name} is {shown(value)}, expected {what} of at least {lowest}")
+    return int(value)
+
+
+def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path:
+    """A path.
+
+    Raises
+    ------
+    InputError
+        If the argument is none.
+    """
+    if isinstance(value, str | os.PathLike):
+        return Path(value)
+    raise wrong_kind(name, value, expected)

@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
+from mirrorfold.common.arguments import path_of
 from mirrorfold.errors import InputError
 
 LARGEST_TEXT = 64 << 20
@@ -43,6 +44,7 @@ def check_file(path: str | Path, remedy: str) -> Path:
     InputError
         If nothing is there, or something else than a file; also if the name is too long, or links lead in a circle.
     """
+    path = path_of("path", path)
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
@@ -54,8 +56,8 @@ def check_file(path: str | Path, remedy: str) -> Path:
         raise InputError(f"{path}: is {what}; {remedy}")
     read = files_read.get()
     if read is not None:
-        read.add(Path(path).absolute())
-    return Path(path)
+        read.add(path.absolute())
+    return path
 
 
 def read_text(path: str | Path, remedy: str) -> str:

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import functools
 import inspect
-import sys
 from collections.abc import Callable
 from dataclasses import Field, dataclass, field, fields, replace
-from math import isfinite
-from numbers import Real
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import finite, is_truth, shown
 from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
@@ -77,21 +74,16 @@ class Rule:
             if not isinstance(value, str) or value not in self.choices:
                 raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(self.choices)}")
         elif self.kind == "bool":
-            if not _is_bool(value):
+            if not is_truth(value):
                 raise InputError(f"{name} is {shown(value)}, expected True or False")
         elif self.kind.startswith(("float", "int")) and not self._holds(value):
             raise InputError(f"{name} is {shown(value)}, expected {self.expected()}; leave it out for the default")
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is a number within the bounds."""
-        if not isinstance(value, Real) or _is_bool(value):
-            return False
-        try:
-            number = float(value)
-        except OverflowError:  # a whole number of hundreds of digits
-            return False
+        number = finite(value)
         return (
-            isfinite(number)
+            number is not None
             and (self.lowest is None or number >= self.lowest)
             and (self.highest is None or number <= self.highest)
             and (self.above is None or number > self.above)
@@ -115,12 +107,6 @@ class Rule:
             if bound is not None
         ]
         return " ".join([what, " and ".join(bounds)]).rstrip()
-
-
-def _is_bool(value: Any) -> bool:
-    """Whether a value is a truth value of Python or of NumPy."""
-    numpy = sys.modules.get("numpy")  # settings are declared without NumPy, whose values exist only once it is imported
-    return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
 
 
 def setting(default: Any, meaning: str, **rule: Any) -> Any:
@@ -260,7 +246,7 @@ def option_words(name: str, value: Any) -> list[str]:
     (['--wall-margin', '0.04'], ['--no-opaque'])
     """
     option = name.replace("_", "-")
-    if _is_bool(value):
+    if is_truth(value):
         return [f"--{option}" if value else f"--no-{option}"]
     return [f"--{option}", str(value)]
 

@@ -6,7 +6,9 @@ import warnings
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import window
@@ -25,6 +27,7 @@ from mirrorfold.sweep import (
     wave_speed,
     wavenumber,
 )
+from mirrorfold.sweep.samples import complex_samples
 
 IMAGE_COPIES = 3
 """Arrays of the size of the image that focusing holds at once."""
@@ -97,6 +100,28 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> Problem:
     )
     _check_pixels(problem, extent(frequency, tx, rx, wave_speed(sweep)).ambiguous_range, centre)
     return problem
+
+
+def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem) -> NDArray[np.complex64]:
+    """The samples of one frame, of the shape that a problem has.
+
+    Raises
+    ------
+    InputError
+        If they are no finite complex numbers, or of another shape.
+    """
+    if isinstance(s, xr.Dataset):
+        raise wrong_kind("the frame", s, "the samples of one frame, such as sweep['s']")
+    dims = MONOSTATIC_DIMENSIONS if problem.monostatic else PAIR_DIMENSIONS
+    data = np.ascontiguousarray(complex_samples("the frame", s, dims), dtype=np.complex64)
+    if data.shape != problem.data_shape:
+        raise InputError(
+            f"the frame has shape {data.shape}, expected {problem.data_shape} as in the plan's geometry; "
+            f"transpose it to ({', '.join(dims)}) or make a plan of its own"
+        )
+    if not np.isfinite(data.sum()) and not np.isfinite(data).all():  # a sum takes a tenth of the time
+        raise InputError("the frame holds samples that are not finite (NaN or infinite); replace them, with zero")
+    return data
 
 
 def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None) -> None:

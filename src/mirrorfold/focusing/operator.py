@@ -13,7 +13,7 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import measured_error, white_noise
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
 from mirrorfold.focusing.cost import pair_sums_cost
 from mirrorfold.focusing.labels import Labels
 from mirrorfold.focusing.lattice import UnsuitedError
@@ -108,14 +108,10 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         Raises
         ------
         InputError
-            If the shape is another one.
+            If the shape is another one, or the samples are no finite complex numbers.
         """
-        s = np.asarray(sweep["s"] if isinstance(sweep, xr.Dataset) else sweep, dtype=np.complex64)
-        if s.shape != self._problem.data_shape:
-            raise InputError(
-                f"the samples have shape {s.shape}, expected {self._problem.data_shape} as of the operator"
-            )
-        return s[self.channels]
+        held = sweep.get("s", sweep) if isinstance(sweep, xr.Dataset) else sweep
+        return samples_of_frame(held, self._problem)[self.channels]
 
     def all_samples(self, values: ArrayLike) -> NDArray[np.complex64]:
         """What reflectivities (pixels,) would give on all channels, chosen or not: the shape of a whole sweep."""

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Progress
-from mirrorfold.errors import InputError
 from mirrorfold.focusing.accuracy import exact_kernel_error, white_noise
 from mirrorfold.focusing.caching import PlanCache, plan_cache
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
 from mirrorfold.focusing.choice import EXACT_SHARE
 from mirrorfold.focusing.exact import focus_exact
 from mirrorfold.focusing.labels import Labels
@@ -112,7 +111,7 @@ class FocusPlan:
         Raises
         ------
         InputError
-            If the frame's shape is not that of the plan's geometry.
+            If the frame's shape is not that of the plan's geometry, or its samples are no finite complex numbers.
         """
         values = self.values(s, progress).reshape(self._problem.shape)
         return self._labels.image(values, {"algorithm": self.algorithm, "error": self.error})
@@ -129,14 +128,9 @@ class FocusPlan:
         Raises
         ------
         InputError
-            If the frame's shape is not that of the plan's geometry.
+            If the frame's shape is not that of the plan's geometry, or its samples are no finite complex numbers.
         """
-        data = np.ascontiguousarray(s, dtype=np.complex64)
-        if data.shape != self._problem.data_shape:
-            raise InputError(
-                f"the frame has shape {data.shape}, expected {self._problem.data_shape} as in the plan's geometry; "
-                "transpose it to (frequency, tx, rx) or make a plan of its own"
-            )
+        data = samples_of_frame(s, self._problem)
         if self._fast is None:
             image = focus_exact(self._scaled, data, EXACT_SHARE * self.tolerance, progress)
         else:

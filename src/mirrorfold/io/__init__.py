@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mirrorfold.common.arguments import path_of
 from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
@@ -38,7 +39,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     InputError
         If the file is missing, broken, or holds something else.
     """
-    path = _path("load", path)
+    path = path_of("load", path)
     if path.suffix.lower() == ".toml":
         from mirrorfold.scenes.floor_plan import load_scene
 
@@ -90,21 +91,6 @@ def load_geometry(path: str | Path) -> xr.Dataset:
     return read_geometry(Path(path))
 
 
-def _path(name: str, value: Any) -> Path:
-    """A path.
-
-    Raises
-    ------
-    InputError
-        If the argument is none.
-    """
-    if isinstance(value, str | Path):
-        return Path(value)
-    from mirrorfold.common.arguments import wrong_kind
-
-    raise wrong_kind(name, value, "the path of a file")
-
-
 def _prepare_to_read(path: Path) -> None:
     """Start the process that opens a netCDF file first: it starts while libraries are loaded here."""
     check_file(path, "give the path of a netCDF file")
@@ -143,12 +129,12 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
     if not isinstance(obj, xr.Dataset | xr.DataArray | xr.DataTree):
         from mirrorfold.io.scene_files import write_scene
 
-        return write_scene(obj, _path("save", path))
+        return write_scene(obj, path_of("save", path))
     from mirrorfold.io.files import NETCDF, check_suffix
     from mirrorfold.io.netcdf import write
 
-    check_suffix(_path("save", path), NETCDF)
-    return write(obj, _path("save", path))
+    check_suffix(path_of("save", path), NETCDF)
+    return write(obj, path_of("save", path))
 
 
 def export(obj: xr.DataTree | xr.DataArray, path: str | Path, **settings: Any) -> Path:
@@ -169,7 +155,7 @@ def import_image(path: str | Path, **settings: Any) -> xr.DataArray:
     """An image or point cloud of another tool: see `mirrorfold.io.images.import_image`."""
     from mirrorfold.io import images
 
-    return images.import_image(_path("import_image", path), **settings)
+    return images.import_image(path_of("import_image", path), **settings)
 
 
 def save_touchstone(sweep: xr.Dataset, folder: str | Path, **settings: Any) -> Path:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
+from mirrorfold.common.arguments import path_of
 from mirrorfold.common.cache import is_signed, signature
 from mirrorfold.common.leftovers import COMPLETE, leftovers, remove, temporary_name
 from mirrorfold.common.reading import files_read
@@ -342,6 +343,7 @@ def _sync(path: Path) -> None:
 
 def _check_name(path: str | Path) -> Path:
     """The path, or a refusal where no file can ever have it, as when its name is too long."""
+    path = path_of("path", path, "the path of what to write")
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
@@ -349,7 +351,7 @@ def _check_name(path: str | Path) -> Path:
     except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be written ({reason}); give another name") from None
-    return Path(path)
+    return path
 
 
 def _followed(path: Path) -> Path:

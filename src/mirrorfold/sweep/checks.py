@@ -25,6 +25,7 @@ from mirrorfold.common.plausible import (
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
+    AXES,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
     TIME_CONVENTION,
@@ -235,7 +236,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
-    """Refuse antenna positions that are none."""
+    """Refuse antenna positions that are none, or have their columns in another order."""
     for name in names:
         dim = name.removesuffix("_position").replace("antenna", "position")
         if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
@@ -245,6 +246,10 @@ def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable
         wrong = unplaced(sweep[name].values)
         if wrong is not None:
             raise refuse(f"{name} holds a coordinate that {wrong}; give every antenna its place in metres")
+    if "axis" in sweep.variables:
+        axes = tuple(map(str, sweep["axis"].values.tolist()))
+        if axes != AXES:
+            raise refuse(f"axis is ({', '.join(axes)}), expected (x, y, z); sweep.sel(axis=['x', 'y', 'z']) sorts it")
 
 
 def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.types import Array
+from mirrorfold.common.arguments import number, whole_number
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.checks import check_sweep, doubts
 from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, RASTER_DIMENSIONS, TIME_CONVENTION
+from mirrorfold.sweep.samples import complex_samples, real_numbers
 
 Coordinates = dict[str, tuple[tuple[str, ...], ArrayLike, str]]
 """Dimensions, values and unit by name."""
@@ -151,7 +151,7 @@ def make_raster_sweep(
         "azimuth": (("azimuth",), azimuth, "degree"),
         "elevation": (("elevation",), elevation, "degree"),
     }
-    return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": _numbers("origin", origin), **attrs})
+    return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": real_numbers("sweep: origin", origin), **attrs})
 
 
 def _made(
@@ -167,13 +167,11 @@ def _made(
     """
     if time is not None:
         coords["time"] = (("frame",), time, "s")
-    values = _array("s", s)
-    if values.dtype.kind != "c":
-        raise InputError(
-            f"sweep: s has type {values.dtype}, expected complex numbers; magnitudes or real parts alone have no phase "
-            "and give no image, and traces over time are turned into frequencies by mf.import_data"
-        )
-    variables = {name: (axes, _numbers(name, given), {"units": unit}) for name, (axes, given, unit) in coords.items()}
+    values = complex_samples("sweep: s", s, dims)
+    variables = {
+        name: (axes, real_numbers(f"sweep: {name}", given), {"units": unit})
+        for name, (axes, given, unit) in coords.items()
+    }
     expected = ", ".join(f"{name}({', '.join(axes).replace('axis', '3')})" for name, (axes, _, _) in coords.items())
     found = ", ".join(f"{name} {variable[1].shape}" for name, variable in variables.items())
     refusal = InputError(
@@ -199,31 +197,6 @@ def _made(
     return checked
 
 
-def _array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Numbers as an array.
-
-    Raises
-    ------
-    InputError
-        If they are none.
-    """
-    try:
-        found = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        found = np.empty(0, dtype=object)
-    if found.dtype.kind not in "fciu":
-        raise wrong_kind(f"sweep: {name}", value, "an array of numbers")
-    return found
-
-
-def _numbers(name: str, value: ArrayLike) -> Array:
-    """Real numbers as an array."""
-    found = _array(name, value)
-    if found.dtype.kind == "c":
-        raise wrong_kind(f"sweep: {name}", value, "real numbers")
-    return found.astype(float)
-
-
 def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     """The sweep with white complex Gaussian noise, on all pairs that were measured.
 
@@ -238,8 +211,14 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     -------
     xarray.Dataset
         With attr `snr_db`.
+
+    Raises
+    ------
+    InputError
+        If the sweep is not valid, or `snr_db` or `seed` is no such number.
     """
     sweep = check_sweep(sweep)
+    snr_db, seed = number("snr_db", snr_db, "dB"), whole_number("seed", seed)
     s = sweep["s"].values
     # Part by part: magnitudes in double precision would take as much as the samples.
     power = sum(float(np.sum(np.abs(part).astype(float) ** 2)) for part in s) / s.size * 10.0 ** (-snr_db / 10.0)
@@ -251,4 +230,4 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     noise *= measured
     noise += s
     noisy = noise.astype(np.complex64, copy=False)
-    return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=float(snr_db), noise_seed=int(seed))
+    return sweep.assign(s=sweep["s"].copy(data=noisy)).assign_attrs(snr_db=snr_db, noise_seed=seed)

@@ -1,0 +1,75 @@
+"""Numbers that users give as arrays: masked ones, those with named dimensions, and what holds none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
+from mirrorfold.sweep.facts import AXES
+
+
+def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
+    """Numbers as an array.
+
+    Raises
+    ------
+    InputError
+        If they are none, or some are masked.
+    """
+    held = value.data if isinstance(value, xr.DataArray) else value
+    masked = int(np.count_nonzero(held.mask)) if isinstance(held, np.ma.MaskedArray) else 0
+    if masked:
+        raise InputError(
+            f"{name} hides {masked} of {np.size(held)} values behind a mask; fill them, for example with "
+            ".filled(0), or leave out their channels"
+        )
+    try:
+        found = np.asarray(held)
+    except (TypeError, ValueError):  # rows of different lengths
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "fciu":
+        raise wrong_kind(name, value, "an array of numbers")
+    return found
+
+
+def real_numbers(name: str, value: ArrayLike | xr.DataArray) -> Array:
+    """Real numbers as an array; where it says which column is which axis, in the order x, y, z."""
+    if isinstance(value, xr.DataArray) and "axis" in value.dims:
+        value = value.transpose(..., "axis")
+        if "axis" in value.coords and set(value["axis"].values.tolist()) == set(AXES):
+            value = value.sel(axis=list(AXES))
+    found = array_of(name, value)
+    if found.dtype.kind == "c":
+        raise wrong_kind(name, value, "real numbers")
+    return found.astype(float)
+
+
+def complex_samples(name: str, value: ArrayLike | xr.DataArray, dims: tuple[str, ...]) -> NDArray[np.complexfloating]:
+    """Complex samples as an array, whose last dimensions are `dims`; named ones are brought into this order.
+
+    Raises
+    ------
+    InputError
+        If they are none, or the dimensions have other names.
+    """
+    if isinstance(value, xr.DataArray):
+        if set(dims) <= set(value.dims):
+            value = value.transpose(..., *dims)
+        elif not all(str(dim).startswith("dim_") for dim in value.dims):  # as xarray names what nobody has named
+            raise InputError(
+                f"{name} has the dimensions ({', '.join(map(str, value.dims))}), expected ({', '.join(dims)}); rename "
+                "them, or give its values in this order"
+            )
+    found = array_of(name, value)
+    if found.dtype.kind != "c":
+        raise InputError(
+            f"{name} has type {found.dtype}, expected complex numbers; magnitudes or real parts alone have no phase "
+            "and give no image, and traces over time are turned into frequencies by mf.import_data"
+        )
+    return found
