@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from math import isfinite
 from numbers import Real
 from pathlib import Path
@@ -50,11 +51,11 @@ def shown(value: Any) -> str:
     """
     if getattr(value, "shape", ()):
         return described(value)
-    text = repr(value)
+    text = repr(value.item() if getattr(value, "shape", None) == () and hasattr(value, "item") else value)
     return text if len(text) <= LONGEST and "\n" not in text and " at 0x" not in text else described(value)
 
 
-def wrong_kind(name: str, value: Any, expected: str) -> InputError:
+def wrong_kind(name: str, value: Any, expected: str, *, reader: str = "mf.load") -> InputError:
     """The error for an argument that is of another kind.
 
     Parameters
@@ -65,8 +66,10 @@ def wrong_kind(name: str, value: Any, expected: str) -> InputError:
         What was given.
     expected : str
         What was expected, and where it comes from.
+    reader : str
+        What makes it of a file, to be named where the path of one was given; empty where nothing does.
     """
-    hint = "; read the file with mf.load" if isinstance(value, str | Path) else ""
+    hint = f"; read the file with {reader}" if reader and isinstance(value, str | Path) else ""
     return InputError(f"{name}: got {described(value)}, expected {expected}{hint}")
 
 
@@ -103,7 +106,10 @@ def is_truth(value: Any) -> bool:
     return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
 
 
-def number(name: str, value: Any, unit: str = "", *, above: float | None = None, lowest: float | None = None) -> float:
+def number(
+    name: str, value: Any, unit: str = "", *, above: float | None = None, lowest: float | None = None,
+    highest: float | None = None,
+) -> float:  # fmt: skip
     """A finite number, also from a text such as "80 mm" where its unit has others.
 
     Parameters
@@ -113,7 +119,7 @@ def number(name: str, value: Any, unit: str = "", *, above: float | None = None,
     value : any
     unit : str
         One of `WORDS`, or empty for a pure number.
-    above, lowest : float, optional
+    above, lowest, highest : float, optional
         Bounds.
 
     Raises
@@ -135,11 +141,18 @@ def number(name: str, value: Any, unit: str = "", *, above: float | None = None,
             found = finite(get_args(QUANTITIES[unit])[1].read(value))
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-    if found is None or (above is not None and found <= above) or (lowest is not None and found < lowest):
+    if (
+        found is None
+        or (above is not None and found <= above)
+        or (lowest is not None and found < lowest)
+        or (highest is not None and found > highest)
+    ):
         what = f"a number of {WORDS[unit]}" if unit else "a finite number"
-        bounds = "" if above is None else f" above {above:g}"
-        bounds += "" if lowest is None else f" of at least {lowest:g}"
-        raise InputError(f"{name} is {shown(value)}, expected {what}{bounds}")
+        bounds = (("above", above), ("of at least", lowest), ("of at most", highest))
+        limits = " and ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
+        if lowest is not None and highest is not None:
+            limits = f"from {lowest:g} to {highest:g}"
+        raise InputError(f"{name} is {shown(value)}, expected {what} {limits}".rstrip())
     return found
 
 
@@ -168,3 +181,43 @@ def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path
     if isinstance(value, str | os.PathLike):
         return Path(value)
     raise wrong_kind(name, value, expected)
+
+
+def one_of(name: str, value: Any, choices: Iterable[str]) -> str:
+    """One of several names.
+
+    Raises
+    ------
+    InputError
+        If it is none of them.
+    """
+    known = list(choices)
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(known)}")
+    return value
+
+
+def truth(name: str, value: Any) -> bool:
+    """True or False, also as 1 or 0.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if not is_truth(value) and finite(value) not in (0.0, 1.0):
+        raise InputError(f"{name} is {shown(value)}, expected True or False")
+    return bool(value)
+
+
+def listed(name: str, value: Any) -> list[Any]:
+    """The entries of a list or of a tuple.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if not isinstance(value, list | tuple):
+        raise wrong_kind(name, value, "one, or a list of them", reader="")
+    return list(value)

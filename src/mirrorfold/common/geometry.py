@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
 
 
 def unit(vector: ArrayLike) -> Array:
@@ -104,3 +106,22 @@ def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: Array
         along_ray = np.where(denominator == 0.0, np.inf, cross2(to_start, span) / denominator)
         along_segment = np.where(denominator == 0.0, np.inf, cross2(to_start, ray) / denominator)
     return along_ray, along_segment
+
+
+def place(value: ArrayLike, name: str) -> Array:
+    """A place in two or three coordinates [m] as three.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        point = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        point = np.empty(0)
+    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
+        raise InputError(
+            f"{name} is {shown(value)}, expected two or three finite coordinates in metres, for example (0, 1.5)"
+        )
+    return np.array([*point, 0.0][:3])

@@ -14,7 +14,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
-from mirrorfold.common.arguments import finite, is_truth, shown
+from mirrorfold.common.arguments import finite, is_truth, one_of, shown
 from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
@@ -71,8 +71,7 @@ class Rule:
             With the name, the value, and what was expected.
         """
         if self.choices:
-            if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(self.choices)}")
+            one_of(name, value, self.choices)
         elif self.kind == "bool":
             if not is_truth(value):
                 raise InputError(f"{name} is {shown(value)}, expected True or False")

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import reference
 from mirrorfold.common.geometry import segment_normal
@@ -105,6 +106,19 @@ class Changes:
     gained: Mask
 
 
+def two_names(names: Any) -> tuple[str, str]:
+    """What two results are called.
+
+    Raises
+    ------
+    InputError
+        If these are not two texts.
+    """
+    if not isinstance(names, list | tuple) or len(names) != 2 or not all(isinstance(name, str) for name in names):
+        raise wrong_kind("names", names, "two texts, such as ('before', 'after')", reader="")
+    return names[0], names[1]
+
+
 def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) -> Comparison:
     """Compare two reconstructions, or two images.
 
@@ -129,7 +143,8 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
     """
     first, second = checked_pair(first, second)
     changes = find_changes(first, second)
-    called = names or tuple(str(one.attrs.get("title") or name) for one, name in ((first, "first"), (second, "second")))
+    titles = [str(one.attrs.get("title") or name) for one, name in ((first, "first"), (second, "second"))]
+    called = two_names(titles if names is None else names)
     remarks: list[str] = []
     if not changes.difference.notnull().any():
         remarks.append("Every pixel of both is zero; there is nothing to compare.")

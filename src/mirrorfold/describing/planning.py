@@ -9,26 +9,18 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
 
-from mirrorfold.common.arguments import shown
-from mirrorfold.common.plausible import FARTHEST, HIGHEST, frequency_unit, length_unit
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.types import Array
 from mirrorfold.describing.quality import ExpectedQuality, expected_quality
+from mirrorfold.describing.requests import limited, requested
 from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
-from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
-from mirrorfold.scenes.materials import names
 
 if TYPE_CHECKING:
     from mirrorfold.focusing.choice_facts import Choice
-
-MATERIALS = names()
-"""What `materials` may hold."""
-
-LARGEST_COUNT = 100_000
-"""Antennas or frequencies; more are a slip of the unit."""
 
 DIAGONAL = ANGLES.index(45.0)
 """Of the angles of a wall the one that stands for bounces in a room."""
@@ -53,34 +45,6 @@ MOST_REMARKED = 3
 
 FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `mirrorfold benchmark`: two to three seconds for three million pixels."""
-
-
-LEVEL = -200.0, 200.0, "decibels"
-"""No power, gain, noise or signal that is measured lies outside of this."""
-
-LIMITS: dict[str, tuple[float, float, str]] = {
-    **dict.fromkeys(("power_dbm", "gain_dbi", "noise_figure_db", "detection_db"), LEVEL),
-    **dict.fromkeys(("aperture", "pitch", "range", "rx_aperture", "rx_pitch"), (1e-9, FARTHEST, "metres")),
-    **dict.fromkeys(("leg", "rms height of the roughness"), (0.0, FARTHEST, "metres")),
-    "correlation length of the roughness": (1e-12, FARTHEST, "metres"),
-    **dict.fromkeys(("settling", "moving"), (0.0, 1e9, "seconds")),
-    "frequency": (1e-3, HIGHEST[True], "hertz"),
-    "if_bandwidth": (1e-6, 1e13, "hertz"),
-    "target": (1e-20, 1e20, "square metres"),
-}
-"""Least and largest value of each number, so wide that what lies outside is a slip, and its unit."""
-
-
-def _check_number(name: str, value: float) -> None:
-    """Refuse what no such number can be.
-
-    Raises
-    ------
-    InputError
-    """
-    low, high, unit = LIMITS[name]
-    if not isinstance(value, int | float | np.number) or not low <= value <= high:
-        raise InputError(f"{name} is {value!r}, expected a number of {unit} from {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +76,7 @@ class Instrument:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            _check_number(name, value)
+            limited(name, value)
 
 
 class BudgetRow(Record):
@@ -183,6 +147,7 @@ def plan(
     Parameters
     ----------
     band : (start, stop) [Hz]
+        This and every length may be a text with a unit, such as "80 mm".
     points : int
         Frequencies, both ends included.
     aperture, pitch : float [m]
@@ -191,7 +156,7 @@ def plan(
         To the farthest object in line of sight.
     rx_aperture, rx_pitch : float [m], optional
         Of the receiving array; the same by default.
-    materials : list of str, default ("plasterboard",)
+    materials : str or list of str, default ("plasterboard",)
         Of the walls, by the names of scene files; the first serves for the link budget.
     roughness : (rms height, correlation length or None) [m], default (50 um, None)
         Without a correlation length the heights vary slowly.
@@ -213,21 +178,23 @@ def plan(
     InputError
         If an argument makes no sense.
     """
-    leg = 0.5 * range if leg is None else leg
-    _check(band, points, aperture, pitch, range, rx_aperture, rx_pitch, roughness, target, leg, detection_db)
+    asked = requested(
+        band=band, points=points, aperture=aperture, pitch=pitch, range=range, rx_aperture=rx_aperture,
+        rx_pitch=rx_pitch, materials=materials, roughness=roughness, target=target, leg=leg, detection_db=detection_db,
+    )  # fmt: skip
+    if instrument is not None and not isinstance(instrument, Instrument):
+        raise wrong_kind("instrument", instrument, "an Instrument of mirrorfold.describing.planning", reader="")
     instrument = instrument or Instrument()
-    if not materials:
-        raise InputError(f"materials is empty, expected one or more of: {', '.join(MATERIALS)}")
+    band, points, range, leg = asked.band, asked.points, asked.range, asked.leg
     frequency = np.linspace(band[0], band[1], points)
-    tx = _line(aperture, pitch)
-    rx = _line(aperture if rx_aperture is None else rx_aperture, pitch if rx_pitch is None else rx_pitch)
+    tx, rx = _line(asked.aperture, asked.pitch), _line(asked.rx_aperture, asked.rx_pitch)
     facts, remarks = resolution(frequency, tx, rx, ranges=[range])
     wavelength = speed_of_light / float(frequency.mean())
     ambiguous = facts.ambiguous_range_m or np.inf
-    walls = {name: wall(name, float(frequency.mean()), roughness) for name in materials}
-    first = walls[materials[0]]
-    budget = _link_budget(first, range, leg, target, wavelength, len(tx) * len(rx), points, instrument)
-    by_noise = sum(1 for row in budget if row.snr_db is not None and row.snr_db >= detection_db) - 1
+    walls = {name: wall(name, float(frequency.mean()), asked.roughness) for name in asked.materials}
+    first = walls[asked.materials[0]]
+    budget = _link_budget(first, range, leg, asked.target, wavelength, len(tx) * len(rx), points, instrument)
+    by_noise = sum(1 for row in budget if row.snr_db is not None and row.snr_db >= asked.detection_db) - 1
     by_ambiguity = sum(1 for row in budget if row.range_m <= ambiguous) - 1
     samples = len(tx) * len(rx) * points
     x, y = default_grid(frequency, tx, rx)
@@ -275,7 +242,7 @@ def plan(
         hidden_quality=expected_quality(
             frequency=float(frequency.mean()),
             bandwidth=band[1] - band[0],
-            aperture=float(np.hypot(aperture, aperture if rx_aperture is None else rx_aperture) / np.sqrt(2.0)),
+            aperture=float(np.hypot(asked.aperture, asked.rx_aperture) / np.sqrt(2.0)),
             range=range + leg,
             wall_range=range,
             mirrored_db=mirrored,
@@ -329,48 +296,3 @@ def _line(aperture: float, pitch: float) -> Array:
 def _points_for(range_: float, band: tuple[float, float]) -> int:
     """Frequencies for an ambiguous range, ``M > 1 + 2 B R / c``."""
     return int(np.ceil(1.0 + 2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 1
-
-
-def _check(
-    band: tuple[float, float], points: int, aperture: float, pitch: float, range_: float, rx_aperture: float | None,
-    rx_pitch: float | None, roughness: tuple[float, float | None], target: float, leg: float, detection_db: float,
-) -> None:  # fmt: skip
-    """Refuse what makes no sense.
-
-    Raises
-    ------
-    InputError
-        With the first such argument.
-    """
-    low, high, _ = LIMITS["frequency"]
-    if len(band) != 2 or not low <= band[0] < band[1] <= high:
-        expected = f"two rising frequencies from {low:g} to {high:g} Hz, for example (270e9, 300e9)"
-        raise InputError(f"band is {band!r}, expected {expected}")
-    if isinstance(points, bool) or not isinstance(points, (int, np.integer)) or not 2 <= points <= LARGEST_COUNT:
-        raise InputError(f"points is {points!r}, expected a whole number of frequencies of at least 2")
-    given = {"aperture": aperture, "pitch": pitch, "range": range_, "rx_aperture": rx_aperture, "rx_pitch": rx_pitch}
-    given |= {"target": target, "leg": leg, "detection_db": detection_db}
-    given |= {"rms height of the roughness": roughness[0], "correlation length of the roughness": roughness[1]}
-    for name, value in given.items():
-        if value is not None:
-            _check_number(name, value)
-    meant = frequency_unit(band[1], aperture, pitch, speed_of_light)
-    if meant is not None:
-        raise InputError(
-            f"band is {shown(band)} Hz, and an aperture of {aperture:g} m is {aperture * band[1] / speed_of_light:.1g} "
-            f"wavelengths there; probably {meant} were meant, as in {band[0]:g}{meant}:{band[1]:g}{meant}"
-        )
-    coarse = length_unit(pitch, speed_of_light / band[1])
-    if coarse is not None:
-        raise InputError(
-            f"pitch is {pitch:g} m, {pitch * band[1] / speed_of_light:.0f} wavelengths; probably {pitch:g}{coarse} was "
-            "meant"
-        )
-    for length, step, side in (
-        (aperture, pitch, "aperture"),
-        (rx_aperture or aperture, rx_pitch or pitch, "rx_aperture"),
-    ):
-        if step > length * (1 + 1e-9):
-            raise InputError(f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches")
-        if length / step > LARGEST_COUNT:
-            raise InputError(f"{side} has {length / step:.3g} pitches, expected at most {LARGEST_COUNT:g}")

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arcs import mirror_curves
+from mirrorfold.common.arguments import one_of, wrong_kind
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
@@ -60,15 +61,14 @@ def export(
     """
     path = check_export_path(path)
     suffix = path.suffix.lower()
-    if what not in ("points", "mirrors"):
-        raise InputError(f"what is {what!r}, expected points or mirrors")
+    one_of("what", what, ("points", "mirrors"))
     if what == "mirrors" and suffix != ".vtp":
         raise InputError(f"{path}: what is 'mirrors', which a VTP file alone may hold; give a name that ends in .vtp")
     content: bytes | None = None
     if isinstance(obj, xr.DataArray):
         content = _image_file(check_image(obj), path)
     elif not isinstance(obj, xr.DataTree):
-        raise InputError(f"export: got a {type(obj).__name__}, expected a reconstruction or an image")
+        raise wrong_kind("export", obj, "a reconstruction or an image")
     else:
         obj = confident(check_reconstruction(obj), min_confidence)
         if suffix == ".vti":

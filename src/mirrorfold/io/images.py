@@ -10,6 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import number, path_of, shown, truth
+from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
@@ -82,18 +84,21 @@ def import_image(
     InputError
         If there is no image, or none whose coordinates are known.
     """
+    where, decibel = place(radar, "radar"), truth("decibel", decibel)
+    cell = None if cell is None else number("cell", cell, "m", above=0.0)
+    path = path_of("import_image", path)
     contents = read_contents(path)
-    scale = KINDS["length"].get(unit_named(unit) or "")
+    scale = KINDS["length"].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if scale is None:
-        raise InputError(f"{path}: unit is {unit!r}, expected one of {', '.join(KINDS['length'])}")
+        raise InputError(f"{path}: unit is {shown(unit)}, expected one of {', '.join(KINDS['length'])}")
     if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and image is None):
-        found = _gridded(contents, x or "x", y or "y", image, scale, cell, decibel)
+        found = _gridded(contents, "x" if x is None else x, "y" if y is None else y, image, scale, cell, decibel)
     else:
         if cell is not None:
             raise InputError(f"{path}: holds no point cloud, and cell is the grid of one; leave it out")
         found = _image(contents, image, {"x": x, "y": y, "z": z}, order, scale, decibel)
-    found.attrs["radar_position"] = np.array(radar, dtype=float)
-    found.attrs["source"] = Path(path).name
+    found.attrs["radar_position"] = where
+    found.attrs["source"] = path.name
     return check_image(found, source=str(path))
 
 
@@ -130,7 +135,9 @@ def _image(
     wanted = "yx" if values.ndim == 2 else "zyx"
     coordinates: dict[str, Array] = {}
     for axis in wanted:
-        chosen = axes[axis] or _named(contents, axis, 1) or _named(contents, axis, values.ndim)
+        chosen = axes[axis]
+        if chosen is None:
+            chosen = _named(contents, axis, 1) or _named(contents, axis, values.ndim)
         if chosen is None:
             raise InputError(
                 f"{contents.path}: does not say the {axis} of the pixels of {name!r} {values.shape}; save a variable "
@@ -138,10 +145,10 @@ def _image(
             )
         coordinates[axis] = _coordinate(contents, chosen, axis) * scale
     dims = contents.variables[name].dims
-    order = order or ("".join(dims) if sorted(dims) == sorted(wanted) else None)
-    order = order or _order(values.shape, coordinates, wanted)
-    if sorted(order) != sorted(wanted):
-        raise InputError(f"order is {order!r}, expected the letters of {wanted!r}")
+    order = order if order is not None else ("".join(dims) if sorted(dims) == sorted(wanted) else None)
+    order = order if order is not None else _order(values.shape, coordinates, wanted)
+    if not isinstance(order, str) or sorted(order) != sorted(wanted):
+        raise InputError(f"order is {shown(order)}, expected the letters of {wanted!r}")
     for axis, length in zip(order, values.shape, strict=True):
         if coordinates[axis].size != length:
             said = ", ".join(f"{axis} {coordinate.size}" for axis, coordinate in coordinates.items())

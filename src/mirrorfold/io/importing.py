@@ -8,9 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import is_truth, shown, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.assembly import assemble, join
@@ -88,13 +89,15 @@ def import_data(
 def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
     """One frame of a recording, or the mean of all."""
     if "frame" not in sweep["s"].dims:
-        raise InputError(f"frame is {frame!r}, and the samples have the dimensions {sweep['s'].dims}; leave it out")
+        raise InputError(
+            f"frame is {shown(frame)}, and the samples have the dimensions {sweep['s'].dims}; leave it out"
+        )
     count = sweep.sizes["frame"]
-    if frame == "mean":
+    if isinstance(frame, str) and frame == "mean":
         s = sweep["s"].mean("frame").astype("complex64")
         return check_sweep(sweep.drop_vars("s").assign(s=s))
-    if not isinstance(frame, int) or not -count <= frame < count:
-        raise InputError(f"frame is {frame!r}, expected a number from 0 to {count - 1}, or 'mean'")
+    if is_truth(frame) or not isinstance(frame, int | np.integer) or not -count <= frame < count:
+        raise InputError(f"frame is {shown(frame)}, expected a number from 0 to {count - 1}, or 'mean'")
     return sweep.isel(frame=frame)
 
 
@@ -118,9 +121,11 @@ def _import(
     if parameter is not None:
         raise InputError("parameter is given without positions; give the table that says where the antennas stood")
     chosen = None if mapping is None else load_mapping(mapping)
+    if reader is None and chosen is not None:
+        reader = chosen.reader
     sweeps = []
     for done, path in enumerate(paths):
-        contents = read_contents(path, reader or (chosen.reader if chosen is not None else None))
+        contents = read_contents(path, reader)
         sweeps.append(_sweep(contents, chosen))
         if progress is not None:
             progress(done + 1, len(paths))

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from mirrorfold.common.arguments import path_of
 from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.units import KINDS, UNITS, Quantity, mixes_units, parse_quantity, unit_named, written_numbers
 from mirrorfold.errors import InputError
@@ -345,7 +346,7 @@ def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
         return mapping
     if isinstance(mapping, dict):
         return validated(Mapping, mapping, "mapping")
-    path = Path(mapping)
+    path = path_of("mapping", mapping, "the path of a mapping file, its content as a dict, or the name of one shipped")
     if str(mapping) in shipped():
         path = Path(str(files("mirrorfold").joinpath("io", "mappings", f"{mapping}.toml")))
     elif not path.exists():

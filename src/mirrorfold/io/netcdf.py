@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import shown, wrong_kind
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
@@ -81,7 +81,9 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
         return check_image(_as_image(content.to_dataset(), str(path)), source=str(path))
     if kind == "reconstruction":
         return check_reconstruction(content, source=str(path))
-    found = f"mirrorfold_kind is {kind!r}" if kind is not None else f"holds the variables {list(content.data_vars)}"
+    found = (
+        f"mirrorfold_kind is {shown(kind)}" if kind is not None else f"holds the variables {list(content.data_vars)}"
+    )
     raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
 
 
@@ -239,7 +241,9 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
         raise wrong_kind(source, reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
     kind = reconstruction.attrs.get("mirrorfold_kind")
     if kind != "reconstruction":
-        raise InputError(f"{source}: mirrorfold_kind is {kind!r}, expected 'reconstruction'; give the result of fold")
+        raise InputError(
+            f"{source}: mirrorfold_kind is {shown(kind)}, expected 'reconstruction'; give the result of fold"
+        )
     nodes = {node.path: node for node in reconstruction.subtree}
     recording = "frame" in reconstruction.dims
     for group, names in RECONSTRUCTION.items():

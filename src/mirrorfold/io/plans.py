@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arcs import arc_through, by_three, circle_through, mirror_places
+from mirrorfold.common.arguments import path_of
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.plausible import unplaced
@@ -78,6 +79,19 @@ def read_plan(path: str | Path) -> FloorPlan:
         if wrong is not None:
             raise InputError(f"{path}: a line has a coordinate that {wrong}; draw it anew, in metres")
     return FloorPlan(lines, np.array(by_three(images)) if images else None, str(path))
+
+
+def as_plan(plan: Any, name: str = "plan") -> FloorPlan:
+    """A floor plan from whatever stands for one: itself, or the path of its file.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or the file cannot be read; `name` is that of the argument.
+    """
+    if isinstance(plan, FloorPlan):
+        return plan
+    return read_plan(path_of(name, plan, "a floor plan, as mf.load returns, or the path of a DXF or GeoJSON file"))
 
 
 def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:

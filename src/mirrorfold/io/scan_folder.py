@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import path_of
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import directory_written_whole
@@ -54,7 +55,7 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
     dims = MONOSTATIC_DIMENSIONS if is_monostatic(sweep) else dims
     if sweep["s"].dims != dims:
         raise InputError(f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select one of the others")
-    folder = Path(folder)
+    folder = path_of("save_touchstone", folder, "the path of a folder")
     s = sweep["s"].values.reshape(sweep.sizes["frequency"], -1)
     heading, numbers, names, kept = _listing(sweep, dims)
     pairs = dims[1] == "tx"

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import path_of, shown
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.arrangements import fill_matrix, grid_beams
@@ -59,15 +60,17 @@ def import_scan(
     InputError
         If files and positions do not fit together, or a file cannot be read.
     """
+    if positions is not None and not isinstance(positions, dict):
+        positions = path_of("positions", positions, "the path of a table, or its content as a dict")
     if isinstance(paths, dict):
         files: Files = dict(paths)
         listed_all = True
-        table = Path("positions") if isinstance(positions, dict) or positions is None else Path(positions)
+        table = Path("positions") if isinstance(positions, dict) or positions is None else positions
     else:
         listed_all = not any(path.is_dir() for path in paths) and positions is not None
         table = Path("positions")
         if not isinstance(positions, dict):
-            table = Path(positions) if positions is not None else paths[0]
+            table = positions if positions is not None else paths[0]
         files = _files([table.parent] if positions is None else paths, table)
     scan, lines = read_positions(positions if isinstance(positions, dict) else table)
     if scan.ports is not None:
@@ -221,7 +224,7 @@ def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind:
     if parameter is not None:
         known = {name.upper(): name for name in names}
         if parameter.upper() not in known:
-            raise InputError(f"parameter is {parameter!r}, and {path} holds {listed(names)}")
+            raise InputError(f"parameter is {shown(parameter)}, and {path} holds {listed(names)}")
         return known[parameter.upper()]
     if len(names) == 1:
         return names[0]

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.reading import LARGEST_TEXT, parsed
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import read_bytes
@@ -81,11 +82,10 @@ def _explain(item: Any, fields: list[str]) -> str:
             place += f".{part}" if place else part
     place = place or "file"
     if item["type"] == "extra_forbidden":
-        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
+        close = get_close_matches(str(item["loc"][-1]), set(fields) - {item["loc"][-1]}, n=1)
         return f"{place} is not a known entry, " + (f"did you mean {close[0]!r}?" if close else "remove it")
     if item["type"] == "missing":
         return f"{place} is missing, add it"
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}"
-    found = repr(item["input"])
-    return f"{place} is {found[:60]}, expected {item['msg'].removeprefix('Input should be ')}"
+    return f"{place} is {shown(item['input'])}, expected {item['msg'].removeprefix('Input should be ')}"

@@ -11,11 +11,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_curves
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import number, shown, truth, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.errors import InputError
+from mirrorfold.io.plans import as_plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from mirrorfold.common.plans import FloorPlan
+    from mirrorfold.scenes.floor_plan import Scene
+    from mirrorfold.scenes.solids import Scene3D
 
 Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
@@ -34,6 +40,23 @@ def in_metres(ax: Axes) -> Axes:
     ax.set_aspect("equal")
     ax.set(xlabel="cross-range x [m]", ylabel="range y [m]")
     return ax
+
+
+def checked_extent(extent: Any) -> Extent | None:
+    """The part of a picture that is shown, if one is asked for.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if extent is None:
+        return None
+    if isinstance(extent, list | tuple | np.ndarray) and np.shape(extent)[:1] == (4,):
+        x0, x1, y0, y1 = (number("extent", value, "m") for value in extent)
+        if x0 < x1 and y0 < y1:
+            return x0, x1, y0, y1
+    raise InputError(f"extent is {shown(extent)}, expected (x0, x1, y0, y1) in metres with x0 < x1 and y0 < y1")
 
 
 def outer_edges(centres: Array) -> tuple[float, float]:
@@ -71,6 +94,34 @@ def expect_reconstruction(name: str, value: object) -> None:
         raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
 
 
+def known_scene(scene: Any) -> Scene | Scene3D | None:
+    """The scene that stands beside a result, from whatever stands for it; None where there is none."""
+    if scene is None:
+        return None
+    from mirrorfold.scenes.floor_plan import as_scene  # most results are drawn without any
+
+    return as_scene(scene)
+
+
+def scene_in_space(scene: Any) -> Scene3D:
+    """A scene of three dimensions, from whatever stands for it.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    found = known_scene(scene)
+    if found is None or found.dimensions != 3:
+        raise wrong_kind("scene", scene, "a scene of three dimensions", reader="mf.load_scene")
+    return found
+
+
+def known_plan(plan: Any) -> FloorPlan | None:
+    """The floor plan that stands beside a result, from whatever stands for it; None where there is none."""
+    return None if plan is None else as_plan(plan)
+
+
 def draw_truth(ax: Axes, line: Array, alpha: float = 1.0) -> None:
     """A true surface (n, 2) [m], thin, with a rim that keeps it legible on mirrors and points."""
     ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=1.0, alpha=alpha, path_effects=halo(1.1), zorder=4)
@@ -83,6 +134,7 @@ def radar_of(reconstruction: xr.DataTree) -> Array:
 
 def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Array, int]]:
     """Each mirror as a line: its two ends (2, 2) [m], or points along an arc (n, 2); and its generation."""
+    folded = truth("folded", folded)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     lines = mirror_curves(held, "folded_" if folded else "")
     return list(zip(lines, held["generation"].values.astype(int).tolist(), strict=True))

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from mirrorfold.benchmarking.comparing import BenchmarkComparison, Difference
 from mirrorfold.benchmarking.figures import FIGURES
 from mirrorfold.benchmarking.summaries import Benchmark, FamilyResult
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import COLOURS
 
 PANELS_A_ROW = 4
@@ -39,6 +40,8 @@ def benchmark(found: Benchmark) -> Figure:
     -------
     matplotlib.figure.Figure
     """
+    if not isinstance(found, Benchmark):
+        raise wrong_kind("plot.benchmark", found, "what mf.benchmark returns", reader="")
     methods = list(dict.fromkeys(result.method for result in found.results))
     rows = _rows([(result.family, result.radar) for result in found.results])
     figure, panels = _panels(len(FIGURES), len(rows) * max(len(methods), 2))
@@ -73,6 +76,10 @@ def benchmark_comparison(found: BenchmarkComparison) -> Figure:
     -------
     matplotlib.figure.Figure
     """
+    if not isinstance(found, BenchmarkComparison):
+        raise wrong_kind(
+            "plot.benchmark_comparison", found, "what mirrorfold.benchmarking.compare_benchmarks returns", reader=""
+        )
     several = len({result.first_method for result in found.results}) > 1
     labels = [
         f"{label}, {result.second_method}" if several else label

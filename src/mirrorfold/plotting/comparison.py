@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
@@ -10,6 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from mirrorfold.common.arguments import truth
 from mirrorfold.common.decibels import PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, bounce_label
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import passed_walls, shown_points
@@ -19,6 +21,8 @@ from mirrorfold.plotting.axes import (
     colour_of,
     draw_radar,
     expect_reconstruction,
+    known_plan,
+    known_scene,
     mirror_lines,
     radar_of,
 )
@@ -43,9 +47,9 @@ PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 
 def before_after(
     reconstruction: xr.DataTree,
-    scene: Scene | Scene3D | None = None,
+    scene: Scene | Scene3D | str | Path | None = None,
     *,
-    plan: FloorPlan | None = None,
+    plan: FloorPlan | str | Path | None = None,
     floor_db: float = -40.0,
     axes: Sequence[Axes] | None = None,
 ) -> Figure:
@@ -54,9 +58,9 @@ def before_after(
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    scene : Scene or Scene3D, optional
+    scene : Scene, Scene3D or path of a scene file, optional
         The truth, drawn thin in both.
-    plan : FloorPlan, optional
+    plan : FloorPlan or path of a DXF or GeoJSON file, optional
         Known walls, drawn like the truth.
     floor_db : float [dB], default -40
     axes : two of matplotlib.axes.Axes, optional
@@ -69,6 +73,7 @@ def before_after(
     """
     expect_reconstruction("before_after", reconstruction)
     reconstruction = pick_frame(reconstruction)
+    scene, plan = known_scene(scene), known_plan(plan)
     radar = radar_of(reconstruction)
     before = content_extent(reconstruction, scene, plan, folded=False)
     after = content_extent(reconstruction, scene, plan, folded=True)
@@ -109,16 +114,20 @@ def before_after(
 
 
 def content_extent(
-    reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None, plan: FloorPlan | None = None, *, folded: bool
+    reconstruction: xr.DataTree,
+    scene: Scene | Scene3D | str | Path | None = None,
+    plan: FloorPlan | str | Path | None = None,
+    *,
+    folded: bool,
 ) -> Extent:
     """The part of the floor plan that holds something, with a margin.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-    scene : Scene or Scene3D, optional
+    scene : Scene, Scene3D or path of a scene file, optional
         Its surfaces count too; not those in space, whose halls are longer than what can be seen of them.
-    plan : FloorPlan, optional
+    plan : FloorPlan or path of a DXF or GeoJSON file, optional
         Its walls count too, unless all reach far beyond the image, about which a warning is given.
     folded : bool
         Of the corrected image; else of the initial one.
@@ -129,6 +138,7 @@ def content_extent(
         The whole grid where nothing was found.
     """
     expect_reconstruction("content_extent", reconstruction)
+    scene, plan, folded = known_scene(scene), known_plan(plan), truth("folded", folded)
     objects = shown_points(reconstruction)
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]

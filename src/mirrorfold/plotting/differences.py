@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from mirrorfold.common.arguments import number
 from mirrorfold.common.decibels import decibels
-from mirrorfold.describing.comparison import Changes, checked_pair, find_changes
+from mirrorfold.describing.comparison import Changes, checked_pair, find_changes, two_names
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
@@ -56,6 +57,7 @@ def compare(
         As `mirrorfold.compare`.
     """
     first, second = checked_pair(first, second)
+    names, floor_db = two_names(names), number("floor_db", floor_db, "dB")
     changes = find_changes(first, second)
     extent = _extent(first, second, changes)
     width, height = extent[1] - extent[0], extent[3] - extent[2]

@@ -8,6 +8,7 @@ of one mirror, of two, and so on.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,21 +16,25 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import number, one_of, shown, truth, wrong_kind
 from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, TRUTH_COLOUR, decibels
+from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.shown import passed_walls, shown_points
+from mirrorfold.io.plans import as_plan
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,
     axes_or_new,
+    checked_extent,
     colour_of,
     draw_radar,
     draw_truth,
     expect_reconstruction,
     halo,
     in_metres,
+    known_scene,
     mirror_lines,
     outer_edges,
     radar_of,
@@ -85,13 +90,17 @@ def image(
     """
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
         raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
-    if not floor_db < 0:
-        raise InputError(f"floor_db is {floor_db!r}, expected a negative number of decibels, for example -40")
-    if normalization not in ("r", "none"):
-        raise InputError(f"normalization is {normalization!r}, expected 'r' or 'none'")
-    ax = axes_or_new(ax)
+    floor_db = number("floor_db", floor_db, "dB")
+    if floor_db >= 0:
+        raise InputError(f"floor_db is {shown(floor_db)}, expected a negative number of decibels, for example -40")
+    one_of("normalization", normalization, ("r", "none"))
+    radar, colorbar = place(radar, "radar"), truth("colorbar", colorbar)
+    extent = checked_extent(extent)
     if extent is not None:
         image = image.sel(x=slice(*extent[:2]), y=slice(*extent[2:]))
+        if image.size == 0:
+            raise InputError(f"extent is {shown(extent)}, and the image has no pixel there; leave it out to see where")
+    ax = axes_or_new(ax)
     amplitude = np.abs(image.values).astype(float)
     if normalization == "r":
         radar = np.asarray(radar, dtype=float)
@@ -192,12 +201,12 @@ def shadows(reconstruction: xr.DataTree, ax: Axes | None = None, *, reach: float
     return in_metres(ax)
 
 
-def scene(scene: Scene, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
+def scene(scene: Scene | str | Path, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
     """Draw the surfaces of a scene, thin, and the radar as a triangle.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path of a scene file
     ax : matplotlib.axes.Axes, optional
         New ones by default.
     alpha : float, default 1
@@ -207,23 +216,27 @@ def scene(scene: Scene, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
     -------
     matplotlib.axes.Axes
     """
-    if not hasattr(scene, "surface") or not hasattr(scene, "array"):
-        raise wrong_kind("plot.scene", scene, "a scene of two dimensions, as mf.load_scene and mf.parse_scene return")
+    found = known_scene(scene)
+    if found is None or found.dimensions != 2:
+        raise wrong_kind(
+            "plot.scene", scene, "a scene of two dimensions, as mf.load_scene and mf.parse_scene return", reader=""
+        )
+    alpha = number("alpha", alpha, lowest=0.0, highest=1.0)
     ax = axes_or_new(ax)
-    for surface in scene.surface:
+    for surface in found.surface:
         for piece in surface.pieces(CURVE_STEP):
             draw_truth(ax, piece, alpha)
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))
+    radar = 0.5 * (found.array.tx_position.mean(axis=0) + found.array.rx_position.mean(axis=0))
     draw_radar(ax, radar[:2])
     return in_metres(ax)
 
 
-def plan(plan: FloorPlan, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
+def plan(plan: FloorPlan | str | Path, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
     """Draw the lines of a known floor plan, thin.
 
     Parameters
     ----------
-    plan : FloorPlan
+    plan : FloorPlan or path of a DXF or GeoJSON file
         As `mirrorfold.load` reads one from a DXF or GeoJSON file.
     ax : matplotlib.axes.Axes, optional
         New ones by default.
@@ -234,8 +247,9 @@ def plan(plan: FloorPlan, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes
     -------
     matplotlib.axes.Axes
     """
+    lines, alpha = as_plan(plan).lines, number("alpha", alpha, lowest=0.0, highest=1.0)
     ax = axes_or_new(ax)
-    for line in plan.lines:
+    for line in lines:
         ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=0.9, alpha=alpha)
     return in_metres(ax)
 

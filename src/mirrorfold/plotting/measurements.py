@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import truth
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
@@ -117,7 +118,7 @@ def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = T
     mesh = ax.imshow(level, origin="lower", extent=(extent[0], extent[1], extent[2], extent[3]), cmap="cividis",
                      vmin=min(low, -1.0), vmax=0.0, aspect="auto", interpolation="nearest")  # fmt: skip
     ax.set_facecolor("0.85")
-    if colorbar and isinstance(ax.figure, Figure):
+    if truth("colorbar", colorbar) and isinstance(ax.figure, Figure):
         ax.figure.colorbar(mesh, ax=ax, label="mean power [dB]", pad=0.02)
     return ax
 

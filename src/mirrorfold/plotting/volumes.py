@@ -5,6 +5,7 @@ The plan view before and after folding is drawn by `mirrorfold.plotting.comparis
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +15,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import number, truth
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.plotting.axes import axes_or_new, draw_radar, draw_truth, expect_reconstruction, in_metres, outer_edges
+from mirrorfold.plotting.axes import (
+    axes_or_new,
+    draw_radar,
+    draw_truth,
+    expect_reconstruction,
+    in_metres,
+    outer_edges,
+    scene_in_space,
+)
 from mirrorfold.plotting.outlines import cut, silhouette
 
 if TYPE_CHECKING:
@@ -87,14 +97,16 @@ def has_body(reconstruction: xr.DataTree) -> bool:
     return int(((columns["bounces"] > 0) & (columns["surface"] == "object")).sum()) >= FEWEST
 
 
-def body(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, floor_db: float = FLOOR_DB) -> Figure:
+def body(
+    reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, floor_db: float = FLOOR_DB
+) -> Figure:
     """The largest hidden thing as it stands, seen from the front, and cut from the side.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
         Of a volume.
-    scene : Scene3D, optional
+    scene : Scene3D or path of a scene file, optional
         The truth: its outlines are drawn thin.
     floor_db : float [dB]
         Amplitude shown as the darkest, below the brightest.
@@ -105,6 +117,8 @@ def body(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, floor_db:
         If the reconstruction has two dimensions, or nothing was seen by way of a mirror.
     """
     columns = _points(reconstruction)
+    scene = None if scene is None else scene_in_space(scene)
+    floor_db = number("floor_db", floor_db, "dB")
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
     if hidden.sum() < FEWEST:
         raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
@@ -218,26 +232,28 @@ def draw_cut(ax: Axes, scene: Scene3D, middle: Array, along: Array) -> None:
     """Draw what an upright plane through `middle` (3,) [m] cuts out of a scene, thin: distances `along` it, heights."""
     normal = np.cross(along, [0.0, 0.0, 1.0])
     limits = ax.get_xlim(), ax.get_ylim()
-    for number, lines in enumerate(cut(scene, middle, normal).values()):
+    for piece, lines in enumerate(cut(scene, middle, normal).values()):
         flat = np.stack([(lines - middle) @ along, lines[..., 2]], axis=-1)
         ax.add_collection(LineCollection(list(flat), colors=TRUTH_COLOUR, linewidths=0.8,
-                                         label="truth" if number == 0 else None))  # fmt: skip
+                                         label="truth" if piece == 0 else None))  # fmt: skip
     ax.set(xlim=limits[0], ylim=limits[1])
 
 
-def space(reconstruction: xr.DataTree, scene: Scene3D | None = None, *, folded: bool = True) -> Figure:
+def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, folded: bool = True) -> Figure:
     """The whole scene in perspective: points by their number of bounces, mirrors as rectangles.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
         Of a volume.
-    scene : Scene3D, optional
+    scene : Scene3D or path of a scene file, optional
         The truth, its walls drawn as thin outlines.
     folded : bool
         At their true places, or where they stood before.
     """
     columns = _points(reconstruction)
+    scene = None if scene is None else scene_in_space(scene)
+    folded = truth("folded", folded)
     suffix, prefix = ("", "folded_") if folded else ("_initial", "")
     points = np.stack([columns[axis + suffix] for axis in "xyz"], axis=-1)
     figure = Figure(figsize=(9.0, 7.5), layout="constrained")
@@ -285,12 +301,12 @@ def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
     return [*handles, Line2D([], [], color="black", marker="^", markersize=7, linestyle="none", label="radar")]
 
 
-def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
+def scene(scene: Scene3D | str | Path, ax: Axes | None = None) -> Axes:
     """The floor plan of a scene: the outline of everything in it as seen from above, thin, and the radar as a triangle.
 
     Parameters
     ----------
-    scene : Scene3D
+    scene : Scene3D or path of a scene file
     ax : matplotlib.axes.Axes, optional
         New ones by default.
     """
@@ -298,6 +314,7 @@ def scene(scene: Scene3D, ax: Axes | None = None) -> Axes:
 
     from mirrorfold.simulation.raster.meshes import solids
 
+    scene = scene_in_space(scene)
     ax = axes_or_new(ax)
     for solid in solids(scene):
         flat = solid.vertices[:, :2]

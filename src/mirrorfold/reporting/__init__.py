@@ -52,13 +52,13 @@ def report(
     from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io.files import check_output, written_whole
     from mirrorfold.io.netcdf import check_reconstruction
-    from mirrorfold.io.plans import read_plan
+    from mirrorfold.io.plans import as_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html
 
     path = check_output(path, suffixes=PAGES)
     checked = pick_frame(check_reconstruction(reconstruction))
-    walls = read_plan(plan) if isinstance(plan, str | Path) else plan
+    walls = None if plan is None else as_plan(plan)
     corners = np.array([np.asarray(checked[axis])[[0, -1]] for axis in "xy"]).T
     if walls is not None and walls.lies_beyond(*corners):
         walls = None

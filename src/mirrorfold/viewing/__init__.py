@@ -50,15 +50,17 @@ def view(
     InputError
         If there is no such file, the port cannot be had, or the scene is wrong.
     """
+    from mirrorfold.common.arguments import path_of
     from mirrorfold.common.reading import check_file
-    from mirrorfold.io.plans import read_plan
+    from mirrorfold.io.plans import as_plan
     from mirrorfold.scenes.floor_plan import as_scene
     from mirrorfold.viewing.server import Server
     from mirrorfold.viewing.session import Session
 
+    path = path_of("view", path, "the path of a sweep, an image or a reconstruction; write it with mf.save first")
     check_file(path, "give a sweep, an image or a reconstruction (netCDF)")
     truth = None if scene is None else as_scene(scene)
-    walls = read_plan(plan) if isinstance(plan, str | Path) else plan
+    walls = None if plan is None else as_plan(plan)
     with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
         if announce is not None:
             announce(server.link())

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from mirrorfold.common.arguments import one_of
 from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
@@ -119,9 +120,7 @@ def read_contents(path: str | Path, reader: str | None = None) -> Contents:
     path = Path(path)
     chosen = recognise(path)
     if reader is not None:
-        if reader not in readers():
-            raise InputError(f"reader is {reader!r}, expected one of {', '.join(readers())}")
-        chosen = readers()[reader]
+        chosen = readers()[one_of("reader", reader, readers())]
     try:
         return chosen.read(path)
     except InputError:

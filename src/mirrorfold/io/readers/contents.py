@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.memory import available_memory
 from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
@@ -113,6 +114,8 @@ class Contents:
         InputError
             If there is none of this name, or it is too large for the memory.
         """
+        if not isinstance(name, str):
+            raise wrong_kind("variable", name, f"one of: {listed(self.variables) or 'none'}")
         if name not in self.variables:
             raise InputError(
                 f"{self.path}: holds no variable {name[:LONGEST_NAME]!r}; it holds {listed(self.variables) or 'none'}"
