@@ -22,7 +22,7 @@ from typing import Any
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import one_of, wrong_kind
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
@@ -242,9 +242,7 @@ class FoldPlan:
         InputError
             If the image or a setting cannot be used.
         """
-        if preset not in PRESETS:
-            raise InputError(f"preset is {preset!r}, expected one of {', '.join(PRESETS)}")
-        chosen = PRESETS[preset].with_given(**given)
+        chosen = PRESETS[one_of("preset", preset, PRESETS)].with_given(**given)
         if isinstance(mirrors, str | Path):
             mirrors = read_plan(mirrors) if is_plan(mirrors) else read_mirrors(mirrors)
         if mirrors is not None and not isinstance(mirrors, FloorPlan):

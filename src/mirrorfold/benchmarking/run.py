@@ -19,7 +19,7 @@ from mirrorfold.benchmarking.methods import load_method
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge, scene_digest
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import listed, shown, wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import InputError
@@ -82,7 +82,7 @@ def benchmark(
     """
     tasks = _tasks(families, radars, methods, seeds)
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
-        raise InputError(f"jobs is {jobs!r}, expected a whole number of at least 1")
+        raise InputError(f"jobs is {shown(jobs)}, expected a whole number of at least 1")
     for folder in (output, sweeps):
         if folder is not None:
             Path(folder).mkdir(parents=True, exist_ok=True)
@@ -125,23 +125,24 @@ def _tasks(
     usual = [family for family in FAMILIES.values() if family.engine == "rays"]
     chosen = usual if families is None else [
         family if isinstance(family, Family) else family_named(family)
-        for family in ([families] if isinstance(families, str | Family) else families)
+        for family in ([families] if isinstance(families, str | Family) else listed("families", families))
     ]  # fmt: skip
     seen_by = None if radars is None else [
         radar if isinstance(radar, Radar) else radar_named(radar)
-        for radar in ([radars] if isinstance(radars, str | Radar) else radars)
+        for radar in ([radars] if isinstance(radars, str | Radar) else listed("radars", radars))
     ]  # fmt: skip
-    names = tuple(dict.fromkeys([methods] if isinstance(methods, str) else methods))
+    names = tuple([methods] if isinstance(methods, str) else listed("methods", methods))
     for name in names:
         if not isinstance(name, str):
             raise wrong_kind("methods", name, "ours, flat, opaque, published or MODULE:FUNCTION")
         load_method(name)
+    names = tuple(dict.fromkeys(names))
     if not isinstance(seeds, Iterable):
         raise wrong_kind("seeds", seeds, "whole numbers, such as range(10)")
-    numbers = list(dict.fromkeys(int(seed) if isinstance(seed, np.integer) else seed for seed in seeds))
+    numbers = [int(seed) if isinstance(seed, np.integer) else seed for seed in seeds]
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-            raise InputError(f"seeds holds {number!r}, expected whole numbers of at least 0, such as range(10)")
+            raise InputError(f"seeds holds {shown(number)}, expected whole numbers of at least 0, such as range(10)")
     tasks = [
         Task(family, radar, seed, names)
         for family in dict.fromkeys(family.name for family in chosen)

@@ -18,11 +18,13 @@ from scipy.ndimage import maximum_filter
 
 from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
 from mirrorfold.calibration.reflectors import positions
+from mirrorfold.common.arguments import whole_number
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.grid import default_grid
+from mirrorfold.focusing.problem import pixel_axis
 from mirrorfold.sweep import wave_speed, wavenumber
 
 GUIDES = 32
@@ -81,10 +83,9 @@ def autofocus(
     tx, rx = positions(sweep)
     if max(len(tx), len(rx)) < 3:
         raise InputError("autofocus: the sweep has less than three elements, whose delays cannot be told from a shift")
-    if guides < 1:
-        raise InputError(f"guides is {guides!r}, expected at least one")
+    guides = whole_number("guides", guides, lowest=1)
     own_x, own_y = guide_grid(sweep)
-    grid = (np.asarray(own_x if x is None else x), np.asarray(own_y if y is None else y))
+    grid = pixel_axis(own_x if x is None else x, "x"), pixel_axis(own_y if y is None else y, "y")
     k = wavenumber(sweep)
     centre = float(k.mean())
     report = progress or (lambda done, total: None)

@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, with_samples
+from mirrorfold.common.arguments import truth
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep
 
@@ -35,6 +36,7 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     sweep, background = check_sweep(sweep), check_sweep(background, source="background")
     check_same_axes(sweep, background, "background")
     s, other = sweep["s"].values, background["s"].values
+    match = truth("match", match)
     gain = _gain(s, other) if match else 1.0
     left = by_blocks(s, lambda part, some: part.astype(complex) - gain * other[some].astype(complex))
     if not left.any():

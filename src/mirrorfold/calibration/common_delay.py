@@ -13,6 +13,7 @@ is better than one at which something louder stands alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -21,8 +22,10 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, place
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs
 from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.common.arguments import number
+from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
@@ -43,6 +46,12 @@ own delays."""
 
 POWER_ITERATIONS = 8
 """Steps towards the largest singular value; where one echo stands out the first few find it."""
+
+
+def _places(at: Any) -> list[Any]:
+    """One place or several as a list."""
+    several = isinstance(at, list | tuple | np.ndarray) and getattr(at, "ndim", 1) > 0
+    return list(at) if several and any(np.ndim(one) > 0 for one in at) else [at]
 
 
 def fit_reflectors(
@@ -79,18 +88,18 @@ def fit_reflectors(
         If the numbers of sweeps and places differ, a largest delay is not positive, the sweeps are not of the same
         frequencies, or the reflector is not heard.
     """
-    sweeps = [sweep] if isinstance(sweep, xr.Dataset) else list(sweep)
-    places = [at] if np.ndim(at) == 1 else list(at)  # type: ignore[arg-type]
-    if not sweeps or len(sweeps) != len(places):
-        raise InputError(f"at: got {len(places)} places for {len(sweeps)} sweeps, expected one for each")
-    for name, largest in (("largest_error", largest_error), ("largest_common", largest_common)):
-        if largest is not None and not (np.isfinite(largest) and largest > 0):
-            raise InputError(f"{name} is {largest!r}, expected a positive number of metres")
-    sweeps = [checked_pairs(one, "sweep") for one in sweeps]
+    given: list[Any] = list(sweep) if isinstance(sweep, list | tuple) else [sweep]
+    places = _places(at)
+    if not given or len(given) != len(places):
+        raise InputError(f"at: got {len(places)} places for {len(given)} sweeps, expected one for each")
+    radius = number("radius", radius, "m", lowest=0.0)
+    largest_error = number("largest_error", largest_error, "m", above=0.0)
+    largest_common = None if largest_common is None else number("largest_common", largest_common, "m", above=0.0)
+    sweeps = [checked_pairs(one, "sweep") for one in given]
     found: list[tuple[xr.Dataset, Array, Fit]] = []
     for one, where in zip(sweeps, places, strict=True):
         check_same_axes(sweeps[0], one, "the next sweep", antennas=False)
-        centre = place(np.asarray(where), "at")
+        centre = place(where, "at")
         fit = _fit(one, centre, radius, largest_error, largest_common)
         if found:
             # Near the ends of the period one sweep may tell a little more than none, another a little less than all.

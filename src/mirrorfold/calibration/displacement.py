@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.elements import LARGEST_ERROR
-from mirrorfold.calibration.record import checked_pairs, millimetres, place, recorded
+from mirrorfold.calibration.record import checked_pairs, millimetres, recorded
 from mirrorfold.calibration.reflectors import positions
+from mirrorfold.common.arguments import number
+from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 
 CONDITION = 1e-3
@@ -57,6 +59,7 @@ def estimate_displacement(
     InputError
         If the numbers of sweeps and places differ, or the reflector is not heard.
     """
+    largest = number("largest", largest, "m", above=0.0)
     rows, measured = [], []
     for one, centre, fit in fit_reflectors(sweep, at, radius, largest_error=largest, largest_common=largest_common):
         rx = positions(one)[1]

@@ -22,12 +22,16 @@ from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.delays import Fit
 from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import positions
+from mirrorfold.common.arguments import truth, wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
 LARGEST_ERROR = 5e-3
 """Largest difference between one element's delay and the others' that is looked for [m], unless told otherwise."""
+
+CALIBRATION = "an ElementCalibration, as estimate_elements and load_elements return"
+"""What messages call one."""
 
 OFFSET_CONDITION = 1e-3
 """Directions that the reflectors' places tell apart worse than this, as a share of the best, are left alone: there
@@ -155,7 +159,9 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     InputError
         If the array is another one.
     """
-    sweep = checked_pairs(sweep, "sweep")
+    sweep, gains = checked_pairs(sweep, "sweep"), truth("gains", gains)
+    if not isinstance(calibration, ElementCalibration):
+        raise wrong_kind("calibration", calibration, CALIBRATION, reader="mf.calibrate.load_elements")
     tx, rx = positions(sweep)
     for name, mine, known in (("tx", tx, calibration.tx_position), ("rx", rx, calibration.rx_position)):
         if mine.shape != known.shape:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mirrorfold.calibration.elements import ElementCalibration
+from mirrorfold.calibration.elements import CALIBRATION, ElementCalibration
+from mirrorfold.common.arguments import path_of, wrong_kind
 from mirrorfold.common.reading import check_file, parsed, read_text
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
@@ -26,9 +27,11 @@ def save_elements(calibration: ElementCalibration, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If nothing can be written there.
+        If it is none, or nothing can be written there.
     """
-    path = Path(path)
+    if not isinstance(calibration, ElementCalibration):
+        raise wrong_kind("calibration", calibration, CALIBRATION, reader="mf.calibrate.load_elements")
+    path = path_of("save_elements", path)
     content: dict[str, Any] = {"mirrorfold_kind": KIND, "units": "m"}
     for field in fields(calibration):
         value = np.asarray(getattr(calibration, field.name))
@@ -49,7 +52,7 @@ def load_elements(path: str | Path) -> ElementCalibration:
     InputError
         If the file is missing or holds something else.
     """
-    path = Path(path)
+    path = path_of("load_elements", path)
     remedy = "give a file that `mirrorfold calibrate --save-elements` has written"
     check_file(path, remedy)
     try:

@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.record import by_blocks, with_samples
+from mirrorfold.common.arguments import number
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, check_sweep
 
@@ -43,8 +44,8 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     if frequency.size < 2:
         raise InputError("time_gate: the sweep has a single frequency, so ranges cannot be told apart; sweep a band")
     farthest = ambiguous_range(sweep)
-    first = 0.0 if start is None else float(start)
-    last = farthest if stop is None else float(stop)
+    first = 0.0 if start is None else number("start", start, "m")
+    last = farthest if stop is None else number("stop", stop, "m")
     if not 0.0 <= first < last <= farthest * (1.0 + 1e-9):
         raise InputError(
             f"time gate from {first:g} to {last:g} m, expected 0 <= start < stop <= {farthest:.4g} m, "

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.ndimage import median_filter
 
-from mirrorfold.calibration.record import blocks, with_samples
+from mirrorfold.calibration.record import blocks, samples_to_repair, with_samples
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
@@ -113,10 +114,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     -------
     Bad
     """
-    if not isinstance(sweep, xr.Dataset) or "s" not in sweep or sweep["s"].dtype.kind != "c":
-        raise InputError("find_bad: expected a sweep with a complex variable s")
-    if "frequency" not in sweep["s"].dims:
-        raise InputError(f"find_bad: s has the dimensions {sweep['s'].dims}, expected 'frequency' among them")
+    sweep = samples_to_repair(sweep, "find_bad")
     s = _by_frequency(sweep)
     count = s.shape[0]
     finite = np.isfinite(s)
@@ -171,6 +169,9 @@ def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
     InputError
         If nothing good is left.
     """
+    if bad is not None and not isinstance(bad, Bad):
+        raise wrong_kind("mask_bad", bad, "what find_bad returns", reader="")
+    sweep = samples_to_repair(sweep, "mask_bad")
     bad = find_bad(sweep) if bad is None else bad
     if not (~bad.frequencies).any() or bad.channels.all():
         raise InputError("mask_bad: no good channel or frequency is left; measure again")

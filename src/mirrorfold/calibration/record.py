@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
@@ -50,6 +50,23 @@ def by_blocks(
         at = (*[slice(None)] * axis, some)
         out[at] = work(s[at], some)
     return out
+
+
+def samples_to_repair(sweep: Any, name: str) -> xr.Dataset:
+    """What has complex samples over frequency, as every sweep, though it need not be valid otherwise.
+
+    Raises
+    ------
+    InputError
+        If it is no such thing; `name` is that of the function.
+    """
+    if not isinstance(sweep, xr.Dataset):
+        raise wrong_kind(name, sweep, "a sweep (xarray.Dataset)")
+    if "s" not in sweep or sweep["s"].dtype.kind != "c":
+        raise InputError(f"{name}: expected a sweep with a complex variable s")
+    if "frequency" not in sweep["s"].dims:
+        raise InputError(f"{name}: s has the dimensions {sweep['s'].dims}, expected 'frequency' among them")
+    return sweep
 
 
 def checked_pairs(sweep: xr.Dataset, name: str) -> xr.Dataset:
@@ -95,25 +112,6 @@ def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas
                 f"{name}: {axis} differs from that of the sweep by up to {np.abs(a - b).max():g}; "
                 "measure both in the same way"
             )
-
-
-def place(value: ArrayLike, name: str) -> Array:
-    """A place in two or three coordinates [m] as three.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    try:
-        point = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        point = np.empty(0)
-    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
-        raise InputError(
-            f"{name} is {shown(value)}, expected two or three finite coordinates in metres, for example (0, 1.5)"
-        )
-    return np.array([*point, 0.0][:3])
 
 
 def millimetres(values: Sequence[float] | Array) -> str:

@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.calibration.record import place
+from mirrorfold.common.arguments import number
+from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
@@ -34,8 +35,7 @@ def sphere_paths(tx: Array, rx: Array, centre: ArrayLike, radius: float = 0.0) -
         If the radius is negative, or the sphere holds an antenna.
     """
     middle = place(centre, "at")
-    if not np.isfinite(radius) or radius < 0:
-        raise InputError(f"radius is {radius!r}, expected a number of metres of at least zero")
+    radius = number("radius", radius, "m", lowest=0.0)
     nearest = min(float(np.linalg.norm(antennas - middle, axis=1).min()) for antennas in (tx, rx))
     if nearest <= radius:
         raise InputError(

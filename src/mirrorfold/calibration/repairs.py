@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
+from mirrorfold.common.arguments import number, shown, wrong_kind
 from mirrorfold.common.plausible import LONG_ENOUGH, extent
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
@@ -55,6 +56,7 @@ def sort_frequencies(sweep: xr.Dataset) -> xr.Dataset:
     InputError
         If it has no frequencies.
     """
+    _expect_sweep(sweep, "sort_frequencies")
     if "frequency" not in sweep.variables or sweep["frequency"].dims != ("frequency",):
         raise InputError("sort_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
     order = np.argsort(sweep["frequency"].values, kind="stable")
@@ -106,6 +108,7 @@ def scale_frequencies(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     InputError
         If that is no unit of frequencies, or the sweep has none.
     """
+    _expect_sweep(sweep, "scale_frequencies")
     if "frequency" not in sweep.variables:
         raise InputError("scale_frequencies: the sweep has no coordinate 'frequency'; add the frequencies [Hz]")
     _check_numbers(sweep, "frequency", "scale_frequencies")
@@ -140,6 +143,12 @@ def scale_angles(sweep: xr.Dataset, unit: str) -> xr.Dataset:
     return recorded(check_sweep(sweep.assign_coords(scaled), source="scale_angles"), f"directions taken for {unit}")
 
 
+def _expect_sweep(sweep: xr.Dataset, source: str) -> None:
+    """Refuse what is no dataset; a sweep that is put right need not be valid otherwise."""
+    if not isinstance(sweep, xr.Dataset):
+        raise wrong_kind(source, sweep, "a sweep (xarray.Dataset)")
+
+
 def _check_numbers(sweep: xr.Dataset, name: str, source: str) -> None:
     """Refuse a coordinate that is no row of numbers along its own dimension.
 
@@ -165,12 +174,17 @@ def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
     Raises
     ------
     InputError
-        If the samples have no such dimensions, or these differ in length.
+        If there are no samples, or they have no such dimensions, or these differ in length.
     """
+    _expect_sweep(sweep, "swap_axes")
+    if "s" not in sweep:
+        raise InputError("swap_axes: holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     s = sweep["s"]
+    if not isinstance(axes, list | tuple) or not all(isinstance(name, str) for name in axes):
+        raise wrong_kind("swap_axes", axes, "two names of dimensions, such as ('tx', 'rx')", reader="")
     if len(axes) != 2 or not set(axes) <= set(s.dims) or s.sizes[axes[0]] != s.sizes[axes[1]]:
         raise InputError(
-            f"swap_axes: {', '.join(map(str, axes))} are not two dimensions of equal length of s "
+            f"swap_axes: {', '.join(axes)} are not two dimensions of equal length of s "
             f"{dict(s.sizes)}; axes of different lengths are never exchanged"
         )
     at = [s.get_axis_num(name) for name in axes]
@@ -186,9 +200,9 @@ def _factor(kind: str, unit: str) -> float:
     InputError
         If it is no unit of that kind.
     """
-    factor = KINDS[kind].get(unit_named(str(unit)) or "")
+    factor = KINDS[kind].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if factor is None:
-        raise InputError(f"{kind} unit is {unit!r}, expected one of: {', '.join(KINDS[kind])}")
+        raise InputError(f"{kind} unit is {shown(unit)}, expected one of: {', '.join(KINDS[kind])}")
     return factor
 
 
@@ -225,8 +239,7 @@ def remove_cable(sweep: xr.Dataset, length: float) -> xr.Dataset:
         together, beyond what earlier steps took away; echoes move nearer by half of it, less where the waves of the
         scene are slower. A negative length moves them away.
     """
-    if not isinstance(length, (int, float)) or not np.isfinite(length):
-        raise InputError(f"cable length is {length!r}, expected a finite number of metres")
+    length = number("cable length", length, "m")
     sweep = check_sweep(sweep, source="remove_cable")
     axis = sweep["s"].get_axis_num("frequency")
     k = 2.0 * np.pi * sweep["frequency"].values / speed_of_light

@@ -10,11 +10,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from mirrorfold.common.arguments import number
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.focusing.problem import pixel_axis
 from mirrorfold.focusing.range_profiles import angle_table, at_point, beams_of, magnitudes
 
 VOXEL_BYTES = 4.0
@@ -38,9 +40,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     amplitude = magnitudes(beams_of(volume))
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     step = float(range_[1] - range_[0])
-    pixel = 2.0 * step if pixel is None else float(pixel)
-    if not (np.isfinite(pixel) and pixel > 0.0):
-        raise InputError(f"pixel is {pixel!r}, expected a length in metres above zero")
+    pixel = 2.0 * step if pixel is None else number("pixel", pixel, "m", above=0.0)
     polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
 
     def column(i: int) -> None:
@@ -133,11 +133,11 @@ class Voxels:
             If there are no voxels, their coordinates do not rise in equal steps, or they do not fit into the memory.
         """
         origin = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
-        given = {name: np.atleast_1d(np.asarray(axis, dtype=float)) for name, axis in (("z", z), ("y", y), ("x", x))}
+        given = {name: pixel_axis(axis, name) for name, axis in (("z", z), ("y", y), ("x", x))}
         for name, axis in given.items():
             steps = np.diff(axis)
-            if axis.ndim != 1 or not axis.size or not np.isfinite(axis).all() or (steps.size and steps.min() <= 0):
-                raise InputError(f"{name} must be a rising list of at least one finite coordinate in metres")
+            if steps.size and steps.min() <= 0:
+                raise InputError(f"{name} must be a rising list of coordinates in metres; sort it")
             if steps.size and np.ptp(steps) > 1e-3 * steps.mean():
                 raise InputError(f"{name} must rise in equal steps; resample it")
         shape = given["y"].size, given["x"].size, given["z"].size

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
@@ -80,7 +81,7 @@ def focus(
         return focus_scans(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
         raise InputError(
-            f"normalization is {settings.normalization!r}, which raster scans alone have; "
+            f"normalization is {shown(settings.normalization)}, which raster scans alone have; "
             f"expected one of {', '.join(IMAGE_NORMALIZATIONS)}"
         )
     sweep = at_chosen_speed(check_measurement(sweep), settings)

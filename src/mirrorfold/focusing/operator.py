@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask
 from mirrorfold.errors import InputError
@@ -207,7 +208,10 @@ def _channels(sweep: xr.Dataset, problem: Problem, channels: ArrayLike | None) -
     """The chosen channels as a mask of the data's shape."""
     if channels is None:
         channels = sweep["measured"].values if "measured" in sweep.variables else True
-    chosen = np.asarray(channels)
+    try:
+        chosen = np.asarray(channels)
+    except (TypeError, ValueError):
+        raise wrong_kind("channels", channels, "an array of true and false") from None
     if chosen.dtype != bool:
         raise InputError(f"channels: holds {chosen.dtype}, expected an array of true and false")
     try:

@@ -16,6 +16,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arguments import shown, whole_number, wrong_kind
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 
@@ -52,15 +53,18 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     InputError
         If there is no such frame, or there are several and none is named.
     """
+    if not isinstance(obj, xr.Dataset | xr.DataArray | xr.DataTree):
+        raise wrong_kind("pick_frame", obj, "a sweep, an image or a reconstruction")
     count = frame_count(obj)
+    frame = None if frame is None else whole_number("frame", frame, lowest=-(2**63))
     if count is None and frame in (None, 0):
         return obj
     if frame is None and count == 1:
         frame = 0
-    if count is None or not isinstance(frame, int | np.integer) or not 0 <= frame < count:
+    if count is None or frame is None or not 0 <= frame < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
         remedy = "choose one with --frame N, in Python with mf.pick_frame(x, N)" if count else "leave --frame out"
-        asked = "a frame is needed" if frame is None else f"frame is {frame!r}"
+        asked = "a frame is needed" if frame is None else f"frame is {shown(frame)}"
         raise InputError(f"{asked}, but there are {found}; {remedy}")
     if not isinstance(obj, xr.DataTree):
         return obj.isel(frame=frame)

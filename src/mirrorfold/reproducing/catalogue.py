@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 from mirrorfold import __version__
+from mirrorfold.common.arguments import listed, shown
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -195,11 +196,13 @@ def chosen(names: str | Sequence[str]) -> list[Experiment]:
     InputError
         If a name is not known, or an extra is missing that one needs.
     """
-    wanted = [names] if isinstance(names, str) else list(names)
+    wanted = [names] if isinstance(names, str) else listed("names", names)
+    if not wanted:
+        raise InputError(f"names is empty, expected some of: all, {', '.join(EXPERIMENTS)}")
     for name in wanted:
-        if name not in EXPERIMENTS and name != "all":
-            raise InputError(f"experiment {name!r} is not known, expected one of: all, {', '.join(EXPERIMENTS)}")
-    found = [one for name, one in EXPERIMENTS.items() if name in wanted or "all" in wanted or not wanted]
+        if not isinstance(name, str) or (name not in EXPERIMENTS and name != "all"):
+            raise InputError(f"experiment {shown(name)} is not known, expected one of: all, {', '.join(EXPERIMENTS)}")
+    found = [one for name, one in EXPERIMENTS.items() if name in wanted or "all" in wanted]
     for experiment in found:
         experiment.check_installed()
     return found

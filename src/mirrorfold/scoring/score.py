@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import whole_number, wrong_kind
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
@@ -155,6 +155,7 @@ def score(
         raise wrong_kind("score", reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
     if "objects" not in reconstruction.children:
         raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
+    bounces = whole_number("bounces", bounces)
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)
     objects = shown_points(reconstruction, min_confidence)

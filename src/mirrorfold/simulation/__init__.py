@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arguments import number, one_of, path_of, truth, whole_number
 from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
@@ -118,13 +119,15 @@ def simulate(
     0.71
     """
     scene = as_scene(scene)
-    if solver not in SOLVERS:
-        raise InputError(f"solver is {solver!r}, expected one of: {', '.join(SOLVERS)}")
-    for name, value in (("bounces", bounces), ("seed", seed)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
-            raise InputError(f"{name} is {value!r}, expected a whole number of at least 0")
-    if snr_db is not None and not np.isfinite(snr_db):
-        raise InputError(f"snr_db is {snr_db!r}, expected a finite number of decibels, or None for no noise")
+    one_of("solver", solver, SOLVERS)
+    bounces, seed = whole_number("bounces", bounces), whole_number("seed", seed)
+    tolerance = number("tolerance", tolerance)
+    workers = whole_number("workers", workers, lowest=1)
+    force, direct, resume = truth("force", force), truth("direct", direct), truth("resume", resume)
+    check_residual = truth("check_residual", check_residual)
+    snr_db = None if snr_db is None else number("snr_db", snr_db, "dB")
+    memory_limit = None if memory_limit is None else number("memory_limit", memory_limit, "B", above=0.0)
+    checkpoint = None if checkpoint is None else path_of("checkpoint", checkpoint, "the path of a folder")
     of_fullwave = {
         "tolerance": tolerance != 1e-3,
         "direct": direct,
@@ -134,8 +137,6 @@ def simulate(
         "checkpoint": checkpoint is not None,
         "resume": resume,
     }
-    if memory_limit is not None and not (np.isfinite(memory_limit) and memory_limit > 0):
-        raise InputError(f"memory_limit is {memory_limit!r}, expected a number of bytes above zero")
     of_rays = {"bounces": bounces != 3, "force": force, "memory_limit": memory_limit is not None}
     _check_solver_options(solver, of_rays, of_fullwave)
     check_extent(scene)
@@ -146,8 +147,8 @@ def simulate(
 
         return simulate_raster(
             scene,
-            bounces=int(bounces),
-            seed=int(seed),
+            bounces=bounces,
+            seed=seed,
             snr_db=snr_db,
             force=force,
             memory_limit=memory_limit,
@@ -162,48 +163,46 @@ def simulate(
         from mirrorfold.simulation.rays.sweep import scattered_field
 
         fields = []
-        for number, one in enumerate(waves):
+        for part, one in enumerate(waves):
             scattered = scattered_field(
                 replace(scene, polarization=one),
-                bounces=int(bounces),
-                seed=int(seed),
+                bounces=bounces,
+                seed=seed,
                 memory_limit=memory_limit,
-                progress=_part(progress, number, len(waves)),
+                progress=_part(progress, part, len(waves)),
             )
             fields.append(scattered)
         s = fields[0] if len(fields) == 1 else np.stack(fields)
         del fields, scattered
-        settings = {"bounces": int(bounces), "seed": int(seed), "source_field": "exp(-jkd)/sqrt(d)"}
+        settings = {"bounces": bounces, "seed": seed, "source_field": "exp(-jkd)/sqrt(d)"}
     else:
         from mirrorfold.simulation.fullwave.sweep import fullwave_field
 
-        if isinstance(workers, bool) or not isinstance(workers, (int, np.integer)) or workers < 1:
-            raise InputError(f"workers is {workers!r}, expected a whole number of at least 1")
         if resume and checkpoint is None:
             raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
         fields = []
         facts: dict[str, float] = {}
-        for number, one in enumerate(waves):
+        for part, one in enumerate(waves):
             field, found = fullwave_field(
                 replace(scene, polarization=one),
                 tolerance=tolerance,
-                seed=int(seed),
+                seed=seed,
                 direct=direct,
                 check_residual=check_residual,
-                workers=int(workers),
+                workers=workers,
                 scheduler=scheduler,
                 checkpoint=_folder(checkpoint, one, waves),
                 resume=resume,
-                progress=_part(progress, number, len(waves)),
+                progress=_part(progress, part, len(waves)),
             )
             fields.append(field)
             facts = {name: max(value, facts.get(name, value)) for name, value in found.items()}
         s = fields[0] if len(fields) == 1 else np.stack(fields)
         del fields, field
         settings = {
-            "tolerance": float(tolerance),
-            "seed": int(seed),
-            "direct": bool(direct),
+            "tolerance": tolerance,
+            "seed": seed,
+            "direct": direct,
             **facts,
             "source_field": "sqrt(pi k/2) exp(-j pi/4) H0(2)(kd), far away exp(-jkd)/sqrt(d)",
         }
@@ -217,7 +216,7 @@ def simulate(
                 f"scene {scene.name!r}: there is nothing to simulate, {lacking}; "
                 "add a surface that the array sees, or give snr_db for a sweep of noise alone"
             )
-        s = _unit_noise(s.shape, int(seed))
+        s = _unit_noise(s.shape, seed)
     chosen = ", ".join(f"{name}={settings[name]:g}" for name in ("bounces", "tolerance", "seed") if name in settings)
     sweep = make_sweep(
         s,
@@ -235,7 +234,7 @@ def simulate(
         return sweep
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
-    return add_noise(sweep, snr_db=float(snr_db), seed=int(seed))
+    return add_noise(sweep, snr_db=snr_db, seed=seed)
 
 
 def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
@@ -250,11 +249,11 @@ def _part(progress: Progress | None, number: int, parts: int) -> Progress | None
     return lambda done, total: progress(number * total + done, parts * total)
 
 
-def _folder(checkpoint: str | Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
+def _folder(checkpoint: Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
     """Where the results of one polarization are kept: in a folder of its own where there are two."""
     if checkpoint is None:
         return None
-    return Path(checkpoint) if len(of) == 1 else Path(checkpoint) / one
+    return checkpoint if len(of) == 1 else checkpoint / one
 
 
 def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:

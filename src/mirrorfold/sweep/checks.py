@@ -125,7 +125,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if convention == "exp(-jwt)":
         return sweep.assign(s=np.conj(s)).assign_attrs(time_convention=TIME_CONVENTION)
     if convention != TIME_CONVENTION:
-        raise refuse(f"time_convention is {convention!r}, expected 'exp(+jwt)' or 'exp(-jwt)'")
+        raise refuse(f"time_convention is {shown(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
     return sweep
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import number, whole_number
+from mirrorfold.common.arguments import number, whole_number, wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.checks import check_sweep, doubts
 from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, RASTER_DIMENSIONS, TIME_CONVENTION
@@ -66,6 +66,8 @@ def make_sweep(
         "tx_position": (("tx", "axis"), tx_position, "m"),
         "rx_position": (("rx", "axis"), rx_position, "m"),
     }
+    if polarization is not None and not isinstance(polarization, Sequence):
+        raise wrong_kind("polarization", polarization, "TE, TM, or both in the order of s")
     names = None if polarization is None or isinstance(polarization, str) else [str(name) for name in polarization]
     if isinstance(polarization, str):
         attrs = {**attrs, "polarization": polarization}

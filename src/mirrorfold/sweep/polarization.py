@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import shown, wrong_kind
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import antenna_positions
@@ -58,12 +58,16 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
     InputError
         If a name is another one, or the grids differ.
     """
+    if not isinstance(sweeps, Mapping):
+        raise wrong_kind("sweeps", sweeps, "a dict of sweeps by polarization, such as {'TE': sweep, 'TM': other}")
     if not sweeps or not set(sweeps) <= set(POLARIZATIONS):
         raise InputError(f"sweeps: have the polarizations {', '.join(map(str, sweeps)) or 'none'}; {EXPECTED}")
     names = [name for name in POLARIZATIONS if name in sweeps]
     first = sweeps[names[0]]
     for name in names:
         sweep = sweeps[name]
+        if not isinstance(sweep, xr.Dataset) or "s" not in sweep:
+            raise wrong_kind(f"sweeps: {name}", sweep, "a sweep (xarray.Dataset) with s(frequency, tx, rx)")
         said = sweep.attrs.get("polarization", name)
         if said != name:
             raise InputError(f"sweeps: that of {name} says of itself that its polarization is {shown(said)}; swap them")

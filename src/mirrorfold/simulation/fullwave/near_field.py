@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.arguments import number, shown, whole_number, wrong_kind
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -81,13 +82,15 @@ def near_field(
     truth = as_scene(scene)
     if not isinstance(truth, Scene):
         raise InputError(f"scene {truth.name!r}: has three dimensions; the near field is computed in two")
-    if not 0.0 < frequency < math.inf:
-        raise InputError(f"frequency is {frequency!r}, expected one positive number of hertz")
+    frequency = number("frequency", frequency, "Hz", above=0.0)
+    if not isinstance(grid, list | tuple | np.ndarray) or len(grid) != 2:
+        raise wrong_kind("grid", grid, "the coordinates (x, y) of the pixels in metres", reader="")
+    tolerance, seed = number("tolerance", tolerance), whole_number("seed", seed)
     x, y = (_coordinates(axis, name) for axis, name in zip(grid, "xy", strict=True))
     count = len(truth.array.tx_position)
-    source = count // 2 if source is None else source
-    if not 0 <= source < count:
-        raise InputError(f"source is {source!r}, expected the number of a transmitter, from 0 to {count - 1}")
+    source = count // 2 if source is None else whole_number("source", source)
+    if source >= count:
+        raise InputError(f"source is {shown(source)}, expected the number of a transmitter, from 0 to {count - 1}")
     # The band sets the spacing of the nodes and the frequency of the skeletons, by its upper end.
     band = Band(start=0.5 * frequency, stop=frequency, points=2)
     k = 2.0 * math.pi * frequency / speed_of_light

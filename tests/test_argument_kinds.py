@@ -1,0 +1,136 @@
+"""What is given as a text with a unit, as a path or by another kind of list means what it says, or is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import mirrorfold as mf
+from mirrorfold.common.arguments import listed, number, one_of, path_of, truth, whole_number
+from mirrorfold.plotting import volumes
+
+BASE = {"band": (76e9, 81e9), "points": 101, "aperture": 0.08, "pitch": 1e-3, "range": 3.0}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"aperture": "80 mm"},
+        {"pitch": "1mm"},
+        {"range": "3m"},
+        {"band": ("76GHz", "81 GHz")},
+        {"roughness": ("50 um", None)},
+        {"materials": "plasterboard"},
+        {"leg": np.float32(1.5)},
+        {"target": np.array(1e-3)},
+    ],
+)
+def test_a_plan_reads_texts_with_units(given):
+    assert mf.plan(**BASE | given) == mf.plan(**BASE)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"aperture": None}, "aperture is None, expected a number of metres above 0"),
+        ({"aperture": "80 GHz"}, "aperture: '80 GHz' is no length"),
+        ({"band": 76e9}, "band is 76000000000.0, expected two rising frequencies"),
+        ({"roughness": 50e-6}, r"roughness is 5e-05, expected \(rms height, correlation length or None\)"),
+        ({"target": "1"}, "target is '1', expected a number of square metres above 0"),
+        ({"leg": "x"}, "leg: 'x' is no length"),
+        ({"materials": [1]}, "materials is .1., expected one or more of: "),
+    ],
+)
+def test_a_plan_refuses_what_is_no_quantity(given, words):
+    with pytest.raises(mf.InputError, match=words):
+        mf.plan(**BASE | given)
+
+
+def test_what_is_written_with_a_unit_is_the_same_number(sweep):
+    gate, near = mf.calibrate.time_gate, {"at": (0.05, 0.4)}
+    xr.testing.assert_identical(gate(sweep, "20 cm", "0.5 m"), gate(sweep, 0.2, 0.5))
+    found = [mf.calibrate.estimate_elements(sweep, **near, radius=radius) for radius in ("1cm", 0.01)]
+    np.testing.assert_array_equal(found[0].tx_delay, found[1].tx_delay)
+    cables = [mf.calibrate.remove_cable(sweep, length) for length in ("10 cm", 0.1)]
+    xr.testing.assert_identical(*cables)
+
+
+def test_places_may_be_lists_or_arrays(sweep):
+    place = (0.05, 0.4)
+    one = mf.calibrate.estimate_elements(sweep, at=place)
+    for at in ([place, place], np.array([place, place])):
+        np.testing.assert_allclose(mf.calibrate.estimate_elements([sweep, sweep], at=at).tx_delay, one.tx_delay)
+
+
+CALLS = {
+    "swap_axes": (lambda sweep: mf.calibrate.swap_axes(sweep, "tx,rx"), "the text 'tx,rx', expected two names"),
+    "apply_elements": (
+        lambda sweep: mf.calibrate.apply_elements(sweep, "array.json"),
+        "read the file with mf.calibrate.load_elements",
+    ),
+    "list of sweeps": (lambda sweep: mf.join_polarizations([sweep, sweep]), "got a list, expected a dict of sweeps"),
+    "samples": (lambda sweep: mf.join_polarizations({"TE": sweep, "TM": sweep["s"].values}), "TM: got an array"),
+    "view": (mf.view, "view: got a Dataset, expected the path"),
+    "pick_frame": (lambda sweep: mf.pick_frame({}), "pick_frame: got a dict, expected a sweep"),
+    "experiments": (lambda sweep: mf.reproduce([], output="absent"), "names is empty"),
+    "positions": (
+        lambda sweep: mf.import_data(".", positions={"tx": {"x": np.arange(1000.0)}}),
+        "tx.x is an array of shape",
+    ),
+    "mapping": (
+        lambda sweep: mf.import_data("absent.csv", mapping={"s": np.ones((30, 30))}),
+        r"s is an array of shape \(30, 30\)",
+    ),
+    "space": (lambda sweep: volumes.scene(5), "scene: got the number 5, expected a scene"),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_the_sentence_says_what_was_given(call, sweep):
+    function, words = CALLS[call]
+    with pytest.raises(mf.InputError, match=words):
+        function(sweep)
+
+
+def test_truth_and_plans_are_drawn_from_their_files(reconstruction, scene_file, tmp_path):
+    walls = tmp_path / "walls.geojson"
+    walls.write_text('{"type": "LineString", "coordinates": [[0, 1], [1, 1]]}')
+    for scene in (scene_file, str(scene_file), mf.load_scene(scene_file)):
+        labels = [text.get_text() for text in mf.plot.before_after(reconstruction, scene).legends[0].get_texts()]
+        assert "truth" in labels
+    for plan in (walls, str(walls), mf.load(walls)):
+        labels = [text.get_text() for text in mf.plot.before_after(reconstruction, plan=plan).legends[0].get_texts()]
+        assert "floor plan" in labels
+    assert len(mf.plot.plan(walls).lines) == 1
+    assert len(mf.plot.scene(scene_file).lines) == len(mf.plot.scene(mf.load_scene(scene_file)).lines)
+
+
+def test_the_part_of_a_picture_that_is_shown(image):
+    with pytest.raises(mf.InputError, match=r"expected \(x0, x1, y0, y1\) in metres"):
+        mf.plot.image(image, extent=(1.0, 0.0, 0.0, 1.0))
+    with pytest.raises(mf.InputError, match="the image has no pixel there"):
+        mf.plot.image(image, extent=(10.0, 11.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("check", "words"),
+    [
+        (lambda: number("a", 2, highest=1.0), "a is 2, expected a finite number of at most 1"),
+        (lambda: number("a", True), "a is True, expected a finite number"),
+        (lambda: number("a", 10**400), "a is .*, expected a finite number"),
+        (lambda: whole_number("a", 1.5), "a is 1.5, expected a whole number of at least 0"),
+        (lambda: truth("a", 2), "a is 2, expected True or False"),
+        (lambda: one_of("a", np.ones(3), ("b", "c")), "a is an array .*, expected one of b, c"),
+        (lambda: path_of("a", 5), "a: got the number 5, expected the path of a file"),
+        (lambda: listed("a", {}), "a: got a dict, expected one, or a list of them"),
+    ],
+)
+def test_shared_checks(check, words):
+    with pytest.raises(mf.InputError, match=words):
+        check()
+
+
+def test_whole_numbers_and_truth_of_every_type():
+    assert whole_number("a", np.int64(3)) == whole_number("a", 3.0) == 3
+    assert truth("a", np.True_) is truth("a", 1) is True
