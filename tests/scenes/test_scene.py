@@ -100,6 +100,26 @@ def test_the_ends_of_an_arc_follow_the_compass_of_mathematics():
         ({**room(), "arrays": {}}, ["arrays is not a known entry, did you mean 'array'?"]),
         ({"name": "nothing"}, ["array is missing", "band is missing"]),
         (
+            room({"name": "c", "kind": "circle", "center": [0, 1], "radius": 0.1, "thickness": 0.01}),
+            ["surface[0].thickness: kind 'circle' has no thickness; remove it, or take segment or polyline"],
+        ),
+        (room(array={"elements": 5, "pitch": 1e-3, "radius": 1}), ["array.radius is not a known entry, though others"]),
+        (room(WALL, polarization="LHCP"), ["room.toml: polarization is 'LHCP', expected 'TE' or 'TM' or 'both'"]),
+        (
+            room({**WALL, "material": {"permittivity": 0.5}}),
+            ["room.toml: surface[0].material.permittivity is 0.5, expected greater than or equal to 1"],
+        ),
+        (room({**WALL, "material": 5}), ["room.toml: surface[0].material is 5, expected a valid string or a table"]),
+        (room(WALL, WALL), ["room.toml: surface names must differ"]),
+        (
+            room({"name": "p", "kind": "polyline", "points": [[-0.3, 1], [0.3, 1.1], [-0.3, 1]]}),
+            ["surface[0]: crosses itself or folds back at (0.3, 1.1) m"],
+        ),
+        (
+            room({"name": "p", "kind": "curve", "points": [[-0.3, 1], [0.3, 1.3], [0.3, 1], [-0.3, 1.3]]}),
+            ["surface[0]: crosses itself or folds back at (-0.2064, 1.15) m"],
+        ),
+        (
             room(
                 {**WALL, "strat": 1}, {**WALL, "name": "b", "kind": "arch"}, band={"start": 1, "stop": 2, "points": 1}
             ),

@@ -21,7 +21,7 @@ from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
 from mirrorfold.scenes.materials import Substance, permittivity
-from mirrorfold.scenes.messages import plain, say_plainly
+from mirrorfold.scenes.messages import Entries, plain, say_plainly
 from mirrorfold.scenes.surfaces import (
     Arc,
     Circle,
@@ -196,16 +196,15 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
     """
     if not isinstance(content, dict):
         raise wrong_kind(source, content, "a dict with the content of a scene file")
-    kinds: tuple[str, ...] = _KINDS
-    fields, scene = _FIELDS, Scene  # type: tuple[list[str], Any]
+    entries, scene = _ENTRIES, Scene  # type: tuple[Entries, Any]
     if content.get("dimensions") == 3:
         from mirrorfold.scenes import solids
 
-        kinds, fields, scene = solids.KINDS, solids.FIELDS, solids.Scene3D
+        entries, scene = solids.ENTRIES, solids.Scene3D
     try:
         return TypeAdapter(scene).validate_python(content)
     except ValidationError as error:
-        raise plain(error, source, kinds, fields) from None
+        raise plain(error, source, entries) from None
 
 
 def as_scene(scene: Any, name: str = "scene") -> Scene | Scene3D:
@@ -225,12 +224,5 @@ def as_scene(scene: Any, name: str = "scene") -> Scene | Scene3D:
     raise wrong_kind(name, scene, "a scene, the path of a scene file, or a dict with the content of one")
 
 
-_KINDS = ("segment", "polyline", "arc", "circle", "curve")
-_FIELDS = sorted(
-    {
-        name
-        for cls in (Scene, Band, LinearArray, Roughness, Substance, Segment, Polyline, Arc, Circle, Curve)
-        for name in cls.__dataclass_fields__
-    }
-)
-say_plainly(Scene, _KINDS, _FIELDS)
+_ENTRIES = Entries.of((Segment, Polyline, Arc, Circle, Curve), (Scene, Band, LinearArray, Roughness, Substance))
+say_plainly(Scene, _ENTRIES)

@@ -3,23 +3,60 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Self
 
 from pydantic import ValidationError
 
 from mirrorfold.common.arguments import shown
 from mirrorfold.errors import InputError
 
-
-def plain(error: ValidationError, source: str, kinds: Sequence[str], fields: Sequence[str]) -> InputError:
-    """All mistakes in one sentence; `kinds` and `fields` are the surfaces and the entries that there are."""
-    mistakes = [_explain(item, kinds, fields) for item in error.errors(include_url=False)]
-    return InputError(f"{source}: {'; '.join(mistakes)}")
+INTERNAL = re.compile(r"[A-Z].*|.*[\[(].*|str|float|int")
+"""What pydantic puts into places to tell the types of a union apart; no entry of a file is called so."""
 
 
-def say_plainly(scene: type, kinds: Sequence[str], fields: Sequence[str]) -> None:
+@dataclass(frozen=True)
+class Entries:
+    """The entries that a scene file may have.
+
+    Attributes
+    ----------
+    of_kind : dict
+        Those of a surface, by its kind.
+    known : list of str
+        All of them.
+    """
+
+    of_kind: Mapping[str, frozenset[str]]
+    known: Sequence[str]
+
+    @classmethod
+    def of(cls, surfaces: Iterable[type[Any]], others: Iterable[type[Any]]) -> Self:
+        """The fields of the dataclasses of surfaces, and of all else in a scene."""
+        of_kind = {one.__dataclass_fields__["kind"].default: frozenset(one.__dataclass_fields__) for one in surfaces}
+        known = set().union(*of_kind.values(), *(one.__dataclass_fields__ for one in others))
+        return cls(of_kind, sorted(known))
+
+
+def plain(error: ValidationError, source: str, entries: Entries) -> InputError:
+    """All mistakes in one sentence."""
+    mistakes: dict[str, list[str]] = {}
+    for item in error.errors(include_url=False):
+        if item["type"] == "string_type" and isinstance(item["input"], dict) and item["loc"][-1:] == ("str",):
+            continue  # not a name but a table, whose own mistakes are told
+        said, expected = _explain(item, entries)
+        held = mistakes.setdefault(said, [])
+        held += [expected] if expected and expected not in held else []
+    listed = [
+        f"{said}{', expected ' if expected else ''}{' or '.join(expected)}" for said, expected in mistakes.items()
+    ]
+    return InputError(f"{source}: {'; '.join(listed)}")
+
+
+def say_plainly(scene: type, entries: Entries) -> None:
     """Have a class of scenes, called with wrong arguments, say so in the same words as for a file."""
     original = scene.__init__  # type: ignore[misc]
 
@@ -28,32 +65,42 @@ def say_plainly(scene: type, kinds: Sequence[str], fields: Sequence[str]) -> Non
         try:
             original(self, *args, **content)
         except ValidationError as error:
-            raise plain(error, "scene", kinds, fields) from None
+            raise plain(error, "scene", entries) from None
 
     scene.__init__ = checked  # type: ignore[misc]
 
 
-def _explain(item: Any, kinds: Sequence[str], fields: Sequence[str]) -> str:
-    """One mistake in plain words, with its place such as ``surface[1].start``."""
-    place = ""
+def _explain(item: Any, entries: Entries) -> tuple[str, str]:
+    """One mistake in plain words, with its place such as ``surface[1].start``, and what was expected there."""
+    place, kind = "", ""
     for part in item["loc"]:
         if isinstance(part, int):
             place += f"[{part}]"
-        elif part not in kinds:
+        elif part in entries.of_kind:
+            kind = part
+        elif not INTERNAL.fullmatch(part):
             place += f".{part}" if place else str(part)
-    place = place or "file"
     found = item["input"]
     if item["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = get_close_matches(str(item["loc"][-1]), fields, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else "remove it"
-        return f"{place} is not a known entry, {hint}"
+        return _unknown(place, str(item["loc"][-1]), kind, entries), ""
     if item["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
-        return f"{place} is missing, add it"
+        return f"{place or 'file'} is missing, add it", ""
     if item["type"] == "union_tag_invalid":
-        return f"{place}.kind is {found.get('kind')!r}, expected one of {', '.join(kinds)}"
+        return f"{place}.kind is {found.get('kind')!r}", f"one of {', '.join(entries.of_kind)}"
     if item["type"] == "union_tag_not_found":
-        return f"{place}.kind is missing, expected one of {', '.join(kinds)}"
+        return f"{place}.kind is missing", f"one of {', '.join(entries.of_kind)}"
     if item["type"] == "value_error":
-        return f"{place}: {item['ctx']['error']}"
-    message = item["msg"].removeprefix("Input should be ")
-    return f"{place} is {shown(found)}, expected {message}"
+        return f"{place}: {item['ctx']['error']}" if place else str(item["ctx"]["error"]), ""
+    message = "a table" if item["type"] == "dataclass_type" else item["msg"].removeprefix("Input should be ")
+    return f"{place or 'file'} is {shown(found)}", message
+
+
+def _unknown(place: str, entry: str, kind: str, entries: Entries) -> str:
+    """What to do about an entry that is not known in its place."""
+    if entry in entries.known:
+        owners = [owner for owner, held in entries.of_kind.items() if entry in held]
+        if kind and owners:
+            return f"{place}: kind {kind!r} has no {entry}; remove it, or take {' or '.join(owners)}"
+        return f"{place} is not a known entry, though others have one; remove it"
+    close = get_close_matches(entry, entries.known, n=1)
+    return f"{place} is not a known entry, {f'did you mean {close[0]!r}?' if close else 'remove it'}"

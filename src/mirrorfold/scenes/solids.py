@@ -33,7 +33,7 @@ from mirrorfold.scenes.arrays import (
     Positive,
     PositiveLength,
 )
-from mirrorfold.scenes.messages import say_plainly
+from mirrorfold.scenes.messages import Entries, say_plainly
 from mirrorfold.scenes.scanner import Leakage, Scanner, Steps
 from mirrorfold.scenes.surfaces import Roughness
 
@@ -348,13 +348,6 @@ class Scene3D:
         return [(i, patch) for i, patch in enumerate(self.surface) if isinstance(patch, Patch) and patch.on == name]
 
 
-KINDS = ("panel", "box", "sphere", "cylinder", "mesh", "mannequin", "patch")
-FIELDS = sorted(
-    {
-        name
-        for cls in (Scene3D, Band, Scanner, Steps, Leakage, Roughness, materials.Substance, *get_args(Surface3D))
-        for name in cls.__dataclass_fields__
-    }
-)
-"""The kinds of surfaces, and all entries that a scene file may have."""
-say_plainly(Scene3D, KINDS, FIELDS)
+ENTRIES = Entries.of(get_args(Surface3D), (Scene3D, Band, Scanner, Steps, Leakage, Roughness, materials.Substance))
+"""All entries that a scene file may have."""
+say_plainly(Scene3D, ENTRIES)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 from pydantic.dataclasses import dataclass
 
+from mirrorfold.common.polylines import meets_itself
 from mirrorfold.errors import InputError
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT, AnyAngle, NonNegativeLength, Point2, PositiveLength
@@ -115,6 +116,20 @@ MOST_STEPS = 10_000_000
 """Along one straight piece or arc; their points take a gigabyte."""
 
 
+CHORDS = 8
+"""Per point of a curve, by which it is told whether it crosses itself."""
+
+
+def _check_simple(points: Array) -> None:
+    """Refuse a line (n, 2) [m] that crosses itself or folds back on itself: it has no sides to see it from."""
+    place = meets_itself(points)
+    if place is not None:
+        raise ValueError(
+            f"crosses itself or folds back at ({place[0]:.4g}, {place[1]:.4g}) m; end it there, or give its parts as "
+            "surfaces of their own"
+        )
+
+
 def _arc_points(center: Point2, radius: float, start: float, stop: float, spacing: float) -> Array:
     """Vertices of chords along a circle; angles in degrees, counter-clockwise from +x."""
     count = max(8, _steps(abs(np.radians(stop - start)) * radius, spacing))
@@ -167,6 +182,7 @@ class Polyline(_Wall):
         super().__post_init__()
         if any(a == b for a, b in pairwise(self.points)):
             raise ValueError("two consecutive points are the same; each piece needs a length")
+        _check_simple(np.array(self.points))
 
     def pieces(self, spacing: float) -> list[Array]:
         """The polyline itself."""
@@ -219,6 +235,8 @@ class Curve(_Surface):
     def __post_init__(self) -> None:
         if any(a == b for a, b in pairwise(self.points)):
             raise ValueError("two consecutive points are the same; a spline needs distinct ones")
+        spline, length = self.spline()
+        _check_simple(np.asarray(spline(np.linspace(0.0, length, CHORDS * len(self.points) + 1))))
 
     @property
     def is_closed(self) -> bool:
