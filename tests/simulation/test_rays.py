@@ -239,7 +239,7 @@ def test_empty_scene_is_noise_or_refused() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"solver": "magic"}, "solver is 'magic', expected one of: rays"),
+        ({"solver": "magic"}, "solver is 'magic', expected one of rays"),
         ({"bounces": -1}, "bounces is -1"),
         ({"bounces": 1.5}, "bounces is 1.5"),
         ({"seed": -3}, "seed is -3"),
