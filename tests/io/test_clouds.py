@@ -136,7 +136,7 @@ def test_pictures_of_a_folded_volume(reconstruction):
     assert side.get_ylim() == front.get_ylim()
     assert not front.collections
     labels = [text.get_text() for text in plot_volume.space(result, world).legends[0].get_texts()]
-    assert {"1 bounce: mirrors and points", "true walls", "radar"} <= set(labels)
+    assert {"1 bounce: mirrors and points", "truth", "radar"} <= set(labels)
     # The truth, drawn thin, is a circle around the ball from the front, and the ball's own from the side.
     front, side, _ = plot_volume.body(result, world).axes
     outline = max((path.vertices for path in front.collections[0].get_paths()), key=len)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.testing import assert_allclose
 
-from mirrorfold.plotting.outlines import covered, cut, cut_triangles, silhouette
+from mirrorfold.common.arcs import mirror_outlines
+from mirrorfold.plotting.outlines import covered, cut, cut_triangles, joined, silhouette
+from mirrorfold.reporting.document import truth_lines
 from mirrorfold.scenes.floor_plan import parse_scene
 
 trimesh = pytest.importorskip("trimesh")
@@ -36,8 +39,9 @@ def test_a_plane_beside_it_cuts_nothing(ball):
     assert cut_triangles(*ball, CENTER + np.array([0.0, 0.0, 0.3]), np.array([0.0, 0.0, 1.0])).shape == (0, 2, 3)
 
 
-def test_a_scene_is_cut_by_the_names_of_its_surfaces():
-    scene = parse_scene(
+@pytest.fixture(scope="module")
+def scene():
+    return parse_scene(
         {
             "name": "a wall and a ball",
             "dimensions": 3,
@@ -51,6 +55,9 @@ def test_a_scene_is_cut_by_the_names_of_its_surfaces():
             ],
         }
     )  # fmt: skip
+
+
+def test_a_scene_is_cut_by_the_names_of_its_surfaces(scene):
     found = cut(scene, np.zeros(3), np.array([0.0, 0.0, 1.0]))
     assert set(found) == {"wall"}
     assert_allclose(found["wall"][..., 1], 2.0)
@@ -76,3 +83,41 @@ def test_single_gaps_are_closed_and_wide_ones_stay():
     assert mask[2:12, 2:12].all()
     assert mask.sum() == 100
     assert covered(places[:0], u, v).sum() == 0
+
+
+def test_round_things_are_drawn_as_truth_too(scene):
+    wall, *ball = (np.array(line) for line in truth_lines(scene))
+    assert_allclose(wall[:, 1], 2.0)
+    assert len(ball) == 5
+    for line in ball:
+        assert_allclose(line[0], line[-1])
+        assert_allclose(np.linalg.norm(line - [0.0, 1.0, 2.0], axis=1), 0.2, atol=5e-3)
+
+
+def test_segments_in_any_order_become_closed_lines():
+    angle = np.linspace(0.0, 2.0 * np.pi, 13)
+    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(13)], axis=1)
+    both = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in (circle, circle + 3.0)])
+    order = np.random.default_rng(0).permutation(len(both))
+    lines = joined(both[order])
+    assert [len(line) for line in lines] == [13, 13]
+    assert all((line[0] == line[-1]).all() for line in lines)
+
+
+@pytest.mark.parametrize("axis", [[0.0, 0.6, 0.8], [0.0, 0.0, 0.0]])
+def test_round_mirrors_are_outlined_on_their_faces(axis):
+    """All points of the outlines are as far from the axis, or from the middle, as the face is."""
+    axis, face, right = np.array(axis), np.array([0.0, -0.8, 0.6]), np.array([1.0, 0.0, 0.0])
+    up = axis if axis.any() else np.array([0.0, 0.6, 0.8])
+    left, mid, far = (CENTER + RADIUS * (np.cos(t) * face + np.sin(t) * right) for t in (-0.9, 0.0, 0.9))
+    corners = np.array([left - 0.2 * up, far - 0.2 * up, far + 0.2 * up, left + 0.2 * up])
+    if not axis.any():
+        low, high = (CENTER + RADIUS * (np.cos(t) * face + np.sin(t) * up) for t in (-0.7, 0.7))
+        corners = np.array([left, low, far, high])
+    columns = {f"corner_{name}": (("mirror", "corner"), corners[None, :, i]) for i, name in enumerate("xyz")}
+    columns |= {f"{name}m": ("mirror", mid[None, i]) for i, name in enumerate("xyz")}
+    columns |= {f"axis_{name}": ("mirror", axis[None, i]) for i, name in enumerate("xyz")}
+    (lines,) = mirror_outlines(xr.Dataset({**columns, "curvature": ("mirror", [1.0 / RADIUS])}))
+    points = np.concatenate(lines) - CENTER
+    assert len(points) > 50
+    assert_allclose(np.linalg.norm(points - np.outer(points @ axis, axis), axis=1), RADIUS)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 
 POINTS = 49
@@ -93,3 +94,40 @@ def mirror_places(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
 def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
     """Every mirror of a table, as of `mirror_places`, to be drawn: two ends (2, 2) [m], or points along its arc."""
     return [place if len(place) == 2 else arc_through(*place) for place in mirror_places(mirrors, prefix)]
+
+
+def mirror_outlines(mirrors: xr.Dataset, prefix: str = "") -> list[list[Array]]:
+    """Every mirror of a volume's table, to be drawn: polylines (n, 3) [m].
+
+    A plane has its closed outline, a cylinder that of its face, and a sphere two arcs across its face.
+    """
+    corners = np.stack([mirrors[f"{prefix}corner_{axis}"].values for axis in "xyz"], axis=-1)
+    if "curvature" not in mirrors:
+        return [[np.vstack([four, four[:1]])] for four in corners]
+    middle, axis = (
+        np.stack([mirrors[f"{prefix}{name.format(one)}"].values for one in "xyz"], axis=-1)
+        for name in ("{}m", "axis_{}")
+    )
+    return [
+        [np.vstack([four, four[:1]])] if not bent else _round_outline(four, m, a)
+        for four, m, a, bent in zip(corners, middle, axis, mirrors["curvature"].values != 0.0, strict=True)
+    ]
+
+
+def _round_outline(corners: Array, middle: Array, axis: Array) -> list[Array]:
+    """That of a cylinder, of which two corners lie at each end, or of a sphere, of zero axis."""
+    if not axis.any():
+        return [_arc_in_space(corners[i], middle, corners[i + 2]) for i in (0, 1)]
+    low, high = (middle + ((corner - middle) @ axis) * axis for corner in corners[[0, 2]])
+    rims = _arc_in_space(corners[0], low, corners[1]), _arc_in_space(corners[2], high, corners[3])
+    return [np.vstack([*rims, corners[:1]])]
+
+
+def _arc_in_space(start: Array, middle: Array, end: Array) -> Array:
+    """Points (n, 3) along the arc through three points (3,), or the two ends if these lie on a line."""
+    along = unit(end - start)
+    aside = (middle - start) - ((middle - start) @ along) * along
+    if np.linalg.norm(aside) <= STRAIGHT * np.linalg.norm(end - start):
+        return np.stack([start, end])
+    plane = np.stack([along, unit(aside)])
+    return np.asarray(start + arc_through(np.zeros(2), plane @ (middle - start), plane @ (end - start)) @ plane)

@@ -10,11 +10,59 @@ from scipy.ndimage import binary_closing
 
 from mirrorfold.common.types import Array, Index
 
+LEVELS = (0.02, 0.5, 0.98)
+"""Heights at which round solids are cut to be drawn, as shares of their own."""
+
+_AROUND = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
+
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 SHARES = np.array([[i, k, 6 - i - k] for i in range(7) for k in range(7 - i)]) / 6.0
 """Places on a triangle, in shares of its corners: at most a sixth of an edge from one to the next."""
+
+
+def wireframe(scene: Scene3D) -> list[Array]:
+    """The surfaces of a scene as polylines (n, 3) [m]: edges of flat faces, and sections of all that is round."""
+    from mirrorfold.simulation.raster.meshes import solids
+
+    lines: list[Array] = []
+    for solid in solids(scene):
+        panel = len(solid.quads) == 2  # back to back
+        for quad in solid.quads[: 1 if panel else None]:
+            lines.append(quad.center + _AROUND[:, :1] * quad.right + _AROUND[:, 1:] * quad.up)
+        if not solid.quads:
+            lines += _sections(solid.vertices, solid.faces)
+    return lines
+
+
+def _sections(vertices: Array, faces: Index) -> list[Array]:
+    """Where level planes cut a solid, and upright ones through its middle, as closed polylines."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle, up = 0.5 * (low + high), np.array([0.0, 0.0, 1.0])
+    planes = [(low + share * (high - low), up) for share in LEVELS] + [(middle, axis) for axis in np.eye(3)[:2]]
+    return [line for point, normal in planes for line in joined(cut_triangles(vertices, faces, point, normal))]
+
+
+def joined(segments: Array) -> list[Array]:
+    """Line segments (n, 2, d) [m] as polylines: joined where their ends meet to a micrometre."""
+    size = segments.shape[-1]
+    points, number = np.unique(np.round(segments.reshape(-1, size), 6), axis=0, return_inverse=True)
+    onward: dict[int, set[int]] = {}
+    for one, other in number.reshape(-1, 2).tolist():
+        if one != other:
+            onward.setdefault(one, set()).add(other)
+            onward.setdefault(other, set()).add(one)
+    lines = []
+    for start in onward:
+        line = [start]
+        while onward[line[-1]]:
+            following = onward[line[-1]].pop()
+            onward[following].discard(line[-1])
+            line.append(following)
+        if len(line) > 1:
+            lines.append(points[line])
+    return lines
 
 
 def cut(scene: Scene3D, point: Array, normal: Array) -> dict[str, Array]:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from mirrorfold.common.arcs import mirror_outlines
 from mirrorfold.common.arguments import number, truth
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
@@ -29,7 +30,7 @@ from mirrorfold.plotting.axes import (
     outer_edges,
     scene_in_space,
 )
-from mirrorfold.plotting.outlines import cut, silhouette
+from mirrorfold.plotting.outlines import cut, silhouette, wireframe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -240,14 +241,14 @@ def draw_cut(ax: Axes, scene: Scene3D, middle: Array, along: Array) -> None:
 
 
 def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, folded: bool = True) -> Figure:
-    """The whole scene in perspective: points by their number of bounces, mirrors as rectangles.
+    """The whole scene in perspective: points by their number of bounces, mirrors by their outlines.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
         Of a volume.
     scene : Scene3D or path of a scene file, optional
-        The truth, its walls drawn as thin outlines.
+        The truth, drawn as thin outlines.
     folded : bool
         At their true places, or where they stood before.
     """
@@ -259,12 +260,12 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
     figure = Figure(figsize=(9.0, 7.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    for i in range(mirrors.sizes.get("mirror", 0)):
-        corners = np.stack([mirrors[f"{prefix}corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
-        outline = np.vstack([corners, corners[:1]])
-        axes.plot(*outline.T, color=COLOURS[int(mirrors["generation"][i]) % len(COLOURS) - 1], linewidth=1.4)
+    for i, outlines in enumerate(mirror_outlines(mirrors, prefix)):
+        for line in outlines:
+            axes.plot(*line.T, color=COLOURS[int(mirrors["generation"][i]) % len(COLOURS) - 1], linewidth=1.4)
     if scene is not None:
-        _draw_walls(axes, scene)
+        for line in wireframe(scene):
+            axes.plot(*line.T, color=TRUTH_COLOUR, linewidth=0.7)
     on_mirror = columns["surface"] == "mirror"
     for bounces in np.unique(columns["bounces"]):
         colour = COLOURS[int(bounces) % len(COLOURS)]
@@ -297,7 +298,7 @@ def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
         for count in np.unique(bounces)
     ]  # fmt: skip
     if scene is not None:
-        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.7, label="true walls"))
+        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=0.7, label="truth"))
     return [*handles, Line2D([], [], color="black", marker="^", markersize=7, linestyle="none", label="radar")]
 
 
@@ -326,16 +327,3 @@ def scene(scene: Scene3D | str | Path, ax: Axes | None = None) -> Axes:
         draw_truth(ax, np.vstack([outline, outline[:1]]))
     draw_radar(ax, np.asarray(scene.scanner.origin[:2]))
     return in_metres(ax)
-
-
-def _draw_walls(axes: Any, scene: Scene3D) -> None:
-    """Outlines of the true flat walls."""
-    from mirrorfold.simulation.raster.meshes import solids
-
-    for solid in solids(scene):
-        for quad in solid.quads[::2]:
-            corners = quad.center + np.array([u * quad.right + v * quad.up for u, v in _AROUND])
-            axes.plot(*corners.T, color=TRUTH_COLOUR, linewidth=0.7)
-
-
-_AROUND = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))

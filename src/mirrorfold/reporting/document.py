@@ -151,18 +151,13 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
 
 
 def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
-    """True surfaces as polylines of points [m]; of a three-dimensional scene the outlines of its flat walls."""
+    """True surfaces as polylines of points [m]; of a scene in space edges of walls, and sections of round things."""
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
         return [np.round(piece, 4).tolist() for piece in pieces]
-    from mirrorfold.simulation.raster.meshes import solids
+    from mirrorfold.plotting.outlines import wireframe
 
-    around = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
-    return [
-        np.round(quad.center + around[:, :1] * quad.right + around[:, 1:] * quad.up, 4).tolist()
-        for solid in solids(scene)
-        for quad in solid.quads[::2]
-    ]
+    return [np.round(line, 4).tolist() for line in wireframe(scene)]
 
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arcs import mirror_curves, mirror_places
+from mirrorfold.common.arcs import mirror_curves, mirror_outlines, mirror_places
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import PASSED_LABEL, bounce_label
 from mirrorfold.common.types import Array
@@ -24,6 +24,7 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
         reference_echo = float(strengths.max())
     volume = "corner_x" in held
     axes = "xyz" if "z0" in held else "xy"
+    outlines = {prefix: mirror_outlines(held, prefix) if volume else [] for prefix in ("", "folded_")}
     rows: list[dict[str, Any]] = []
     chains = mirror_chains(held)
     curves = mirror_curves(held, "folded_")
@@ -52,9 +53,7 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
         }
         if volume:
             for prefix in ("", "folded_"):
-                row[f"{prefix}corners"] = np.stack(
-                    [one[f"{prefix}corner_{axis}"].values for axis in "xyz"], -1
-                ).tolist()
+                row[f"{prefix}outlines"] = [line.tolist() for line in outlines[prefix][i]]
             heights = one["folded_corner_z"].values
             row["height"] = float(np.ptp(heights))
         rows.append(row)

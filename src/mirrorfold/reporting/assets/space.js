@@ -59,10 +59,9 @@ function makeSpace() {
       const k = scale / (far + depth);
       return [wide / 2 + k * right, high / 2 - k * up, far + depth];
     };
-    const path = (corners, close) => {
+    const path = (corners) => {
       context.beginPath();
       corners.forEach((corner, i) => { const [x, y] = project(...corner); if (i) context.lineTo(x, y); else context.moveTo(x, y); });
-      if (close) context.closePath();
       context.stroke();
     };
     context.lineWidth = 1;
@@ -84,11 +83,11 @@ function makeSpace() {
     if (state.show.truth) { context.strokeStyle = truthColour(); content.truth.forEach((line) => path(line)); }
     if (state.show.mirrors)
       for (const mirror of content.mirrors) {
-        if (!mirror.corners) continue;
+        if (!mirror.outlines) continue;
         context.globalAlpha = state.lit === null || state.lit === mirror.number ? 1 : 0.2;
         context.lineWidth = state.lit === mirror.number ? 3.5 : 1.8;
         context.strokeStyle = mirrorColour(mirror);
-        path(turn.folded ? mirror.folded_corners : mirror.corners, true);
+        (turn.folded ? mirror.folded_outlines : mirror.outlines).forEach((line) => path(line));
       }
     context.globalAlpha = 1;
     const [rx, ry] = project(...content.radar);
