@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scans
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
@@ -161,3 +164,23 @@ def test_an_image_of_one_column_or_row_is_a_line(image, along):
     assert np.ptp(line.get_ydata()) == pytest.approx(np.ptp(np.maximum(level, -40)), abs=0.7)
     assert along in axes.get_xlabel()
     assert "dB" in axes.get_ylabel()
+
+
+def test_titles_and_ticks_of_a_narrow_scan_have_room(reconstruction):
+    objects, mirrors = (reconstruction[name].to_dataset(inherit=False) for name in ("objects", "mirrors"))
+    for table in (objects, mirrors):
+        for name in table.variables:
+            if name in ("x", "x_initial", "x0", "x1", "folded_x0", "folded_x1"):
+                table[name].values[:] *= 0.1
+    reconstruction["objects"], reconstruction["mirrors"] = objects, mirrors
+    figure = mf.plot.before_after(reconstruction)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    left, right = (ax.title.get_window_extent(renderer) for ax in figure.axes[:2])
+    assert left.x1 < right.x0
+    for ax in figure.axes[:2]:
+        low, high = ax.get_xlim()
+        labels = [tick.label1 for tick in ax.xaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+        boxes = [label.get_window_extent(renderer) for label in labels]
+        assert len(boxes) > 1
+        assert all(one.x1 < other.x0 for one, other in pairwise(boxes))

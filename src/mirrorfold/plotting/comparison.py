@@ -45,6 +45,10 @@ PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 """Largest height of the panels of `before_after`, and width of both together [inch]."""
 
 
+NARROWEST = 2.4
+"""Least width of a panel [inch]: its title and three labels of its axis have room."""
+
+
 def before_after(
     reconstruction: xr.DataTree,
     scene: Scene | Scene3D | str | Path | None = None,
@@ -80,6 +84,8 @@ def before_after(
     bottom, top = min(before[2], after[2]), max(before[3], after[3])
     before, after = (*before[:2], bottom, top), (*after[:2], bottom, top)
     if axes is None:
+        scale = _scale(before[1] - before[0], after[1] - after[0], top - bottom)
+        before, after = (_widened(extent, NARROWEST / scale) for extent in (before, after))
         figure, (left, right, bar) = _panels(before[1] - before[0], after[1] - after[0], top - bottom)
     else:
         (left, right), bar = axes, None
@@ -104,7 +110,8 @@ def before_after(
     for panel in (left, right):
         if plan is not None:
             draw_plan(plan, panel)
-        panel.locator_params(axis="x", nbins=6)
+        inches = panel.get_position().width * figure.get_figwidth()
+        panel.locator_params(axis="x", nbins=max(2, min(6, int(inches / 0.7))))
     if bar is None:
         return figure
     right.set(ylabel="", yticklabels=[])
@@ -157,9 +164,20 @@ def content_extent(
     return (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin)
 
 
+def _scale(left_width: float, right_width: float, height: float) -> float:
+    """Inches for each metre of panels of these sizes [m]."""
+    return min(PANEL_HEIGHT / height, PANEL_WIDTH / (left_width + right_width))
+
+
+def _widened(extent: Extent, least: float) -> Extent:
+    """At least so wide [m], around the same middle."""
+    more = 0.5 * max(least - (extent[1] - extent[0]), 0.0)
+    return extent[0] - more, extent[1] + more, *extent[2:]
+
+
 def _panels(left_width: float, right_width: float, height: float) -> tuple[Figure, list[Axes]]:
     """A figure with two panels of these sizes [m] at one scale, and narrow axes for a colour bar."""
-    scale = min(PANEL_HEIGHT / height, PANEL_WIDTH / (left_width + right_width))
+    scale = _scale(left_width, right_width, height)
     widths = [left_width * scale, right_width * scale, 0.18]
     size = np.array([0.8 + sum(widths) + 2 * 0.25 + 0.8, 1.0 + height * scale + 0.65])
     figure = Figure(figsize=(max(size[0], 7.0), size[1]), dpi=150)
