@@ -129,9 +129,9 @@ def _own_facts(mirror: xr.Dataset) -> dict[str, Any]:
 
 
 def radius_of(mirror: xr.Dataset) -> tuple[float | None, float | None]:
-    """Radius [m] of a row of the table of mirrors, negative for a concave one, and its standard error [m]; or None."""
+    """Radius [m] of a row of the table of mirrors, negative for a concave one, and its standard error, if known."""
     curvature = float(mirror["curvature"]) if "curvature" in mirror else 0.0
     if curvature == 0.0 or not np.isfinite(curvature):
         return None, None
     error = float(mirror["curvature_error"]) / curvature**2 if "curvature_error" in mirror else np.nan
-    return 1.0 / curvature, error if np.isfinite(error) else None
+    return 1.0 / curvature, error if error > 0.0 else None  # of given mirrors no error is known
