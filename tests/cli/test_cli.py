@@ -109,7 +109,7 @@ def test_version(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["recontsruct", "sweep.nc"], 'Did you mean "reconstruct"?'),
+        (["recontsruct", "sweep.nc"], "did you mean 'reconstruct'?"),
         (["focus"], "requires an argument"),
         (["focus", "sweep.nc"], "--output"),
         (["focus", "sweep.nc", "-o", "i.nc", "--tolerence", "1"], "--tolerance"),
