@@ -216,8 +216,8 @@ def test_a_mistake_of_our_own_is_one_line_too(folder, capsys, monkeypatch):
     ],
 )
 def test_what_interrupts_the_writing_leaves_nothing(folder, capsys, monkeypatch, error, code, words):
-    def fail(figure, path, **options):
-        path.write_bytes(b"half of a picture")
+    def fail(figure, file, **options):
+        file.write(b"half of a picture")
         raise error
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
