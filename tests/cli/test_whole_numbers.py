@@ -15,6 +15,7 @@ PLAN = ["plan", "--band", "120GHz:126GHz", "--aperture", "24mm", "--pitch", "1.2
         ([*PLAN, "--points", "20.5"], "--points", "20.5"),
         ([*PLAN, "--points", "20m"], "--points", "20m"),
         (["show", "image.nc", "-o", "a.png", "--frame", "1.9"], "--frame", "1.9"),
+        (["import", "a.npz", "-o", "a.nc", "--frame", "1.9"], "--frame", "1.9"),
         (["simulate", "two-walls", "-o", "a.nc", "--bounces", "2.7"], "--bounces", "2.7"),
         (["simulate", "two-walls", "-o", "a.nc", "--seed", "18446744073709551617"], "--seed", "18446744073709551617"),
         (["fold", "image.nc", "-o", "a.nc", "--generations", "1.7"], "--generations", "1.7"),

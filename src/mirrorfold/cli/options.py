@@ -5,8 +5,9 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import App, Parameter
 
@@ -95,9 +96,11 @@ def completed(function: Callable[..., Any]) -> Callable[..., Any]:
             changed[name] = Annotated[bool, Parameter(negative=f"--no-{name.replace('_', '-')}")]
             continue
         quantity = _quantity(hints.get(name))
-        read = _whole_number if _is_whole(hints.get(name)) else _reader(quantity) if quantity is not None else None
+        names = _whole_names(hints.get(name))
+        whole = None if names is None else partial(_whole_number, names=names)
+        read = whole if quantity is None else quantity.read
         if read is not None:
-            changed[name] = Annotated[hints[name], Parameter(converter=read, allow_leading_hyphen=True)]
+            changed[name] = Annotated[hints[name], Parameter(converter=_converter(read), allow_leading_hyphen=True)]
     if changed:
         parameters = [one.replace(annotation=changed.get(one.name, one.annotation))
                       for one in signature.parameters.values()]  # fmt: skip
@@ -113,20 +116,28 @@ def _quantity(hint: Any) -> Quantity | None:
     return found[0] if found else None
 
 
-def _reader(quantity: Quantity) -> Callable[[Any, Sequence[Any]], Any]:
+def _converter(read: Callable[[Any], Any]) -> Callable[[Any, Sequence[Any]], Any]:
     """What cyclopts calls with the type and the words of an option."""
-    return lambda _, tokens: quantity.read(tokens[0].value)
+    return lambda _, tokens: read(tokens[0].value)
 
 
-def _is_whole(hint: Any) -> bool:
-    """Whether a type is that of a whole number, such as ``int | None``."""
-    return hint is int or any(_is_whole(part) for part in getattr(hint, "__args__", ()))
+def _whole_names(hint: Any) -> tuple[str, ...] | None:
+    """The names beside a whole number, in a type such as ``int | Literal["mean"] | None``; None for other types."""
+    if get_origin(hint) is Annotated:
+        return _whole_names(get_args(hint)[0])
+    if int not in (hint, *get_args(hint)):
+        return None
+    others = [part for part in get_args(hint) if part not in (int, type(None))]
+    if any(get_origin(part) is not Literal for part in others):
+        return None
+    return tuple(name for part in others for name in get_args(part))
 
 
-def _whole_number(_: Any, tokens: Sequence[Any]) -> int:
-    """A whole number that may be written as ``1e6``; cyclopts would cut off fractions."""
-    text = tokens[0].value
+def _whole_number(text: str, names: Sequence[str]) -> int | str:
+    """A whole number, which may be written as ``1e6``, or one of the names; cyclopts would cut off fractions."""
+    if text in names:
+        return text
     found = split_quantity(text)
     if found is None or found[1] or not found[0].is_integer() or abs(found[0]) >= LARGEST_INTEGER:
-        raise InputError(f"{text!r} is not valid, expected a whole number")
+        raise InputError(f"{text!r} is not valid, expected {' or '.join(('a whole number', *names))}")
     return int(text) if text.lstrip("+-").isdecimal() else int(found[0])
