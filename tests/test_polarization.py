@@ -150,3 +150,11 @@ def test_images_of_two_polarizations_are_shown_and_compared_by_te(both_images, t
     assert what == "image"
     assert figure.axes[0].get_title() == "polarization TE"
     assert main(["show", str(path), "-o", str(tmp_path / "x.png")]) == 0
+
+
+def test_an_exported_volume_of_beams_has_an_array_for_each_polarization(tmp_path):
+    axes = {"polarization": ["TE", "TM"], "range": [1.0, 1.5], "azimuth": [-1.0, 0.0, 1.0], "elevation": [0.0, 1.0]}
+    values = np.ones([len(axis) for axis in axes.values()], dtype=np.float32)
+    volume = xr.DataArray(values, coords=axes, dims=tuple(axes), name="image").assign_attrs(mirrorfold_kind="image")
+    text = mf.export(volume, tmp_path / "volume.vts").read_text()
+    assert re.findall('Name="([^"]*)"', text) == ["image_TE", "image_TM", "Points"]

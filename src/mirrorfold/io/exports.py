@@ -126,7 +126,7 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
 
 def _image_file(image: xr.DataArray, path: Path) -> bytes:
     image = pick_frame(image)
-    raster = image.dims == ("range", "azimuth", "elevation")
+    raster = image.dims[-3:] == ("range", "azimuth", "elevation")
     if (path.suffix.lower() == ".vts") != raster or path.suffix.lower() not in PICTURES:
         held, expected = ("the volume of a raster scan", ".vts") if raster else ("an image", ".vti")
         raise InputError(f"{path}: cannot hold {held}; give a name that ends in {expected}")
