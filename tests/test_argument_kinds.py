@@ -33,11 +33,11 @@ def test_a_plan_reads_texts_with_units(given):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"aperture": None}, "aperture is None, expected a number of metres above 0"),
+        ({"aperture": None}, "aperture is None, expected a number of metres from 1e-09 to 1e"),
         ({"aperture": "80 GHz"}, "aperture: '80 GHz' is no length"),
         ({"band": 76e9}, "band is 76000000000.0, expected two rising frequencies"),
         ({"roughness": 50e-6}, r"roughness is 5e-05, expected \(rms height, correlation length or None\)"),
-        ({"target": "1"}, "target is '1', expected a number of square metres above 0"),
+        ({"target": "1"}, "target is '1', expected a number of square metres from 1e-20 to 1e.20"),
         ({"leg": "x"}, "leg: 'x' is no length"),
         ({"materials": [1]}, "materials is .1., expected one or more of: "),
     ],

@@ -20,7 +20,7 @@ VERBS = {
     "sweep": [
         ("info", "{}"),
         ("focus", "{}", "-o", "out.nc"),
-        ("calibrate", "{}", "-o", "out.nc", "--frequency-unit", "GHz"),
+        ("calibrate", "{}", "-o", "out.nc", "--conjugate"),
     ],
     "image": [
         ("info", "{}"),

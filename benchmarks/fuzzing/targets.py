@@ -204,7 +204,7 @@ pitch = 0.5e-3
 direction = [1.0, 0.0, 0.0]
 [band]
 start = "290 GHz"
-stop = 300e9
+stop = "0.3 THz"
 points = 21
 [[surface]]
 name = "circle"

@@ -18,10 +18,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def refused(arguments, path, capsys):
-    """Whether a command refuses to replace a file, in one sentence, and leaves it as it was."""
+    """Whether a command refuses to replace a file, by itself or by its suffix, and leaves it as it was."""
     before = path.read_bytes()
     assert main([str(word) for word in arguments]) == 2
-    assert capsys.readouterr().err.splitlines()[-1].endswith("would be overwritten; give another name for the output")
+    ends = "would be overwritten; give another name for the output", "expected .nc; rename it"
+    assert capsys.readouterr().err.splitlines()[-1].endswith(ends)
     assert path.read_bytes() == before
 
 
@@ -35,12 +36,12 @@ def test_import_replaces_nothing_of_the_scan_that_it_reads(sweep, folder, capsys
 
 def test_import_replaces_neither_positions_nor_mapping_nor_what_these_name(sweep, folder, capsys):
     mf.save_touchstone(sweep, folder / "scan")
-    table = folder / "table.csv"
+    table = folder / "table.dat"  # of no suffix that tells
     (folder / "scan" / "positions.csv").rename(table)
-    (folder / "place.toml").write_text('table = "table.csv"\n')
+    (folder / "place.toml").write_text('table = "table.dat"\n')
     options = ["import", "scan", "--positions", "place.toml"]
     refused([*options, "-o", "place.toml"], folder / "place.toml", capsys)
-    refused([*options, "-o", "table.csv"], table, capsys)
+    refused([*options, "-o", "table.dat"], table, capsys)
     np.save("s.npy", np.ones((3, 2), complex))
     (folder / "frequency.csv").write_text("1e9\n2e9\n3e9\n")
     (folder / "map.toml").write_text(

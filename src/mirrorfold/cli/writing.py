@@ -48,8 +48,9 @@ def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
     """
     from mirrorfold.io.files import NETCDF, check_suffix
 
+    output_file(path, inputs=inputs)
     check_suffix(path, NETCDF)
-    return output_file(path, inputs=inputs)
+    return path
 
 
 def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path | None] = ()) -> Path:

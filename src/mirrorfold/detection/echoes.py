@@ -17,8 +17,8 @@ NOISE_SAMPLES = 400_000
 """From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
 
 CUT, CUT_SHARE = 1.5, 0.01
-"""Where more than this share of samples is within this factor of the faintest, fainter ones were set to zero: of N
-samples of noise about one is."""
+"""Where some samples are zero, and more than this share of the others is within this factor of the faintest, all
+fainter ones were set to zero: of N samples of noise about one is as faint."""
 
 FALSE_ALARMS = 1e-3
 """Expected number of noise samples in a whole image or volume that are taken for echoes."""
@@ -129,8 +129,8 @@ def noise_level(values: NDArray[Any]) -> float:
     if not held.size:
         return 0.0
     least = float(held.min())
-    cut = np.count_nonzero(held <= CUT * least) > 1 + CUT_SHARE * held.size and not (whole and least == 1.0)
-    return 0.0 if cut else float(np.median(held)) / RAYLEIGH_MEDIAN
+    cut = held.size < sample.size and np.count_nonzero(held <= CUT * least) > 1 + CUT_SHARE * held.size
+    return 0.0 if cut and not (whole and least == 1.0) else float(np.median(held)) / RAYLEIGH_MEDIAN
 
 
 def noise_limit(sigma: float, samples: int) -> float:
