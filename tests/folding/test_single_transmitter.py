@@ -10,11 +10,10 @@ import mirrorfold as mf
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("single", ["tx", "rx"])
-def test_what_is_hidden_is_found_by_one_transmitter_or_one_receiver(single):
+def test_what_is_hidden_is_found_by_one_transmitter():
     scene = mf.load(files("mirrorfold").joinpath("scenes", "shipped", "hidden_corner.toml"))
     sweep = mf.simulate(scene, snr_db=30.0, seed=3)
-    one = sweep.isel({single: [sweep.sizes[single] // 2]})
+    one = sweep.isel(tx=[sweep.sizes["tx"] // 2])
     score = mf.score(mf.reconstruct(one), scene)
     assert score.f_score_cells > 0.9
     assert score.hidden.precision_cells > 0.75  # side lobes of one aperture fall as 1 / u, and some stand beside an arc

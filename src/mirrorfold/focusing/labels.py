@@ -67,14 +67,30 @@ def radar_position(problem: Problem) -> Array:
 
 
 def array_direction(problem: Problem) -> Array:
-    """Unit vector (3,) along the arrays in the floor plan, pointing to +x where it can."""
-    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])[:, :2]
-    size = np.abs(offset).max()
-    if not size > EVEN * np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max():
+    """Unit vector (3,) along the arrays, of those that fill a plane along it in the floor plan, to +x where it can."""
+    offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
+    plane, along = _plane(offset)
+    if plane:
+        along = np.append(np.linalg.svd(offset[:, :2], full_matrices=False)[2][0], 0.0)
+    if np.abs(offset @ [*along[:2], 0.0]).max() <= EVEN * np.abs(offset).max():
         return np.array([1.0, 0.0, 0.0])
-    along = np.linalg.svd(offset, full_matrices=False)[2][0]
-    return np.append(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0), 0.0)
+    return np.asarray(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0))
 
+
+def _aperture(places: Array, along: Array) -> float:
+    """Length [m] of antennas (n, 3) along a line; of those that fill a plane, in the direction `along`."""
+    plane, _ = _plane(places - places.mean(axis=0))
+    return float(np.ptp(places @ along) if plane else np.linalg.norm(np.ptp(places, axis=0)))
+
+
+def _plane(offset: Array) -> tuple[bool, Array]:
+    """Whether places (n, 3) about their mean fill a plane, and the unit vector along which they are spread most."""
+    _, size, axes = np.linalg.svd(offset, full_matrices=False)
+    return len(size) > 1 and bool(size[1] > PLANE * size[0]), axes[0]
+
+
+PLANE = 0.1
+"""Antennas whose rms distance from a line is more than this part of that along it fill a plane."""
 
 EVEN = 1e-9
 """What an upright array spans in the floor plan, in its lengths, is rounding."""
@@ -94,8 +110,8 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
         "frequency_stop": float(frequency[-1]),
         "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
         "frequency_points": int(frequency.size),
-        "tx_aperture": float(np.ptp(problem.tx @ along)),
-        "rx_aperture": float(np.ptp(problem.rx @ along)),
+        "tx_aperture": _aperture(problem.tx, along),
+        "rx_aperture": _aperture(problem.rx, along),
         "wave_speed": wave_speed(sweep),
     }
     if is_monostatic(sweep):
@@ -123,13 +139,15 @@ def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
         "frequency_start": (frequency[0], 0.5 * step, "Hz at first"),
         "frequency_stop": (frequency[-1], 0.5 * step, "Hz at last"),
         "radar_position": (0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), wavelength, "m as the radar's place"),
-        "tx_aperture": (np.ptp(tx @ along), wavelength, "m of transmitters"),
-        "rx_aperture": (np.ptp(rx @ along), wavelength, "m of receivers"),
+        "tx_aperture": (_aperture(tx, along), wavelength, "m of transmitters"),
+        "rx_aperture": (_aperture(rx, along), wavelength, "m of receivers"),
     }
+    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}  # as images once said of planes
     for name, (value, tolerance, what) in own.items():
         held = np.asarray(image.attrs.get(name, value))
         same_kind = held.dtype.kind in "fiu" and held.shape == np.shape(value)
-        if not same_kind or (np.abs(held - value) > tolerance).any():
+        most = np.linalg.norm(across[name]) if name in across else value
+        if not same_kind or (held < value - tolerance).any() or (held > most + tolerance).any():
             raise InputError(
                 f"sweep: is of another radar than the image, {_said(value)} {what} in place of {_said(held)}; give the "
                 "sweep that the image was focused from, or none"

@@ -79,7 +79,10 @@ def _once_a_cell(
     if not len(position):
         return np.zeros(0)
     range_, u = view.to_polar(position)
-    cell, brightest = view.cell_numbers(position), view.brightest(position, amplitude)
+    cells = view.in_cells(position).T.astype(np.intp)
+    cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
+    order = np.lexsort([-amplitude, cell])
+    brightest = order[np.unique(cell[order], return_index=True)[1]]
     where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
     if new := [place for place in where if place not in known]:
         range_, sine = np.array([place[1:] for place in new]).T
