@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from point_target import echo, line_of
 
+import mirrorfold as mf
+
 
 @pytest.fixture
 def rng():
@@ -30,3 +32,13 @@ def npz(tmp_path, measured):
     f, tx, rx, s = measured
     np.savez(tmp_path / "d.npz", s=s, f=f, tx=tx, rx=rx, ghz=f / 1e9, bad=np.append(f[:-1], np.nan), jump=f**2)
     return tmp_path / "d.npz"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
+    """A file of each kind in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    mf.save(sweep, "s.nc")
+    mf.save(image, "i.nc")
+    mf.save(reconstruction, "r.nc")
+    return tmp_path

@@ -28,15 +28,6 @@ def refused(capsys, *arguments, word=""):
     return said
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "s.nc")
-    mf.save(image, "i.nc")
-    mf.save(reconstruction, "r.nc")
-    return tmp_path
-
-
 @pytest.mark.parametrize(
     "text",
     [

@@ -17,16 +17,6 @@ BAD = b"ab\xff \x1b]0;owned\x07\x1b[2J"
 SAID = "ab\ufffd \ufffd]0;owned\ufffd\ufffd[2J"
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
-    """A file of each kind in the working directory."""
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "s.nc")
-    mf.save(image, "i.nc")
-    mf.save(reconstruction, "r.nc")
-    return tmp_path
-
-
 def set_title(path, value):
     with h5py.File(path, "a") as file:
         file.attrs.pop("title", None)

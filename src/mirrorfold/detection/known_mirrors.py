@@ -65,7 +65,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         If they are neither, hold a number that is not finite, or a mirror has no extent or is not flat; `source` names
         them.
     """
-    rows = _rows(mirrors, source)
+    rows = by_three(_rows(mirrors, source))
     try:
         places = np.array(rows, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -164,7 +164,7 @@ def _rows(mirrors: Any, source: str) -> Any:
                 "and 'radius' of a sphere"
             )
         places.append(form(**held))
-    return by_three(places)
+    return places
 
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:

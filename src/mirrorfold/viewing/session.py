@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arcs import by_three, mirror_places
+from mirrorfold.common.arcs import mirror_places
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
 from mirrorfold.common.stopping import StoppedError, stop
@@ -155,7 +155,7 @@ class Session:
         # Mirrors that were given are given to all further folds, too.
         if self.editable and reconstruction.attrs.get("mirrors_given"):
             given = reconstruction.children["mirrors"].to_dataset(inherit=False)
-            self._lines = check_mirrors(by_three(mirror_places(given)))
+            self._lines = check_mirrors(mirror_places(given))
         truth = [] if self.scene is None else truth_lines(self.scene)
         truth += [] if self.plan is None else [line.tolist() for line in self.plan.lines]
         self._extent = shown_extent(reconstruction, truth)
@@ -350,7 +350,7 @@ class Session:
             check_value(name, value)
             settings[name] = value
         mirrors = request.get("mirrors")
-        return settings, None if mirrors is None else check_mirrors(by_three(mirrors))
+        return settings, None if mirrors is None else check_mirrors(mirrors)
 
 
 def what_is_lost(reconstruction: xr.DataTree) -> str:
