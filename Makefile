@@ -123,6 +123,7 @@ clean: ## remove what make has made
 $(READY): pyproject.toml constraints.txt | $(UV_FILE)
 	test -x $(PYTHON) || $(UV) venv --quiet --python '>=3.11' $(VENV)
 	$(UV) pip install --quiet --compile-bytecode --python $(PYTHON) --constraint constraints.txt --editable '.[test]'
+	$(PYTHON) -m compileall -q src/mirrorfold
 	@touch $@
 
 $(DOCS_READY): $(READY)
