@@ -14,13 +14,15 @@ from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
 
-from mirrorfold.focusing import choice, cost, factorized, machine
-from mirrorfold.focusing.accuracy import measured_error, white_noise
-from mirrorfold.focusing.caching import PlanCache
-from mirrorfold.focusing.choice import Option, options
-from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.choosing import choice
+from mirrorfold.focusing.choosing.caching import PlanCache
+from mirrorfold.focusing.choosing.choice import Option, options
+from mirrorfold.focusing.choosing.proven import prove
+from mirrorfold.focusing.exact.accuracy import measured_error, white_noise
+from mirrorfold.focusing.exact.exact_sum import focus_exact
+from mirrorfold.focusing.fast import factorized
+from mirrorfold.focusing.predicting import cost, machine
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.proven import prove
 
 WITHIN = 0.4
 """Largest deviation of the prediction, as a share of the larger one."""

@@ -21,10 +21,10 @@ from rich.table import Table
 from scipy.constants import speed_of_light
 
 from mirrorfold.focusing import FocusPlan, PlanCache, choose_algorithm, focus
-from mirrorfold.focusing.accuracy import measured_error, white_noise
 from mirrorfold.focusing.checks import make_problem
-from mirrorfold.focusing.direct_sum import direct_sum
-from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.exact.accuracy import measured_error, white_noise
+from mirrorfold.focusing.exact.direct_sum import direct_sum
+from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import make_sweep

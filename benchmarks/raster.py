@@ -27,8 +27,8 @@ from scipy.spatial import cKDTree
 
 import mirrorfold as mf
 from mirrorfold.detection import find_echoes, find_mirrors, see, usual_settings
-from mirrorfold.focusing.gridding import plan_view, to_voxels
-from mirrorfold.focusing.range_profiles import focus_raster
+from mirrorfold.focusing.scans.gridding import plan_view, to_voxels
+from mirrorfold.focusing.scans.range_profiles import focus_raster
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs

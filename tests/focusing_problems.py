@@ -7,7 +7,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import window
-from mirrorfold.focusing.direct_sum import direct_sum
+from mirrorfold.focusing.exact.direct_sum import direct_sum
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.sweep import make_sweep
 

@@ -15,7 +15,7 @@ from mirrorfold.calibration.memory import calibration_parts
 from mirrorfold.cli import main
 from mirrorfold.cli.schema import check
 from mirrorfold.common.forecasts import total
-from mirrorfold.focusing import scans
+from mirrorfold.focusing.scans import imaging as scans
 from mirrorfold.simulation import estimate
 from mirrorfold.simulation.rays import sweep as rays
 from mirrorfold.sweep import make_raster_sweep

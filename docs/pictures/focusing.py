@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 
 from mirrorfold.common.windows import window
 from mirrorfold.focusing import focus
-from mirrorfold.focusing.direct_sum import direct_sum
+from mirrorfold.focusing.exact.direct_sum import direct_sum
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.sweep import make_sweep
 

@@ -15,7 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.gridding import plan_view
+from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.io import load
 

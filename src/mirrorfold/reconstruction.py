@@ -36,7 +36,7 @@ from mirrorfold.detection.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.labels import check_origin
-from mirrorfold.focusing.scans import amplitude_of_scan, is_gridded
+from mirrorfold.focusing.scans.imaging import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged

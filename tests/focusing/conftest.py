@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirrorfold.focusing import choice, line_array
-from mirrorfold.focusing.cost import Cost
+from mirrorfold.focusing.choosing import choice
+from mirrorfold.focusing.fast import line_array
+from mirrorfold.focusing.predicting.cost import Cost
 
 
 @pytest.fixture(params=["compiled", "plain Python"])

@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.windows import window
 from mirrorfold.focusing import focus
-from mirrorfold.focusing.line_array import LineArrayPlan
+from mirrorfold.focusing.fast.line_array import LineArrayPlan
 from mirrorfold.sweep import make_sweep
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -11,7 +11,7 @@ from focusing_problems import BAND, line, noise, problem, relative_error, small_
 
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import FocusPlan, PlanCache, focus, plan_cache, prepare
-from mirrorfold.focusing.line_array import LineArrayPlan
+from mirrorfold.focusing.fast.line_array import LineArrayPlan
 from mirrorfold.sweep import make_sweep
 
 pytestmark = pytest.mark.usefixtures("every_sector_counts")

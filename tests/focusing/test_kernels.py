@@ -10,17 +10,12 @@ import numpy as np
 import pytest
 from focusing_problems import noise
 
-from mirrorfold.focusing import (
-    direct_sum,
-    exact_kernels,
-    gridding,
-    interpolation,
-    line_kernels,
-    nodes,
-    phasor,
-    range_profiles,
-    range_tables,
-)
+from mirrorfold.common import phasor
+from mirrorfold.focusing.exact import direct_sum, range_tables
+from mirrorfold.focusing.exact import kernels as exact_kernels
+from mirrorfold.focusing.lines import interpolation, nodes
+from mirrorfold.focusing.lines import kernels as line_kernels
+from mirrorfold.focusing.scans import gridding, range_profiles
 
 pytestmark = pytest.mark.nojit
 

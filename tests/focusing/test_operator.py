@@ -11,9 +11,9 @@ from focusing_problems import line, literal_sum, noise, plane, problem
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
-from mirrorfold.focusing.cost import pair_sums_cost
-from mirrorfold.focusing.line_array import LineArrayPlan, lay_out
+from mirrorfold.focusing.fast.line_array import LineArrayPlan, lay_out
 from mirrorfold.focusing.operator import APPLICATIONS, _Exact, _Fast
+from mirrorfold.focusing.predicting.cost import pair_sums_cost
 
 BAND = np.linspace(78e9, 80e9, 31)
 X, Y = np.arange(-0.8, 0.8, 0.02), np.arange(0.4, 1.9, 0.03)

@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles
 from mirrorfold.detection import find_echoes, see, usual_settings
-from mirrorfold.focusing.range_profiles import focus_raster
+from mirrorfold.focusing.scans.range_profiles import focus_raster
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
-from mirrorfold.focusing.coherence import OVERSAMPLING
+from mirrorfold.focusing.echoes.coherence import OVERSAMPLING
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree import wrapped

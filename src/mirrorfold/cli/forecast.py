@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from mirrorfold.common.forecasts import Forecast
-    from mirrorfold.focusing.choice_facts import Choice
+    from mirrorfold.focusing.choosing.facts import Choice
 
 
 def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choice:
@@ -40,7 +40,7 @@ def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -
 def _folding_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) -> float:
     """Memory [GB] of steps 2 to 6, samples and the tables of the plan included."""
     from mirrorfold.common.forecasts import GIGABYTE, total
-    from mirrorfold.focusing.choice import expected_image
+    from mirrorfold.focusing.forecast import expected_image
     from mirrorfold.folding.memory import fold_parts
     from mirrorfold.sweep import is_monostatic, is_raster
 

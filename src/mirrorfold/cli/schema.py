@@ -25,7 +25,7 @@ from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.reconstructions import ReconstructionFacts
 from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts
 from mirrorfold.describing.sweeps import ArraySweepFacts, BrokenSweepFacts, RasterSweepFacts
-from mirrorfold.focusing.choice_facts import Choice
+from mirrorfold.focusing.choosing.facts import Choice
 from mirrorfold.reproducing import Reproduction
 from mirrorfold.scoring.score import PlanScore, VolumeScore
 from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mirrorfold.common import types
     from mirrorfold.common.records import Record
     from mirrorfold.describing.reconstructions import MirrorFacts, ReconstructionFacts
-    from mirrorfold.focusing.choice_facts import OptionFacts
+    from mirrorfold.focusing.choosing.facts import OptionFacts
     from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 PLAIN_WIDTH = 110

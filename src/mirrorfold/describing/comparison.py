@@ -18,7 +18,7 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.finding import see
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.gridding import plan_view
+from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import shown_points

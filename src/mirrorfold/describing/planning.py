@@ -20,7 +20,7 @@ from mirrorfold.focusing.grid import default_grid
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 
 if TYPE_CHECKING:
-    from mirrorfold.focusing.choice_facts import Choice
+    from mirrorfold.focusing.choosing.facts import Choice
 
 DIAGONAL = ANGLES.index(45.0)
 """Of the angles of a wall the one that stands for bounces in a room."""
@@ -254,7 +254,7 @@ def plan(
 
 def _focusing(frequency: Array, tx: Array, rx: Array, x: Array, y: Array) -> Choice:
     """How the default grid will be focused, finely enough to be folded."""
-    from mirrorfold.focusing.choice import explain
+    from mirrorfold.focusing.choosing.choice import explain
     from mirrorfold.focusing.problem import Problem
 
     problem = Problem.usual(frequency, tx, rx, x, y, np.zeros(1))

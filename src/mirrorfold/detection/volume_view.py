@@ -15,7 +15,7 @@ from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.range_profiles import angle_table, beams_of, magnitudes, spreading
+from mirrorfold.focusing.scans.range_profiles import angle_table, beams_of, magnitudes, spreading
 
 HANN_CELL = 2.0
 """Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.focusing.coherence import profiles
+from mirrorfold.focusing.echoes.coherence import profiles
 from mirrorfold.sweep.pairs import Pairs
 
 LEAST_SPREAD = 1.0

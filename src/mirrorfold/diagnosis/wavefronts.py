@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
-from mirrorfold.focusing.coherence import FACE, OVERSAMPLING, POINT, Complex64, coherence, profiles, windows
+from mirrorfold.focusing.echoes.coherence import FACE, OVERSAMPLING, POINT, Complex64, coherence, profiles, windows
 from mirrorfold.sweep.pairs import Pairs
 
 PAIRS = (300, 600)

@@ -1,11 +1,17 @@
 """Step 1 of the algorithm: from the raw sweep to the complex image.
 
-`imaging` holds `focus`, the way from one to the other; `settings` what can be chosen about it. A sweep's geometry and
-the settings make a `problem`, whose sum `exact` computes for any array, `line_array` and `factorized` fast. `choice`
-takes the fastest by its `cost` on this `machine`, `proven` holds it to the tolerance, and `plan` keeps it for frame
-after frame. `operator` is the model of a measurement with focusing as its adjoint, for the solvers of inverse problems:
-`line_transpose` runs the fast path of `line_array` backwards, and `pair_sums` serves any other array. `accuracy`
-compares images with the `direct_sum`, term by term in float64. Raster scans are imaged by `range_profiles`.
+Users call `focus` (in `imaging`), `FocusPlan` (`plan`) for frame after frame, `FocusOperator` (`operator`) for inverse
+problems, and beforehand `choose_algorithm` (`forecast`). `settings` declares what they may choose. From a sweep and the
+settings `checks` makes a `problem`: the sum to be computed, by default on the pixels of `grid`. `labels` puts
+coordinates and attributes on the image. The sum is computed in folders, each of which uses only those named before it:
+
+    exact/       all pairs, for antennas anywhere: in float64 the reference, in single precision the image; errors
+    echoes/      for antennas anywhere: the part of a sweep that holds some ranges; whether an echo adds up in phase
+    lines/       antennas on one line or nearly so: one sector of the image, through a polar grid
+    predicting/  time and memory of each way on this machine
+    fast/        whole images of line arrays ("polar"), and of large arrays of any shape ("factorized")
+    choosing/    the fastest way, in strips where memory is short, held to the tolerance, and kept for the next sweep
+    scans/       raster scans, whose beams are focused by a lens: range profiles, volumes, floor plans and voxels
 """
 
 from __future__ import annotations
@@ -14,30 +20,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mirrorfold.focusing.caching import PlanCache, plan_cache, prepare
-    from mirrorfold.focusing.choice import choose_algorithm
+    from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache, prepare
+    from mirrorfold.focusing.forecast import choose_algorithm
     from mirrorfold.focusing.grid import default_grid, sweep_grid
-    from mirrorfold.focusing.gridding import plan_view, to_voxels
     from mirrorfold.focusing.imaging import focus
     from mirrorfold.focusing.operator import FocusOperator
     from mirrorfold.focusing.plan import FocusPlan
-    from mirrorfold.focusing.range_profiles import focus_raster
+    from mirrorfold.focusing.scans.gridding import plan_view, to_voxels
+    from mirrorfold.focusing.scans.range_profiles import focus_raster
     from mirrorfold.focusing.settings import FocusSettings
 
 _HOME = {
     "FocusOperator": "operator",
     "FocusPlan": "plan",
     "FocusSettings": "settings",
-    "PlanCache": "caching",
-    "choose_algorithm": "choice",
+    "PlanCache": "choosing.caching",
+    "choose_algorithm": "forecast",
     "default_grid": "grid",
     "focus": "imaging",
-    "focus_raster": "range_profiles",
-    "plan_cache": "caching",
-    "plan_view": "gridding",
-    "prepare": "caching",
+    "focus_raster": "scans.range_profiles",
+    "plan_cache": "choosing.caching",
+    "plan_view": "scans.gridding",
+    "prepare": "choosing.caching",
     "sweep_grid": "grid",
-    "to_voxels": "gridding",
+    "to_voxels": "scans.gridding",
 }
 """The module of each name: imported when first asked for, so that settings can be read without compiled kernels."""
 

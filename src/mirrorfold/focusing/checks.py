@@ -13,7 +13,7 @@ from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.exact import TABLE_BYTES
+from mirrorfold.focusing.exact.exact_sum import TABLE_BYTES
 from mirrorfold.focusing.grid import default_grid, extent
 from mirrorfold.focusing.problem import Problem, pixel_axis
 from mirrorfold.focusing.settings import FocusSettings

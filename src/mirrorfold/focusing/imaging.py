@@ -16,17 +16,17 @@ from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.accuracy import measured_error
-from mirrorfold.focusing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
-from mirrorfold.focusing.choice import EXACT_SHARE
-from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache
+from mirrorfold.focusing.choosing.choice import EXACT_SHARE
+from mirrorfold.focusing.choosing.proven import prove
+from mirrorfold.focusing.choosing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
+from mirrorfold.focusing.exact.accuracy import measured_error
+from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.labels import Labels, radar_position
 from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.proven import prove
-from mirrorfold.focusing.scans import focus_scans
+from mirrorfold.focusing.scans.imaging import focus_scans
 from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
-from mirrorfold.focusing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.sweep import is_raster
 
 SMALLEST = float(np.finfo(np.float32).tiny)

@@ -13,16 +13,15 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.accuracy import measured_error, white_noise
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
-from mirrorfold.focusing.cost import pair_sums_cost
+from mirrorfold.focusing.choosing.proven import REFINEMENTS, SAMPLING_MARGIN
+from mirrorfold.focusing.exact.accuracy import measured_error, white_noise
+from mirrorfold.focusing.exact.pair_sums import PairSums
+from mirrorfold.focusing.fast.line_array import LineArrayPlan, lay_out
 from mirrorfold.focusing.labels import Labels
-from mirrorfold.focusing.lattice import UnsuitedError
-from mirrorfold.focusing.line_array import LineArrayPlan, lay_out
-from mirrorfold.focusing.line_transpose import sector_samples
-from mirrorfold.focusing.pair_sums import PairSums
-from mirrorfold.focusing.problem import Problem
-from mirrorfold.focusing.proven import REFINEMENTS, SAMPLING_MARGIN
+from mirrorfold.focusing.lines.transpose import sector_samples
+from mirrorfold.focusing.predicting.cost import pair_sums_cost
+from mirrorfold.focusing.problem import Problem, UnsuitedError
 from mirrorfold.focusing.settings import FocusSettings
 
 APPLICATIONS = 200

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Progress
-from mirrorfold.focusing.accuracy import exact_kernel_error, white_noise
-from mirrorfold.focusing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
-from mirrorfold.focusing.choice import EXACT_SHARE
-from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache
+from mirrorfold.focusing.choosing.choice import EXACT_SHARE
+from mirrorfold.focusing.choosing.proven import prove
+from mirrorfold.focusing.exact.accuracy import exact_kernel_error, white_noise
+from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.labels import Labels
-from mirrorfold.focusing.proven import prove
 from mirrorfold.focusing.settings import FocusSettings
 
 FRAMES = 20

@@ -17,6 +17,10 @@ COINCIDENT_PHASE = 1e-5
 """Two antennas are one where this phase [rad] is all that their distance makes."""
 
 
+class UnsuitedError(Exception):
+    """The geometry has no structure that a fast way could use."""
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The sum ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` without its data.

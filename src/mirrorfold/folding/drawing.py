@@ -6,7 +6,7 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.round_surfaces import reflection_point
-from mirrorfold.focusing.range_profiles import at_point
+from mirrorfold.focusing.scans.range_profiles import at_point
 from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 

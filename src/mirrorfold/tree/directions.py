@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.kernels import njit
+from mirrorfold.common.phasor import unit_phasor
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.phasor import unit_phasor
-from mirrorfold.focusing.range_windows import RangeWindows
+from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
 PHASE_SPREAD = 0.5

@@ -13,7 +13,7 @@ import xarray as xr
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
-from mirrorfold.focusing.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
+from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
 from mirrorfold.sweep.pairs import Pairs, pairs_of
 
 PAIRS = 1000, 8000
@@ -34,7 +34,7 @@ DIRECTION_STEP = 0.5
 def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
     """How much better echoes at ranges [m] and u, (n,) each, fit to waves from one ambiguous range farther, (n,).
 
-    The ratio of two coherences, see `mirrorfold.focusing.coherence`, each the largest over the directions into which an
+    The ratio of two coherences, see `focusing.echoes.coherence`, each the largest over the directions into which an
     echo spreads that is focused at the wrong distance, and over points, faces and corners. One where no waves fit.
 
     Parameters

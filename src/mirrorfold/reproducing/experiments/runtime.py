@@ -15,10 +15,10 @@ import mirrorfold as mf
 from mirrorfold.common.records import Number
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.focusing import FocusPlan, FocusSettings, PlanCache
-from mirrorfold.focusing.accuracy import measured_error
 from mirrorfold.focusing.checks import make_problem
-from mirrorfold.focusing.direct_sum import direct_sum
-from mirrorfold.focusing.exact import focus_exact
+from mirrorfold.focusing.exact.accuracy import measured_error
+from mirrorfold.focusing.exact.direct_sum import direct_sum
+from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.walls import hidden_walls

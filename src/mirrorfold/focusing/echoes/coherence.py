@@ -1,0 +1,168 @@
+"""How much of an echo adds up in phase over the pairs, for waves of given direction and curvature.
+
+An echo from the direction u and the distance ``rho = 1 / q`` reaches the elements with deviations of its path from that
+to the middle of the array, and its samples add up in phase once these are undone. A point adds ``(x_i^2 + x_k^2) / 2
+rho`` to the path, a flat face that shows the image of the transmitter ``(x_i - x_k)^2 / 4 rho``: what the distance of
+transmitter and receiver adds is the same for both, and for any smooth shape between them (Hubral, Geophysics 48,
+1051-1062, 1983). A right-angled corner sends every ray back to where it came from: it shows the transmitter mirrored at
+its vertex, and adds ``(x_i + x_k)^2 / 4 rho``. The largest coherence of the three therefore tells the distance,
+whatever the echo comes from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import ifft, next_fast_len
+
+from mirrorfold.common.kernels import njit
+from mirrorfold.common.phasor import unit_phasor
+from mirrorfold.common.threads import cpu_count
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
+
+Complex64 = NDArray[np.complex64]
+
+POINT, FACE, CORNER = 0, 1, 2
+"""What an echo may come from."""
+
+OVERSAMPLING = 4
+"""Points of the range profile in a cell, at least, between which it is linear to a few percent."""
+
+
+def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
+    """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
+    count = wavenumber.size
+    taper = hann(count)[:, None].astype(np.float32)
+    points = next_fast_len(OVERSAMPLING * count)
+    profile = ifft((s * taper).T, points, axis=1, workers=cpu_count())
+    step = 2.0 * np.pi / ((wavenumber[-1] - wavenumber[0]) / (count - 1)) / points
+    carrier = np.exp(-1j * (wavenumber.mean() - wavenumber[0]) * step * np.arange(points))
+    profile *= carrier
+    return profile.astype(np.complex64, copy=False), float(step)
+
+
+def windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float) -> NDArray[np.float32]:
+    """Pieces of the profiles around the gates, unwrapped around the ambiguous range: (pairs, 2 half + 1, 2, gates).
+
+    The third axis holds real and imaginary parts, so that all gates are worked on side by side.
+    """
+    size = profile.shape[1]
+    index = np.arange(-half, half + 1)[:, None] + gate
+    turn = np.exp(-1j * carrier * size * step * np.floor_divide(index, size))
+    pieces = profile[:, index % size] * turn
+    return np.ascontiguousarray(np.stack([pieces.real, pieces.imag], axis=2), dtype=np.float32)
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True, inline="always")
+def _change(along, curvature):  # type: ignore[no-untyped-def]
+    """``(sqrt(1 + q a) - 1) / q``, exact for q = 0 too."""
+    return along / (np.sqrt(max(np.float32(1.0) + curvature * along, np.float32(0.0))) + np.float32(1.0))
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True)
+def _squares(sides, shape, out):  # type: ignore[no-untyped-def]
+    """What the places (2, 3, pairs) of transmitters a and receivers b add to paths in any direction, (2, pairs): a^2
+    and b^2 for a point, ``(a - b)^2 / 4`` for a face, ``(a + b)^2 / 4`` for a corner.
+    """
+    quarter = np.float32(0.25)
+    for p in range(out.shape[1]):
+        out[0, p] = out[1, p] = 0.0
+        for i in range(3):
+            a, b = sides[0, i, p], sides[1, i, p]
+            if shape == POINT:
+                out[0, p] += a * a
+                out[1, p] += b * b
+            else:
+                c = a - b if shape == FACE else a + b
+                out[0, p] += quarter * c * c
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True)
+def _lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyped-def]
+    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of something of that shape in a direction."""
+    two, (x, y, z) = np.float32(2.0), direction
+    for p in range(out.size):
+        a = sides[0, 0, p] * x + sides[0, 1, p] * y + sides[0, 2, p] * z
+        b = sides[1, 0, p] * x + sides[1, 1, p] * y + sides[1, 2, p] * z
+        if shape == POINT:
+            out[p] = _change(q * square[0, p] - two * a, q) + _change(q * square[1, p] - two * b, q)
+        elif shape == FACE:
+            out[p] = two * _change(q * (a * b + square[0, p]) - a - b, q)
+        else:
+            out[p] = two * _change(q * square[0, p] - a - b, q)
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True)
+def _look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type: ignore[no-untyped-def]
+    """Where the windows hold paths that are longer by so much [m]: the cell and the rest, and the phase there."""
+    for p in range(longer.size):
+        at = longer[p] * cells + middle
+        cell[p] = np.int32(min(max(np.floor(at), np.float32(0.0)), last))
+        rest[p] = at - np.float32(cell[p])
+    for p in range(longer.size):
+        cos[p], sin[p] = unit_phasor(turns * longer[p])
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True)
+def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
+    """Add ``w exp(j ...)`` and ``|w|^2`` of all pairs, each w between two cells of its window, to (3, gates)."""
+    for p in range(cell.size):
+        here, beyond, share, c, s = windows[p, cell[p]], windows[p, cell[p] + 1], rest[p], cos[p], sin[p]
+        for g in range(total.shape[1]):
+            re = here[0, g] + share * (beyond[0, g] - here[0, g])
+            im = here[1, g] + share * (beyond[1, g] - here[1, g])
+            total[0, g] += re * c - im * s
+            total[1, g] += re * s + im * c
+            total[2, g] += re * re + im * im
+
+
+@njit(error_model="numpy", nogil=True, fastmath=True)
+def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
+    """The same for one gate: pairs are worked on side by side."""
+    total_re, total_im, power = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    for p in range(cell.size):
+        c, share = cell[p], rest[p]
+        re = windows[p, c, 0, 0] + share * (windows[p, c + 1, 0, 0] - windows[p, c, 0, 0])
+        im = windows[p, c, 1, 0] + share * (windows[p, c + 1, 1, 0] - windows[p, c, 1, 0])
+        total_re += re * cos[p] - im * sin[p]
+        total_im += re * sin[p] + im * cos[p]
+        power += re * re + im * im
+    total[0, 0], total[1, 0], total[2, 0] = total_re, total_im, power
+
+
+@njit(makes_arrays=True, error_model="numpy", nogil=True, fastmath=True)
+def coherence(
+    windows: NDArray[np.float32], step: float, shift: float, shape: int, tx: Array, rx: Array, tx_of: NDArray[np.int64],
+    rx_of: NDArray[np.int64], centre: float, directions: Array, curvature: float, along: Array, ahead: Array,
+    out: Array,
+) -> None:  # fmt: skip
+    """Raise out (gates,) to the largest ``|sum y|^2 / (n sum |y|^2)``, ``y = w(L + shift D) exp(j k_c D)``, over u.
+
+    D is how much longer the path is than 2 rho, by way of a point, a flat face or a corner in the direction u, at the
+    distance rho = 1 / q. A contracting wave is the time reversal of one from the opposite side. In single precision a
+    path of a metre is out by a tenth of a micrometre.
+    """
+    pairs, size, _, gates = windows.shape
+    sign = 1.0 if curvature >= 0.0 else -1.0
+    sides, square = np.empty((2, 3, pairs), np.float32), np.empty((2, pairs), np.float32)
+    for p in range(pairs):
+        for i in range(3):
+            sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
+    _squares(sides, shape, square)
+    q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
+    cells = np.float32(shift * sign / step)
+    longer, cell, rest = np.empty(pairs, np.float32), np.empty(pairs, np.int32), np.empty(pairs, np.float32)
+    cos, sin, total = np.empty(pairs, np.float32), np.empty(pairs, np.float32), np.empty((3, gates), np.float32)
+    for u in sign * directions:
+        direction = (u * along + np.sqrt(1.0 - u * u) * ahead).astype(np.float32)
+        _lengthen(sides, square, direction, q, shape, longer)
+        _look_up(longer, cells, np.float32(size // 2), np.float32(size - 2), turns, cell, rest, cos, sin)
+        total[:] = 0.0
+        if gates == 1:
+            _add_up_one(windows, cell, rest, cos, sin, total)
+        else:
+            _add_up(windows, cell, rest, cos, sin, total)
+        for g in range(gates):
+            if total[2, g] > 0.0:
+                out[g] = max(out[g], (total[0, g] ** 2 + total[1, g] ** 2) / (pairs * total[2, g]))

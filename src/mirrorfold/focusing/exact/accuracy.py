@@ -1,0 +1,65 @@
+"""The error of an image, measured on random pixels against the float64 direct sum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.focusing.exact.direct_sum import direct_sum
+from mirrorfold.focusing.exact.exact_sum import focus_exact
+from mirrorfold.focusing.problem import Problem
+
+TEST_PIXELS = 60
+"""Pixels on which an image is compared with the direct sum."""
+
+
+def measured_error(
+    problem: Problem, image: NDArray[np.complex64], s: NDArray[np.complex64], seed: int = 0, pixels: int = TEST_PIXELS
+) -> float:
+    """Relative L2 error of an image, estimated on random pixels against the float64 direct sum.
+
+    A third of the pixels is drawn evenly, a third with probability proportional to their power, and a third to the
+    inverse square of their range: an image goes wrong first where it is bright and where it is near. The estimate
+    weighs each by the inverse of its chance, so that it is unbiased for the whole image.
+    """
+    values = image.ravel()
+    power = np.abs(values).astype(np.float64) ** 2
+    total = float(power.sum())
+    if total == 0.0:
+        return float("inf")
+    radar = 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
+    dx, dy, dz = (axis - radar[n] for n, axis in enumerate((problem.x, problem.y, problem.z)))
+    length = max(float(np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max()), 1.0 / float(problem.k.max()))
+    near = dz[:, None, None] ** 2 + dy[None, :, None] ** 2 + dx[None, None, :] ** 2 + length**2
+    near = 1.0 / near.ravel()
+    near_total = float(near.sum())
+    rng = np.random.default_rng(seed)
+    each = (pixels + 2) // 3
+
+    def draw(weight: NDArray[np.float64], whole: float) -> NDArray[np.int64]:
+        return np.searchsorted(np.cumsum(weight), rng.random(each) * whole, side="right")
+
+    flat = np.concatenate([rng.integers(0, power.size, each), draw(power, total), draw(near, near_total)])
+    flat = np.minimum(flat, power.size - 1)
+    chance = (1.0 / power.size + power[flat] / total + near[flat] / near_total) / 3.0
+    error = np.abs(values[flat] - direct_sum(problem, s, problem.points(flat))) ** 2
+    return float(np.sqrt(np.mean(error / chance) / total))
+
+
+def exact_kernel_error(problem: Problem, s: NDArray[np.complex64], tolerance: float, seed: int = 0) -> float:
+    """Relative L2 error of the exact kernel, measured on a few random pixels without making the whole image.
+
+    All pixels are drawn evenly: the kernel's error is as large everywhere.
+    """
+    wanted = np.zeros(problem.shape, dtype=bool)
+    wanted.flat[np.random.default_rng(seed).integers(0, problem.pixels, TEST_PIXELS)] = True
+    found = focus_exact(problem, s, tolerance, where=wanted)[wanted]
+    reference = direct_sum(problem, s, problem.points(np.flatnonzero(wanted)))
+    return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))
+
+
+def white_noise(problem: Problem, seed: int = 0) -> NDArray[np.complex64]:
+    """Complex white noise in the shape of the data, of variance 2: the hardest data to image within a tolerance."""
+    rng = np.random.default_rng(seed)
+    shape = (*problem.data_shape, 2)
+    return rng.standard_normal(shape, dtype=np.float32).view(np.complex64)[..., 0]

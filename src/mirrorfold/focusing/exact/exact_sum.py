@@ -1,0 +1,212 @@
+"""The total focusing method for any geometry: range-compressed pairs, summed pixel by pixel.
+
+With the range profiles ``Q_ik`` of all pairs tabulated (see `range_tables`), the sum over pairs has one phase per
+antenna and pixel::
+
+    I(p) = sum_i w_i E_i(p) sum_k v_k E_k(p) Q_ik(R_i + R_k),    E(p) = exp(+j k_c R(p)).
+
+The weights w and v are multiplied to the data. Pixels are summed in tiles, and path lengths counted from the centre of
+their tile, so that single precision holds them.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Progress
+from mirrorfold.focusing.exact.kernels import sum_transmitters, tile_tables
+from mirrorfold.focusing.exact.range_tables import TERMS, lay_out, spectral_weights, table_cells, unfold_spectrum
+from mirrorfold.focusing.problem import Problem
+
+Tables = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
+"""Of the antennas on one tile: reference path [cells], path less that, real and imaginary part of the phase factor."""
+
+TILE_PIXELS = 512
+"""Pixels of a tile: the tables of all antennas on one tile stay in the second-level cache."""
+
+TABLE_BYTES = 128 * 2**20
+"""Memory for the range-compressed pairs that are held at once."""
+
+MONOSTATIC_BLOCK = 64
+"""Positions of one moving antenna that are range-compressed together."""
+
+
+def _tiles(problem: Problem, widest: float) -> list[tuple[slice, slice, slice]]:
+    """Boxes (z, y, x) of at most TILE_PIXELS pixels whose diagonal stays under `widest` [m] where it can."""
+    axes = (problem.z, problem.y, problem.x)
+    sizes = [1, 1, 1]
+    limit = widest / np.sqrt(3.0)
+    for axis, share in ((2, 32), (1, 16), (0, 1), (1, TILE_PIXELS), (2, TILE_PIXELS), (0, TILE_PIXELS)):
+        n = axes[axis].size
+        pitch = abs(axes[axis][-1] - axes[axis][0]) / max(n - 1, 1)
+        fits = n if pitch == 0.0 else max(1, int(min(limit / pitch, n)))
+        room = TILE_PIXELS // int(np.prod([s for i, s in enumerate(sizes) if i != axis]))
+        sizes[axis] = max(sizes[axis], min(n, share, fits, room))
+    starts = [range(0, a.size, s) for a, s in zip(axes, sizes, strict=True)]
+    return [
+        (slice(iz, iz + sizes[0]), slice(iy, iy + sizes[1]), slice(ix, ix + sizes[2]))
+        for iz in starts[0]
+        for iy in starts[1]
+        for ix in starts[2]
+    ]
+
+
+def _pair_data(problem: Problem, s: NDArray[np.complex64], i: int, folded: bool) -> NDArray[np.complex64]:
+    """Weighted data (frequencies, receivers) of transmitter i; folded, with that of the swapped pairs k > i added."""
+    tx, rx = problem.tx_weight, problem.rx_weight
+    if not folded:
+        return np.asarray(s[:, i, :] * (tx[i] * rx)).astype(np.complex64)
+    data = s[:, i, i:] * (tx[i] * rx[i:]) + s[:, i:, i] * (rx[i] * tx[i:])
+    data[:, 0] *= 0.5
+    return np.asarray(data).astype(np.complex64)
+
+
+def focus_exact(
+    problem: Problem,
+    s: NDArray[np.complex64],
+    tolerance: float = 1e-5,
+    progress: Progress | None = None,
+    where: NDArray[np.bool_] | None = None,
+) -> NDArray[np.complex64]:
+    """Image (z, y, x) of one frame by the sum over all pairs and pixels.
+
+    Parameters
+    ----------
+    problem : Problem
+    s : (frequencies, tx, rx) or, monostatic, (frequencies, tx) complex64 array
+    tolerance : float
+        Largest relative root-mean-square error on white data; `FINEST_TOLERANCE` is the finest.
+    progress : callable, optional
+    where : (z, y, x) bool array, optional
+        Pixels that are wanted, all by default; the others stay zero.
+    """
+    if not problem.monostatic and len(problem.tx) > len(problem.rx):
+        # Paths are the same both ways, and the inner loop, over receivers, should be the longer one.
+        problem, s = problem.reversed(), s.swapaxes(1, 2)
+    cells = table_cells(problem.taper, tolerance)
+    weight = spectral_weights(problem.taper, cells)
+    step = float(problem.k[-1] - problem.k[0]) / max(problem.k.size - 1, 1)
+    period = 2.0 * pi / step if step > 0.0 else float("inf")
+    per_metre = cells / period
+    middle = float(problem.k[problem.k.size // 2])
+    # A pixel's path differs from that of its tile's centre by at most the tile's diagonal.
+    tiles = _tiles(problem, 0.25 * period)
+    if where is not None:
+        tiles = [tile for tile in tiles if where[tile].any()]
+    widest = max(_diagonal(problem, tile) for tile in tiles)
+    margin = int(np.ceil(widest * per_metre)) + 4
+    folded = problem.coincident and not problem.monostatic
+    # One moving antenna: every position is a receiver of twice the path, and the transmitter is no distance away.
+    whole_rows = 1 if problem.monostatic else len(problem.tx)
+    columns = [len(problem.rx) - i if folded else len(problem.rx) for i in range(whole_rows)]
+    per_pair = (cells + 2 * margin) * TERMS * 8
+    most = max(1, TABLE_BYTES // per_pair)
+    chunks = _monostatic_chunks(columns[0], most) if problem.monostatic else _chunks(columns, most)
+    total = np.zeros(problem.shape, dtype=np.complex64)
+    done = 0
+
+    def one_more() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, len(chunks) * len(tiles))
+
+    for chunk in chunks:
+        counts = [len(chunk)] if problem.monostatic else [columns[i] for i in chunk]
+        start = np.concatenate([[0], np.cumsum(counts)])
+        table = np.empty((int(start[-1]), cells + 2 * margin, TERMS), dtype=np.complex64)
+
+        def compress(n: int, table: NDArray[np.complex64] = table, chunk: range = chunk, start: Any = start) -> None:
+            if problem.monostatic:
+                part = slice(chunk[n], chunk[min(n + MONOSTATIC_BLOCK, len(chunk)) - 1] + 1)
+                data = (s[:, part] * (problem.tx_weight * problem.rx_weight)[part]).astype(np.complex64)
+                rows = table[n : n + data.shape[1]]
+            else:
+                data = _pair_data(problem, s, chunk[n], folded)
+                rows = table[start[n] : start[n + 1]]
+            spectrum = np.empty((data.shape[1], TERMS, cells), dtype=np.complex64)
+            unfold_spectrum(np.ascontiguousarray(data), weight, spectrum)
+            lay_out(scipy.fft.ifft(spectrum, axis=-1, norm="forward", overwrite_x=True), rows)
+
+        def image_tile(
+            tile: tuple[slice, slice, slice],
+            table: NDArray[np.complex64] = table,
+            chunk: range = chunk,
+            start: Any = start,
+        ) -> None:
+            flat = table.view(np.float32).reshape(len(table), -1)
+            mine = np.ones(total[tile].shape, dtype=bool) if where is None else where[tile]
+            total[tile][mine] += _focus_tile(
+                problem, tile, mine, flat, chunk, start, folded, per_metre, middle, cells, margin
+            )
+
+        for_each(compress, range(0, len(chunk), MONOSTATIC_BLOCK if problem.monostatic else 1))
+        for_each(image_tile, tiles, one_more)
+    return total
+
+
+def _chunks(columns: list[int], most: int) -> list[range]:
+    """Consecutive transmitters whose pairs together stay under `most`, at least one at a time."""
+    chunks, start, held = [], 0, 0
+    for i, count in enumerate(columns):
+        if i > start and held + count > most:
+            chunks.append(range(start, i))
+            start, held = i, 0
+        held += count
+    return [*chunks, range(start, len(columns))]
+
+
+def _monostatic_chunks(positions: int, most: int) -> list[range]:
+    """Consecutive positions, at most `most` at a time."""
+    return [range(a, min(a + most, positions)) for a in range(0, positions, most)]
+
+
+def _diagonal(problem: Problem, tile: tuple[slice, slice, slice]) -> float:
+    """Length [m] of a tile's diagonal."""
+    spans = [np.ptp(axis[part]) for axis, part in zip((problem.z, problem.y, problem.x), tile, strict=True)]
+    return float(np.linalg.norm(spans))
+
+
+def _focus_tile(
+    problem: Problem,
+    tile: tuple[slice, slice, slice],
+    wanted: NDArray[np.bool_],
+    table: NDArray[np.float32],
+    chunk: range,
+    start: NDArray[np.int64],
+    folded: bool,
+    per_metre: float,
+    middle: float,
+    cells: int,
+    margin: int,
+) -> NDArray[np.complex64]:
+    """The sum over the chunk's transmitters and all receivers (or its positions) on a tile's wanted pixels."""
+    z, y, x = problem.z[tile[0]], problem.y[tile[1]], problem.x[tile[2]]
+    centre = 0.5 * np.array([x[0] + x[-1], y[0] + y[-1], z[0] + z[-1]])
+    pixel_z, pixel_y, pixel_x = (axis[wanted] for axis in np.meshgrid(z, y, x, indexing="ij"))
+    count = pixel_x.size
+
+    def tabulate(element: NDArray[np.float64], ways: float) -> Tables:
+        reference = np.linalg.norm(element - centre, axis=1) * (ways * per_metre)
+        delay, re, im = (np.empty((len(element), count), dtype=np.float32) for _ in range(3))
+        tile_tables(pixel_x, pixel_y, pixel_z, element, ways * per_metre, ways * middle, reference, delay, re, im)
+        return reference, delay, re, im
+
+    if problem.monostatic:
+        receiver = tabulate(problem.rx[chunk.start : chunk.stop], 2.0)
+        nothing = np.zeros((1, count), dtype=np.float32)
+        transmitter: Tables = (np.zeros(1), nothing, nothing + np.float32(1.0), nothing)
+        index = np.zeros(1, dtype=np.int64)
+    else:
+        receiver = tabulate(problem.rx, 1.0)
+        transmitter = receiver if folded else tabulate(problem.tx, 1.0)
+        index = np.arange(chunk.start, chunk.stop)
+    out = np.zeros(count, dtype=np.complex64)
+    sum_transmitters(table, start, index, folded, cells, margin, *transmitter, *receiver, out)
+    return out

@@ -1,0 +1,389 @@
+"""The fast path of any array, factorised back-projection: the image by a few antennas is smooth, and needs few pixels.
+
+The image by a block of antennas, less the phase of the path to the block's centre, is band-limited: the block's
+antennas see a pixel from nearly the same side. Its samples are summed exactly by few pairs on few pixels, interpolated
+to the denser samples of a block twice as large, and added there, until the whole array's image is interpolated to the
+pixels (factorised back-projection: Ulander, Hellsten and Stenstrom 2003; Boag, Bresler and Michielssen 2000).
+Bands are bounded by geometry, so that arrays may be irregular, planar or anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise, permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.phasor import turn
+from mirrorfold.common.threads import for_each, one_thread
+from mirrorfold.common.types import Array, Index, Progress
+from mirrorfold.focusing.exact.exact_sum import focus_exact
+from mirrorfold.focusing.fast.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.predicting.cost import CALL, Cost, exact_cells, exact_cost, exact_seconds
+from mirrorfold.focusing.predicting.machine import machine
+from mirrorfold.focusing.problem import Problem, UnsuitedError
+
+Planar = NDArray[np.float32]
+"""Real and imaginary parts, (2, z, y, x)."""
+
+HOPE = 1.2
+"""A division that takes more than so many times as long as the block itself is not carried on."""
+
+FINEST_PART = 1e-3
+"""Blocks are not divided below this share of the exact sum: what that could gain is less than finding it out takes."""
+
+CALLS_TO_DIVIDE = 2.0
+"""Blocks that take less time than as many calls are not divided."""
+
+SLAB_RATIO = 2.0
+"""Farthest over nearest distance of the pixels that are imaged together: bands are those of the nearest."""
+
+SPREAD_ANGLES = 5
+"""Pixels along each axis of a slab at which bands are bounded, besides those nearest to the antennas."""
+
+BAND_MARGIN = 1.1
+"""Bands are as much wider as they are at those pixels: between them they may be wider still."""
+
+FACTORING = 15.0
+"""Time of a multiplication in a factorisation over that in a matrix product."""
+
+SCATTERED = 1.5
+"""Time of the exact sum on scattered samples over that on pixels side by side, which find their tables in the cache."""
+
+SHARE_EXACT = 0.5
+SHARE_AXIS = 0.5
+"""Shares of the tolerance: for the exact sums, and for one interpolation along one axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some antennas, and the samples (z, y, x) on which their image is made.
+
+    Attributes
+    ----------
+    tx, rx : int arrays
+        Which antennas; of one moving antenna both are its positions.
+    centre : (2, 3) array [m]
+        Of the transmitters and of the receivers; the path to them is taken off the image's phase.
+    axes : tuple of Axis
+        Of the pixels, along z, y and x.
+    steps : tuple of int
+        Of the interpolators along them.
+    parts : tuple of Block
+        Whose images make up this one; none where the sum is exact.
+    cost : float [s]
+        Of all cores together, predicted.
+    """
+
+    tx: Index
+    rx: Index
+    centre: Array
+    axes: tuple[Axis, ...]
+    steps: tuple[int, ...]
+    parts: tuple[Block, ...]
+    cost: float
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples along z, y and x, as they are predicted."""
+        return [axis.count(step) for axis, step in zip(self.axes, self.steps, strict=True)]
+
+    @property
+    def size(self) -> int:
+        """Number of samples, as it is predicted."""
+        return int(np.prod(self.counts))
+
+    @property
+    def samples(self) -> tuple[Interpolator, ...]:
+        """Interpolators along z, y and x, made when first asked for."""
+        return tuple(axis.interpolator(step) for axis, step in zip(self.axes, self.steps, strict=True))
+
+    @property
+    def index(self) -> tuple[Index, Index, Index]:
+        """Sampled pixels along z, y and x."""
+        z, y, x = self.samples
+        return z.index, y.index, x.index
+
+    def walk(self) -> Iterator[Block]:
+        """Yield this block and all below it."""
+        yield self
+        for part in self.parts:
+            yield from part.walk()
+
+
+class Slab:
+    """Pixels at similar distances, with the division of the array that images them, laid out in milliseconds.
+
+    Attributes
+    ----------
+    whole : Block
+    cost : Cost
+    """
+
+    def __init__(self, problem: Problem, tolerance: float) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self._speed = machine()
+        self._cells = exact_cells(problem.taper, SHARE_EXACT * tolerance)
+        self._coincident = problem.coincident
+        self._least = FINEST_PART * exact_cost(problem, problem.pixels, SHARE_EXACT * tolerance).frame
+        self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
+        near = np.stack([_middle(problem.tx), _middle(problem.rx)])
+        few = [
+            np.unique([*np.linspace(a[0], a[-1], SPREAD_ANGLES), *np.clip(near[:, n], a.min(), a.max())])
+            for n, a in enumerate((problem.x, problem.y, problem.z))
+        ]
+        self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
+        self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
+        turned = 0.5 * problem.pixels * self._speed.turn  # by paths over two centres; merging takes four
+        last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
+        used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
+        work = sum(self.axes[n].work(step) for n, step in used)
+        memory = sum(4.0 * self.axes[n].count(step) * self.axes[n].position.size for n, step in used)
+        building = FACTORING * work * self._speed.multiply + len(used) * CALL
+        self.cost = Cost(building, self.whole.cost + last, memory + 16 * problem.pixels)
+
+    def prepare(self) -> None:
+        """Make all interpolators."""
+        for block in self.whole.walk():
+            block.samples  # noqa: B018
+
+    def _undivided(self, tx: Index, rx: Index) -> Block:
+        """Some antennas, all pairs at once."""
+        problem = self.problem
+        centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
+        band = self._band(problem.tx[tx], problem.rx[rx], centre)
+        steps = tuple(axis.step(b) for axis, b in zip(self.axes, band[::-1], strict=True))
+        block = Block(tx, rx, centre, self.axes, steps, (), 0.0)
+        same = not problem.monostatic and self._coincident and np.array_equal(tx, rx)
+        antennas = tx.size if problem.monostatic or same else tx.size + rx.size
+        pairs = tx.size if problem.monostatic else tx.size * rx.size * (0.5 if same else 1.0)
+        return replace(block, cost=SCATTERED * exact_seconds(self._cells, pairs, antennas, block.size))
+
+    def _divided(self, block: Block) -> Block:
+        """The cheapest way to image with a block's antennas: all pairs at once, or in two parts."""
+        single = block.tx.size * (1 if self.problem.monostatic else block.rx.size) == 1
+        if single or block.cost < max(CALLS_TO_DIVIDE * CALL, self._least):
+            return block
+        parts = tuple(self._undivided(*part) for part in _halves(self.problem, block.tx, block.rx))
+        merge = block.size * self._speed.turn + CALL
+        both = sum(merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
+        if both + sum(part.cost for part in parts) > HOPE * block.cost:
+            return block
+        parts = tuple(self._divided(part) for part in parts)
+        cost = both + sum(part.cost for part in parts)
+        return replace(block, parts=parts, cost=cost) if cost < block.cost else block
+
+    def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
+        """Largest spatial frequency [rad/m] along (x, y, z) of the image by some antennas, less the centre's phase."""
+        k, middle = self.problem.k, self.problem.k[self.problem.k.size // 2]
+        central = middle * sum(_towards(c[None], self._pixels)[0] for c in centre)
+        if self.problem.monostatic:
+            sight = 2.0 * _towards(_outermost(tx), self._pixels)
+            low, high = sight.min(axis=0), sight.max(axis=0)
+        else:
+            sides = [_towards(_outermost(a), self._pixels) for a in (tx, rx)]
+            low = sum(side.min(axis=0) for side in sides)
+            high = sum(side.max(axis=0) for side in sides)
+        ends = [np.abs(wavenumber * side - central) for wavenumber in (k[0], k[-1]) for side in (low, high)]
+        return np.asarray(BAND_MARGIN * np.max(ends, axis=(0, 1)))
+
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64]) -> None:
+        """Write the image (z, y, x) of one frame."""
+        everything = tuple(np.arange(n) for n in self.problem.shape)
+        planar = _interpolated(self._image(self.whole, s), self.whole, everything)
+        total = self._turned(planar, everything, self.whole.centre, None)
+        image.real, image.imag = total
+
+    def _image(self, block: Block, s: NDArray[np.complex64]) -> Planar:
+        """The block's image on its samples, less the phase of the path to its centre."""
+        problem = self.problem
+        if not block.parts:
+            z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
+            alone = _of(problem, block.tx, block.rx).on(x, y, z)
+            exact = focus_exact(alone, _data(problem, s, block), SHARE_EXACT * self.tolerance)
+            return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
+        total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
+        for part in block.parts:
+            planar = _interpolated(self._image(part, s), part, block.index)
+            self._turned(planar, block.index, part.centre, block.centre, total)
+        return total
+
+    def _turned(
+        self,
+        planar: Planar,
+        index: tuple[Index, ...],
+        plus: Array | None,
+        minus: Array | None,
+        total: Planar | None = None,
+    ) -> Planar:
+        """The image times ``exp(j k_c (path over plus - path over minus))``, added to `total` if there is one."""
+        problem = self.problem
+        z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), index, strict=True))
+        centres = np.concatenate([c for c in (plus, minus) if c is not None])
+        sign = np.concatenate([np.full(2, f) for c, f in ((plus, 1.0), (minus, -1.0)) if c is not None])
+        turns = sign * float(problem.k[problem.k.size // 2]) / (2.0 * np.pi)
+        pixel_y, pixel_x = (axis.ravel() for axis in np.meshgrid(y, x, indexing="ij"))
+        result = np.zeros(planar.shape, dtype=np.float32) if total is None else total
+        flat, out = planar.reshape(2, z.size, -1), result.reshape(2, z.size, -1)
+
+        def plane(n: int) -> None:
+            turn(flat[0, n], flat[1, n], pixel_x, pixel_y, float(z[n]), centres, turns, out[0, n], out[1, n])
+
+        for_each(plane, range(z.size))
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """A problem's slabs, each with its rows of pixels, and what they will cost."""
+
+    slabs: tuple[Slab, ...]
+    rows: tuple[slice, ...]
+    cost: Cost
+
+
+class FactorizedPlan:
+    """Factorised back-projection of any array on a regular grid.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    layout : Division, optional
+        Of this problem, where it has been made.
+    """
+
+    algorithm = "factorized"
+
+    def __init__(self, problem: Problem, tolerance: float, layout: Division | None = None) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        layout = layout or self.lay_out(problem, tolerance)
+        self.slabs, self._rows = layout.slabs, layout.rows
+        with one_thread():
+            for slab in self.slabs:
+                slab.prepare()
+
+    @staticmethod
+    def lay_out(problem: Problem, tolerance: float) -> Division:
+        """Divide array and pixels.
+
+        Raises
+        ------
+        UnsuitedError
+            If nothing is gained by dividing the array.
+        """
+        rows = tuple(_slabs(problem))
+        slabs = tuple(Slab(problem.on(problem.x, problem.y[part], problem.z), tolerance) for part in rows)
+        if not any(slab.whole.parts for slab in slabs):
+            raise UnsuitedError("no block of the array sees the pixels from one side")
+        return Division(slabs, rows, sum((slab.cost for slab in slabs), Cost()))
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tables [bytes]."""
+        return sum(made.matrix.nbytes for slab in self.slabs for axis in slab.axes for made in axis.interpolators())
+
+    def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
+        """Image (z, y, x) of one frame."""
+        image = np.zeros(self.problem.shape, dtype=np.complex64)
+        for n, (rows, slab) in enumerate(zip(self._rows, self.slabs, strict=True)):
+            slab(s, image[:, rows])
+            if progress is not None:
+                progress(n + 1, len(self.slabs))
+        return image
+
+
+def _slabs(problem: Problem) -> list[slice]:
+    """Rows of pixels, divided where their distance from the antennas has grown by SLAB_RATIO."""
+    antennas = np.concatenate([problem.tx, problem.rx])
+    low, high = antennas.min(axis=0), antennas.max(axis=0)
+    aside = [max(low[i] - axis.max(), axis.min() - high[i], 0.0) for i, axis in ((0, problem.x), (2, problem.z))]
+    ahead = np.maximum(np.maximum(low[1] - problem.y, problem.y - high[1]), 0.0)
+    distance = np.sqrt(ahead**2 + aside[0] ** 2 + aside[1] ** 2)
+    octave = np.floor(
+        np.log(np.maximum(distance / max(distance.min(), 1e-3 * distance.max()), 1.0)) / np.log(SLAB_RATIO)
+    )
+    cuts = [0, *(np.flatnonzero(np.diff(octave)) + 1), problem.y.size]
+    return [slice(a, b) for a, b in pairwise(cuts)]
+
+
+def _middle(antennas: Array) -> Array:
+    return np.asarray(0.5 * (antennas.min(axis=0) + antennas.max(axis=0)))
+
+
+def _outermost(antennas: Array) -> Array:
+    """The antennas that reach farthest in each of 26 directions."""
+    if len(antennas) <= 26:
+        return antennas
+    directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
+    return antennas[np.unique(np.argmax(antennas @ directions.T, axis=0))]
+
+
+def _towards(antennas: Array, pixels: Array) -> Array:
+    """Unit vectors from antennas (n, 3) to pixels (m, 3), (n, m, 3)."""
+    offset = pixels[None] - antennas[:, None]
+    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-12))
+
+
+def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]:
+    """The antennas in two parts, divided across the larger extent of the transmitters or the receivers."""
+    extent = [np.ptp(problem.tx[tx], axis=0), np.ptp(problem.rx[rx], axis=0)]
+    of_rx = not problem.monostatic and (rx.size > 1) and (tx.size == 1 or extent[1].max() > extent[0].max())
+    which, position = (rx, problem.rx) if of_rx else (tx, problem.tx)
+    order = which[np.argsort(position[which, int(np.argmax(extent[int(of_rx)]))], kind="stable")]
+    halves = [np.sort(order[: order.size // 2]), np.sort(order[order.size // 2 :])]
+    if problem.monostatic:
+        return [(half, half) for half in halves]
+    return [(tx, half) if of_rx else (half, rx) for half in halves]
+
+
+def _of(problem: Problem, tx: Index, rx: Index) -> Problem:
+    """The focusing problem of some antennas."""
+    return replace(
+        problem,
+        tx=problem.tx[tx],
+        rx=problem.rx[rx],
+        tx_weight=problem.tx_weight[tx],
+        rx_weight=problem.rx_weight[rx],
+    )
+
+
+def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[np.complex64]:
+    """The samples of a block's pairs."""
+    return s[:, block.tx] if problem.monostatic else s[:, block.tx[:, None], block.rx[None, :]]
+
+
+def _work(few, many) -> float:  # type: ignore[no-untyped-def]
+    """Multiplications to interpolate from few to many samples along (z, y, x), in the best order."""
+    return min(sum(work for work, _ in _orders(few, many, order)) for order in permutations(range(3)))
+
+
+def _orders(few, many, order) -> Iterator[tuple[float, int]]:  # type: ignore[no-untyped-def]
+    """Multiplications of each step, and its axis."""
+    sizes = [int(n) for n in few]
+    for axis in order:
+        work = 2.0 * np.prod(sizes) * many[axis] if few[axis] != many[axis] else 0.0
+        sizes[axis] = int(many[axis])
+        yield float(work), axis
+
+
+def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Planar:
+    """A block's image on other pixels, by three matrix products in the order of least work."""
+    few, many = [i.size for i in block.index], [i.size for i in index]
+    best = min(permutations(range(3)), key=lambda order: sum(work for work, _ in _orders(few, many, order)))
+    for axis in best:
+        matrix = block.samples[axis].onto(index[axis])
+        if matrix is None:
+            continue
+        if axis == 2:
+            planar = planar @ matrix
+        elif axis == 1:
+            planar = matrix.T @ planar
+        else:
+            flat = matrix.T @ planar.reshape(*planar.shape[:2], -1)
+            planar = flat.reshape(2, flat.shape[1], *planar.shape[2:])
+    return planar

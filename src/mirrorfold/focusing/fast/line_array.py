@@ -1,0 +1,300 @@
+"""The fast path of line arrays on a whole image: sectors of range, and nearer pixels by the exact kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirrorfold.common.memory import available_memory
+from mirrorfold.common.threads import one_thread
+from mirrorfold.common.types import Index, Progress
+from mirrorfold.focusing.echoes.range_gate import gated, gated_frequencies
+from mirrorfold.focusing.exact.exact_sum import focus_exact
+from mirrorfold.focusing.lines.lattice import Lattice, build_lattice
+from mirrorfold.focusing.lines.nodes import Sector, count_nodes
+from mirrorfold.focusing.lines.sector import LineArraySector
+from mirrorfold.focusing.lines.sector_design import SHARES, SectorDesign
+from mirrorfold.focusing.predicting.cost import Cost, exact_cost, sector_cost
+from mirrorfold.focusing.problem import Problem, UnsuitedError
+
+SECTOR_EDGES = (1.5, 3.0, 6.0)
+"""Ranges, in lengths of the array, at which a new sector begins; nearer than the first the exact kernel is used."""
+
+FILTER_SHARE = 0.25
+"""Share of the tolerance for the filter that prepares the data for near pixels."""
+
+FEW = 8
+"""Up to as many antennas, on the side that has fewer, may be imaged one by one: they may stand anywhere."""
+
+LAYOUT_PIXELS = 80
+"""Along each axis, as many pixels stand for all while a plan is laid out."""
+
+
+BYTES_A_PAIR = 200
+MEMORY_SHARE = 0.5
+"""Memory that sorting a pair takes, and how much of what is free all of them may."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some of the antennas, with the sectors that are worth their tables.
+
+    Attributes
+    ----------
+    problem : Problem
+        Of these antennas alone.
+    tx, rx : int arrays
+        Which they are.
+    lattice : Lattice
+    fast : tuple of int
+        Sectors, by the number of the edge at which they begin.
+    """
+
+    problem: Problem
+    tx: Index
+    rx: Index
+    lattice: Lattice
+    fast: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """How a problem is divided, and what that will cost."""
+
+    parts: tuple[Part, ...]
+    cost: Cost
+
+
+Rival = Callable[[Problem, float, float, int | None], Cost]
+"""What some of the pixels cost by the other way: of problem, number of pixels, tolerance, frequencies if gated."""
+
+
+def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, frames: int = 1) -> Layout:
+    """The cheapest division of a problem into antennas and sectors, in some hundredths of a second.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    rival : callable, optional
+        The cost of what images the pixels that are left over; sectors that cost more are left to it. By default the
+        exact kernel's.
+    frames : int, default 1
+        Images over which a sector has to pay.
+
+    Raises
+    ------
+    UnsuitedError
+        If no sector is faster than the exact kernel.
+    """
+    rival = rival or exact_cost
+    if problem.pairs * BYTES_A_PAIR > MEMORY_SHARE * available_memory():
+        raise UnsuitedError("the tables of so many pairs do not fit into memory")
+    every = np.arange(len(problem.tx)), np.arange(len(problem.rx))
+    divisions = [[every]]
+    if not problem.monostatic and 2 <= min(map(len, every)) <= FEW:
+        tx, rx = every
+        divisions.append([(tx[[i]], rx) for i in tx] if len(tx) <= len(rx) else [(tx, rx[[k]]) for k in rx])
+    found, reason = [], ""
+    for division in divisions:
+        try:
+            parts, costs = zip(*(_part(problem, tx, rx, tolerance, rival, frames) for tx, rx in division), strict=True)
+            found.append(Layout(parts, sum(costs, Cost())))
+        except UnsuitedError as error:
+            reason = str(error)
+    if not found:
+        raise UnsuitedError(reason)
+    return min(found, key=lambda layout: layout.cost.processor_seconds(frames))
+
+
+def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival, frames: int) -> tuple[Part, Cost]:
+    """Some antennas on the sectors that pay."""
+    if max(tx.size, rx.size) < 3:
+        raise UnsuitedError("two antennas make no line")
+    if not problem.monostatic:
+        problem = replace(
+            problem,
+            tx=problem.tx[tx],
+            rx=problem.rx[rx],
+            tx_weight=problem.tx_weight[tx],
+            rx_weight=problem.rx_weight[rx],
+        )
+    lattice = build_lattice(problem)
+    axes = [axis[_few(axis.size)] for axis in (problem.x, problem.y, problem.z)]
+    coarse = problem.on(*axes)
+    edges = _edges(problem, lattice)
+    label, spans = _sectors(coarse, lattice, edges)
+    pixels = np.bincount(label.ravel(), minlength=len(edges)) * (problem.pixels / coarse.pixels)
+    fast: list[int] = []
+    total, near, reason = Cost(), float(pixels[0]), "all pixels are too near"
+    for n in range(1, len(edges) - 1):
+        if not pixels[n]:
+            continue
+        try:
+            design = SectorDesign(problem, lattice, spans[n], tolerance)
+            nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
+            cost = sector_cost(problem, lattice, design, nodes, pixels[n])
+            other = rival(problem, pixels[n], tolerance, None)
+            if cost.processor_seconds(frames) > other.processor_seconds(frames):
+                raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
+            total, fast = total + cost, [*fast, n]
+        except UnsuitedError as error:
+            near, reason = near + pixels[n], str(error)
+    if not fast:
+        raise UnsuitedError(reason)
+    if near:
+        label[~np.isin(label, fast)] = 0
+        z, y, x = _box(label.reshape(coarse.shape) == 0) or (slice(None),) * 3
+        box = coarse.on(coarse.x[x], coarse.y[y], coarse.z[z])
+        total = total + rival(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
+    return Part(problem, tx, rx, lattice, tuple(fast)), total
+
+
+class LineArrayPlan:
+    """The fast path of a line array on a whole image, through one polar grid for each sector of range.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+    layout : Layout, optional
+        Of this problem, where it has been made.
+
+    Raises
+    ------
+    UnsuitedError
+        If the antennas do not stand on a line, or no sector has few enough nodes.
+    """
+
+    algorithm = "polar"
+
+    def __init__(self, problem: Problem, tolerance: float, layout: Layout | None = None) -> None:
+        self.problem, self.tolerance = problem, tolerance
+        with one_thread():
+            self.parts = [_PartPlan(part, tolerance) for part in (layout or self.lay_out(problem, tolerance)).parts]
+
+    lay_out = staticmethod(lay_out)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tables [bytes]."""
+        return sum(sector.nbytes for sector in self.sectors)
+
+    @property
+    def sectors(self) -> list[LineArraySector]:
+        """Of all parts."""
+        return [sector for part in self.parts for sector in part.sectors]
+
+    @property
+    def predicted_error(self) -> float:
+        """Relative root-mean-square error on white data, of the worst sector."""
+        return max(sector.predicted_error for sector in self.sectors)
+
+    def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
+        """Image (z, y, x) of one frame."""
+        image = np.zeros(self.problem.shape, dtype=np.complex64)
+        steps, done = len(self.sectors) + len(self.parts), 0
+
+        def tick() -> None:
+            nonlocal done
+            done += 1
+            if progress is not None:
+                progress(done, steps)
+
+        for part in self.parts:
+            part(s, image, tick)
+        return image
+
+
+class _PartPlan:
+    """The fast path of some of the antennas."""
+
+    def __init__(self, part: Part, tolerance: float) -> None:
+        problem, lattice = part.problem, part.lattice
+        self.part, self.tolerance = part, tolerance
+        label, spans = _sectors(problem, lattice, _edges(problem, lattice))
+        label[~np.isin(label, part.fast)] = 0
+        self.sectors: list[LineArraySector] = []
+        for n in part.fast:
+            runs = _runs(label, n)
+            if not len(runs):
+                continue
+            try:
+                design = SectorDesign(problem, lattice, spans[n], tolerance)
+                self.sectors.append(LineArraySector(problem, lattice, design, runs, tolerance))
+            except UnsuitedError:
+                label[label == n] = 0
+        if not self.sectors:
+            raise UnsuitedError("no sector has few enough nodes")
+        near = label.reshape(problem.shape) == 0
+        self.box = _box(near)
+        self.near = None if self.box is None else near[self.box]
+
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick) -> None:  # type: ignore[no-untyped-def]
+        """Add to the image (z, y, x)."""
+        part, problem = self.part, self.part.problem
+        if problem.data_shape != s.shape:
+            s = np.ascontiguousarray(s[:, part.tx[:, None], part.rx[None, :]])
+        for sector in self.sectors:
+            sector(s, image.reshape(-1, problem.x.size))
+            tick()
+        if self.box is not None:
+            z, y, x = self.box
+            box, near = gated(problem.on(problem.x[x], problem.y[y], problem.z[z]), s, FILTER_SHARE * self.tolerance)
+            image[self.box] += focus_exact(box, near, self.tolerance, where=self.near)
+        tick()
+
+
+def _few(count: int) -> Index:
+    """Evenly chosen indices that stand for all, both ends among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, LAYOUT_PIXELS)).round().astype(np.intp))
+
+
+def _edges(problem: Problem, lattice: Lattice) -> list[float]:
+    """Ranges [m] at which sectors begin, that of the near pixels included, and the end of the last."""
+    length = lattice.length(problem)
+    return [0.0, *(length * edge for edge in SECTOR_EDGES), float("inf")]
+
+
+def _sectors(problem: Problem, lattice: Lattice, edges: list[float]) -> tuple[NDArray[np.int8], list[Sector]]:
+    """Sector of every pixel, (rows, x), and the extent of each."""
+    rows = problem.z.size * problem.y.size
+    label = np.empty((rows, problem.x.size), dtype=np.int8)
+    spans = [Sector(np.inf, 0.0, np.inf, -np.inf) for _ in edges]
+    for row in range(rows):
+        r, w = lattice.polar(problem.x, problem.y[row % problem.y.size], problem.z[row // problem.y.size])
+        first, last = np.searchsorted(edges, (r.min(), r.max()), side="right") - 1
+        label[row] = last
+        for n in range(last - 1, first - 1, -1):
+            label[row, r < edges[n + 1]] = n
+        for n in (last,) if first == last else np.unique(label[row]):
+            mine = slice(None) if first == last else label[row] == n
+            a, b, c, d = spans[n]
+            r_mine, w_mine = r[mine], w[mine]
+            spans[n] = Sector(min(a, r_mine.min()), max(b, r_mine.max()), min(c, w_mine.min()), max(d, w_mine.max()))
+    return label, spans
+
+
+def _runs(label: NDArray[np.int8], n: int) -> NDArray[np.int64]:
+    """Runs (row, start, stop) of pixels with label n."""
+    mine = np.zeros((label.shape[0], label.shape[1] + 2), dtype=np.int8)
+    mine[:, 1:-1] = label == n
+    change = np.diff(mine, axis=1)
+    row, start = np.nonzero(change == 1)
+    _, stop = np.nonzero(change == -1)
+    return np.stack([row, start, stop], axis=1).astype(np.int64)
+
+
+def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
+    """The smallest box (z, y, x) that holds all true pixels."""
+    if not mask.any():
+        return None
+    ends = [np.flatnonzero(mask.any(axis=tuple(a for a in range(3) if a != axis))) for axis in range(3)]
+    return (
+        slice(int(ends[0][0]), int(ends[0][-1]) + 1),
+        slice(int(ends[1][0]), int(ends[1][-1]) + 1),
+        slice(int(ends[2][0]), int(ends[2][-1]) + 1),
+    )

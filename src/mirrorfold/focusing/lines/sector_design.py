@@ -1,0 +1,117 @@
+"""How finely one sector of a line array's image must be sampled, and by which kernels it is interpolated.
+
+A design is made in milliseconds, before any table: it tells what the tables will cost (see `sector_cost`).
+"""
+
+from __future__ import annotations
+
+from math import ceil, floor, pi
+
+import numpy as np
+import scipy.fft
+
+from mirrorfold.common.types import Array
+from mirrorfold.focusing.lines.interpolation import taper_kernel, triangular_kernel
+from mirrorfold.focusing.lines.lattice import Lattice
+from mirrorfold.focusing.lines.nodes import Sector, spreads
+from mirrorfold.focusing.problem import Problem
+
+STRETCH_OVERSAMPLING = 2.0
+"""Of the first Fourier transform, from lattice points to directions at each wavenumber."""
+
+POLAR_OVERSAMPLING = 2.0
+"""Of the polar grid, both ways: the spectrum of a sector is a little wider than that of its nodes."""
+
+NEAREST_GUARD = 0.25
+"""The polar grid's guard reaches nearer than the nearest pixel by no more than this share of its range."""
+
+DIRECTION_GUARD = 0.05
+"""The polar grid's guard in direction, roughly."""
+
+SHARES = {"nodes": 0.5, "stretch": 0.2, "range": 0.4, "direction": 0.4}
+"""How the tolerance is shared out; errors of different sources add as squares."""
+
+
+class SectorDesign:
+    """Kernels and polar grid of a sector.
+
+    Attributes
+    ----------
+    curvature : float [m^2]
+        Taken off the path as ``curvature (1 - u^2) / r``.
+    stretch_kernel, direction_kernel, range_kernel : Kernel
+    cells, range_cells : int
+        Lengths of the Fourier transforms.
+    per_range, per_direction : float
+        Grid points per metre and per unit of w.
+    row_first, line_first : int
+    shape : (int, int)
+        Lines of equal direction, and rows of equal range.
+    sector : Sector
+        What the polar grid covers, its guard included.
+    slopes : pair of float
+        Of E less its curvature, along r [m/m] and w [m], from `spreads`.
+    """
+
+    def __init__(self, problem: Problem, lattice: Lattice, sector: Sector, tolerance: float) -> None:
+        k = problem.k
+        # How finely the polar grid must be sampled: the lattice and the band, and what the rest of the path adds.
+        self.curvature = lattice.curvature(problem)
+        # The kernels' taps reach beyond the sector: the slopes there count too.
+        near = (1.0 - NEAREST_GUARD) * sector.near
+        reach = Sector(near, sector.far, sector.w_low - DIRECTION_GUARD, sector.w_high + DIRECTION_GUARD)
+        self.slopes = slope_r, slope_w = spreads(problem, lattice, reach, self.curvature)
+        width_w = 2.0 * float(k[-1]) * lattice.half_length + float(k[-1]) * slope_w
+        width_r = float(k[-1] - k[0]) + float(k[-1]) * slope_r
+        self.stretch_kernel = _pick(
+            lambda width: triangular_kernel(width, STRETCH_OVERSAMPLING, True), SHARES["stretch"] * tolerance
+        )
+        self.direction_kernel = _pick(
+            lambda width: triangular_kernel(width, POLAR_OVERSAMPLING, False), SHARES["direction"] * tolerance
+        )
+        self.range_kernel = _pick(
+            lambda width: taper_kernel(width, POLAR_OVERSAMPLING, problem.taper), SHARES["range"] * tolerance
+        )
+        # Rows of the period in range, the ambiguous range; a single frequency has none but the sector's end.
+        step = float(k[-1] - k[0]) / (k.size - 1) if k.size > 1 else pi / (2.0 * sector.far)
+        guard_w, guard_r = self.direction_kernel.width // 2 + 1, self.range_kernel.width // 2 + 1
+        self.per_direction = max(POLAR_OVERSAMPLING * width_w / pi, guard_w / (4.0 * DIRECTION_GUARD))
+        # Guard rows must not reach nearer than the slopes allow for.
+        finest = pi / step * guard_r / (NEAREST_GUARD * sector.near)
+        self.range_cells = scipy.fft.next_fast_len(ceil(max(POLAR_OVERSAMPLING * width_r / step, finest, k.size)))
+        self.per_range = self.range_cells * step / pi
+        self.line_first = floor(sector.w_low * self.per_direction) - guard_w
+        lines = ceil(sector.w_high * self.per_direction) + guard_w + 1 - self.line_first
+        self.row_first = floor(sector.near * self.per_range) - guard_r
+        rows = ceil(sector.far * self.per_range) + guard_r + 1 - self.row_first
+        self.shape = (lines, rows)
+        at_w, at_r = self.directions, np.maximum(self.ranges, 0.5 * sector.near)
+        self.sector = Sector(float(at_r[0]), float(at_r[-1]), float(at_w[0]), float(at_w[-1]))
+        # Lattice to directions: position in the Fourier grid is k h u / pi * cells.
+        reach_s = max(-lattice.lowest, lattice.lowest + lattice.points - 1, 1)
+        self.cells = scipy.fft.next_fast_len(ceil(STRETCH_OVERSAMPLING * (2 * reach_s + 1)))
+
+    @property
+    def directions(self) -> Array:
+        """Of the lines of the polar grid."""
+        return (self.line_first + np.arange(self.shape[0])) / self.per_direction
+
+    @property
+    def ranges(self) -> Array:
+        """Of the rows of the polar grid [m]."""
+        return (self.row_first + np.arange(self.shape[1])) / self.per_range
+
+    @property
+    def interpolation_error(self) -> float:
+        """Relative error of all three interpolations together."""
+        kernels = (self.stretch_kernel, self.direction_kernel, self.range_kernel)
+        return float(np.linalg.norm([kernel.error for kernel in kernels]))
+
+
+def _pick(make, tolerance: float):  # type: ignore[no-untyped-def]
+    """The shortest kernel whose error stays under the tolerance, else the longest."""
+    for width in (2, 4, 6, 8, 10, 12):
+        kernel = make(width)
+        if kernel.error <= tolerance:
+            break
+    return kernel

@@ -1,0 +1,222 @@
+"""Imaging raster scans within the memory there is, and what that takes.
+
+Beams are focused by the scanner's lens, one by one. So a scan is imaged azimuth by azimuth, and nothing but the result
+exists as a whole: the complex volume, its amplitude alone where it is to be folded, or voxels, for which as many
+azimuths are imaged at a time as fit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.fft import next_fast_len
+
+from mirrorfold.common.forecasts import GIGABYTE, expect, tell
+from mirrorfold.common.memory import check_room, room_below
+from mirrorfold.common.threads import cpu_count
+from mirrorfold.common.types import Progress
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.choosing.facts import Choice
+from mirrorfold.focusing.choosing.strips import ROOM_SHARE
+from mirrorfold.focusing.predicting.cost import Cost
+from mirrorfold.focusing.predicting.machine import machine
+from mirrorfold.focusing.scans.gridding import VOXEL_BYTES, Voxels
+from mirrorfold.focusing.scans.range_profiles import PADDING, Profiles
+from mirrorfold.focusing.settings import FocusSettings
+from mirrorfold.sweep import ambiguous_range
+from mirrorfold.sweep.polarization import picked, polarizations
+
+SCAN_PASSES = 6
+"""Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
+
+COLUMN_ARRAYS = 4.0
+"""Padded complex profiles of one azimuth that a thread holds at once: before and after the transform, which may need
+another buffer, and turned in phase."""
+
+FEWEST_COLUMNS = 2
+"""Azimuths between which voxels are interpolated."""
+
+
+def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
+    """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given; see `focus`.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the memory does not hold the result.
+    """
+    x, y, z = _axes(settings)
+    profiles = Profiles.of(sweep, settings)
+    limit = settings.memory_limit
+    if x is None or y is None or z is None:
+        _check_volume(profiles, limit, amplitude=False)
+        return profiles.volume(progress=progress)
+    coords = {name: values for name, (_, values, _) in profiles.coords.items()}
+    room = room_below(limit)
+    voxels = Voxels.of(coords, profiles.attrs, x=x, y=y, z=z)
+    (total, rows, ranges), tiles = profiles.shape, _tiles(profiles, room - voxels.values.nbytes)
+    parts = {"samples": float(profiles.samples.nbytes), "voxels": float(voxels.values.nbytes)}
+    parts |= {"amplitude": 4.0 * len(tiles[0]) * rows * ranges, "profiles at work": _work_bytes(rows, profiles.size)}
+    tell(parts, f"{_what(total, rows)} in {len(tiles)} tile{'s' if len(tiles) > 1 else ''}")
+    for tile in tiles:
+        voxels.fill(profiles.beams(tile, amplitude=True), tile)
+        if progress is not None:
+            progress(tile.stop, total)
+    return voxels.labelled()
+
+
+def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
+    """The same of each polarization, where a scan has several, along a leading dimension."""
+    names = polarizations(sweep)
+    if not names:
+        return focus_scan(sweep, settings, progress)
+    each = [focus_scan(picked(sweep, name), settings, progress) for name in names]
+    values = np.stack([np.moveaxis(one.values, 0, -1) for one in each])  # as each lies in memory
+    coords = {"polarization": ("polarization", np.array(names)), **each[0].coords}
+    dims = ("polarization", *each[0].dims)
+    return xr.DataArray(np.moveaxis(values, -1, 1), dims=dims, coords=coords, attrs=each[0].attrs, name="image")
+
+
+def amplitude_of_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
+    """The amplitude of a scan's volume, half as large as the volume: all that folding asks for.
+
+    Raises
+    ------
+    InputError
+        As `focus_scan`.
+    """
+    _axes(settings)
+    profiles = Profiles.of(sweep, settings)
+    _check_volume(profiles, settings.memory_limit, amplitude=True)
+    return profiles.volume(amplitude=True, progress=progress)
+
+
+def is_gridded(settings: FocusSettings) -> bool:
+    """Whether voxels are asked for."""
+    return any(axis is not None for axis in (settings.x, settings.y, settings.z))
+
+
+def choose_scan(sweep: xr.Dataset, settings: FocusSettings) -> Choice:
+    """What `focus` makes of a scan, and what it takes; see `choose_algorithm`."""
+    x, y, z = _axes(settings)
+    speed, shape = machine(), sweep["s"].shape
+    frames, (columns, rows) = int(np.prod(shape[:-3])), shape[-2:]
+    size = int(next_fast_len(PADDING * shape[-3]))
+    seconds = frames * columns * rows * size * (speed.fourier * np.log2(size) + SCAN_PASSES * speed.stretch)
+    samples, work = 8.0 * sweep["s"].size, _work_bytes(rows, size)
+    remarks = []
+    if x is None or y is None or z is None:
+        whole = {"range": (0.0, ambiguous_range(sweep), size)}
+        for name in ("azimuth", "elevation"):
+            angle = sweep[name].values
+            whole[name] = (float(angle[0]), float(angle[-1]), angle.size)
+        held = 8.0 * columns * rows * size
+        check_room(held + work, _what(columns, rows), REMEDY, settings.memory_limit)
+    else:
+        axes = {"z": z, "y": y, "x": x}
+        whole = {n: (float(np.min(axis)), float(np.max(axis)), int(np.size(axis))) for n, axis in axes.items()}
+        voxels = VOXEL_BYTES * np.prod([count for *_, count in whole.values()], dtype=float)
+        check_room(voxels, f"{voxels / VOXEL_BYTES:.3g} voxels", "ask for fewer", settings.memory_limit)
+        each = 4.0 * rows * size
+        at_once = _columns_at_once(columns, rows, each, room_below(settings.memory_limit) - voxels - work)
+        held = voxels + at_once * each
+        if at_once < columns:
+            count = len(_cut(columns, at_once))
+            remarks.append(f"The memory does not hold the whole volume: the voxels are made in {count} tiles.")
+    return Choice(
+        kind="choice",
+        algorithm="range profiles",
+        focusing_s=Cost(0.0, seconds).seconds(),
+        memory_gb=(samples + held + work) / GIGABYTE,
+        dimensions={name: int(count) for name, (_, _, count) in whole.items()},
+        extent={name: [float(first), float(last)] for name, (first, last, _) in whole.items()},
+        pixels=int(np.prod([count for *_, count in whole.values()])),
+        tolerance=0.0,
+        options=[],
+        remarks=remarks,
+    )
+
+
+def expected_scan(sweep: xr.Dataset, settings: FocusSettings) -> xr.DataArray:
+    """What folding is given of a scan, without values: its amplitude, or voxels."""
+    names = polarizations(sweep)
+    profiles = Profiles.of(picked(sweep, names[0]) if names else sweep, settings)
+    if not is_gridded(settings):
+        coords, dims = profiles.coords, ("range", "azimuth", "elevation")
+    else:
+        given = zip("zyx", (settings.z, settings.y, settings.x), strict=True)
+        coords, dims = (
+            {name: (name, np.atleast_1d(np.asarray(axis, dtype=float))) for name, axis in given},
+            ("z", "y", "x"),
+        )
+    shape = [coords[name][1].size for name in dims]
+    values = np.broadcast_to(np.float32(0.0), shape)
+    return xr.DataArray(values, dims=dims, coords=coords, attrs=profiles.attrs, name="image")
+
+
+REMEDY = "scan fewer beams or frequencies, close other programs, or raise the limit"
+
+
+def _what(columns: int, rows: int) -> str:
+    return f"sweep: the range profiles of {columns} x {rows} beams"
+
+
+def _axes(settings: FocusSettings) -> tuple[Any, Any, Any]:
+    """The axes x, y and z: all or none.
+
+    Raises
+    ------
+    InputError
+        If only some of them are given, or an apodization, which a scan has not.
+    """
+    if settings.apodization is not None:
+        raise InputError("apodization: a raster scan has no elements to weigh; leave it out")
+    axes = settings.x, settings.y, settings.z
+    if is_gridded(settings) and any(axis is None for axis in axes):
+        raise InputError("x, y and z: a raster scan is gridded on all three or on none; give the missing ones")
+    return axes
+
+
+def _work_bytes(rows: int, size: int) -> float:
+    """Of the columns that are at work, one for each core."""
+    return COLUMN_ARRAYS * 8.0 * rows * size * cpu_count()
+
+
+def _check_volume(profiles: Profiles, limit: float | None, *, amplitude: bool) -> None:
+    """Refuse a volume that does not fit."""
+    columns, rows, ranges = profiles.shape
+    held = (4.0 if amplitude else 8.0) * columns * rows * ranges
+    samples = float(profiles.samples.nbytes)
+    parts = {"samples": samples, "volume": held, "profiles at work": _work_bytes(rows, profiles.size)}
+    expect(parts, _what(columns, rows), REMEDY, held=samples, limit=limit)
+
+
+def _tiles(profiles: Profiles, room: float) -> list[range]:
+    """Azimuths that are imaged at a time, in the room [bytes]; the last of one tile is the first of the next."""
+    columns, rows, ranges = profiles.shape
+    return _cut(columns, _columns_at_once(columns, rows, 4.0 * rows * ranges, room - _work_bytes(rows, profiles.size)))
+
+
+def _cut(columns: int, at_once: int) -> list[range]:
+    """Tiles of so many azimuths."""
+    return [range(first, min(first + at_once, columns)) for first in range(0, columns - 1, at_once - 1)]
+
+
+def _columns_at_once(columns: int, rows: int, each: float, room: float) -> int:
+    """How many azimuths fit.
+
+    Raises
+    ------
+    InputError
+        If these are too few to interpolate between.
+    """
+    fit = int(max(ROOM_SHARE * room, 0.0) // each)
+    if fit < FEWEST_COLUMNS:
+        lacking = (FEWEST_COLUMNS * each / ROOM_SHARE - room) / GIGABYTE
+        raise InputError(
+            f"{_what(columns, rows)} need about {lacking:.3g} GB more than the process may have, though they are made "
+            f"in tiles; {REMEDY}"
+        )
+    return min(fit, columns)

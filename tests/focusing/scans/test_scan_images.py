@@ -1,0 +1,84 @@
+"""Images of raster scans, as volumes of range, azimuth and elevation, in voxels and from above: analytic echoes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scans import FREQUENCY, SPOT, point_sweep
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.common.beams import beam_angles, beam_radius
+from mirrorfold.common.windows import window
+from mirrorfold.detection.volume_echoes import find_runs
+from mirrorfold.detection.volume_view import to_volume_view
+from mirrorfold.focusing.scans.gridding import plan_view, to_voxels
+from mirrorfold.focusing.scans.range_profiles import focus_raster
+
+
+def test_the_volume_is_the_focusing_sum():
+    sweep = point_sweep((0.02, 1.2, 0.01), (-0.03, 1.5, 0.02), noise=0.01)
+    volume = focus_raster(sweep, limits=(0.9, 1.8), padding=2, remove_leakage=False)
+    range_ = volume["range"].values[::37]
+    assert range_[0] >= 0.9
+    assert volume["range"].values[-1] <= 1.8
+    steer = np.exp(4j * np.pi / speed_of_light * np.outer(range_, FREQUENCY)) * window("hann", FREQUENCY.size, "t")
+    expected = np.einsum("rf,fae->rae", steer, sweep["s"].values)
+    assert np.abs(volume.values[::37] - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_leakage_is_taken_away_and_the_scene_stays():
+    clean = point_sweep((0.02, 1.2, 0.01))
+    leak = 0.5 * np.exp(-4j * np.pi * FREQUENCY * 0.1 / speed_of_light)
+    leaking = clean.assign(s=clean["s"] + leak[:, None, None].astype(np.complex64))
+    near = focus_raster(leaking, limits=(0.0, 0.3))
+    kept = focus_raster(leaking, limits=(0.0, 0.3), remove_leakage=False)
+    assert np.abs(near).max() < 1e-3 * np.abs(kept).max()
+    scene_with, scene_without = (np.abs(focus_raster(s, limits=(1.0, 1.4))) for s in (leaking, clean))
+    assert float(np.abs(scene_with - scene_without).max()) < 0.02 * float(scene_without.max())
+
+
+def test_peaks_have_the_range_to_a_fraction_of_a_sample():
+    for distance in np.linspace(1.2, 1.205, 5):
+        volume = to_volume_view(focus_raster(point_sweep((0.0, distance, 0.0), noise=0.003)))
+        cloud = find_runs(volume)
+        best = np.argmax(cloud.amplitude)
+        assert cloud.range[best] == pytest.approx(distance, abs=2e-4)
+        assert np.linalg.norm(cloud.position[best] - [0.0, distance, 0.0]) < 1e-3
+
+
+def test_normalization_undoes_the_spreading():
+    sweep = point_sweep((0.0, 1.2, 0.0), noise=0.01)
+    width = beam_radius(1.2, wavelength=speed_of_light / FREQUENCY.mean(), **SPOT)
+    plain = np.abs(focus_raster(sweep).sel(range=1.2, method="nearest"))
+    for normalization, gain in (("none", 1.0), ("r2", 1.2**2), ("beam", (width / 0.017) ** 2)):
+        volume = np.abs(focus_raster(sweep, normalization=normalization).sel(range=1.2, method="nearest"))
+        assert np.allclose(volume / plain, gain, rtol=0.01)
+
+
+def test_plan_view_shows_the_strongest_of_each_column():
+    volume = focus_raster(point_sweep((0.03, 1.2, 0.05), (-0.03, 1.4, -0.05)))
+    plan = plan_view(volume, pixel=0.005)
+    assert plan.dims == ("y", "x")
+    for x, y in ((0.03, 1.2), (-0.03, 1.4)):
+        near = plan.where((np.abs(plan["x"] - x) < 0.03) & (np.abs(plan["y"] - y) < 0.03), 0.0)
+        row, column = np.unravel_index(int(near.values.argmax()), near.shape)
+        assert plan["x"].values[column] == pytest.approx(x, abs=0.006)
+        assert plan["y"].values[row] == pytest.approx(y, abs=0.006)
+        assert float(near.max()) == pytest.approx(float(np.abs(volume).max()), rel=0.15)
+    assert mf.fold(plan).attrs["mirrorfold_kind"] == "reconstruction"
+
+
+def test_voxels_interpolate_the_volume():
+    volume = focus_raster(point_sweep((0.03, 1.2, 0.02)), limits=(0.8, 1.6))
+    x, y, z = np.linspace(-0.04, 0.04, 5), np.linspace(1.1, 1.3, 4), np.linspace(-0.03, 0.03, 3)
+    voxels = to_voxels(volume, x=x, y=y, z=z)
+    assert voxels.dims == ("z", "y", "x")
+    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
+    azimuth, elevation = beam_angles(grid)
+    where = {name: xr.DataArray(values, dims=("x", "y", "z")) for name, values in (
+        ("range", np.linalg.norm(grid, axis=-1)), ("azimuth", azimuth), ("elevation", elevation))}  # fmt: skip
+    expected = np.abs(volume).interp(where).transpose("z", "y", "x").values
+    assert np.abs(voxels.values - expected).max() < 1e-3 * expected.max()
+    assert mf.focus(point_sweep((0.03, 1.2, 0.02)), x=x, y=y, z=z).dims == ("z", "y", "x")
