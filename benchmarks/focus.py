@@ -112,7 +112,7 @@ def main() -> None:
         sweep = make_sweep(s, frequency=frequency, tx_position=tx, rx_position=tx)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         plan = FocusPlan(sweep, **grid, tolerance=tolerance)
-        problem = make_problem(sweep, FocusSettings(**grid, tolerance=tolerance))
+        _, problem = make_problem(sweep, FocusSettings(**grid, tolerance=tolerance))
         median, fastest = timed(lambda: plan.values(s), repeats)  # noqa: B023
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         noise = white_noise(problem, seed=3)
@@ -201,7 +201,7 @@ def geometries(table: Table, notes: list[str]) -> None:
             tx_position=tx,
             rx_position=rx,
         )
-        problem = make_problem(geometry, FocusSettings(**grid, tolerance=tolerance, wave_speed=speed))
+        _, problem = make_problem(geometry, FocusSettings(**grid, tolerance=tolerance, wave_speed=speed))
         sweep = geometry.assign(s=geometry["s"].copy(data=white_noise(problem)))
         chosen = choose_algorithm(geometry, **grid, tolerance=tolerance, wave_speed=speed)
         before, start = time.process_time(), time.perf_counter()
@@ -226,7 +226,7 @@ def planar(table: Table) -> None:
     geometry = xr.Dataset(coords={"frequency": frequency, "antenna_position": (("position", "axis"), place)})
     for near, far, half in ((0.8, 1.2, 0.2), (0.3, 0.5, 0.1)):
         across, along = np.linspace(-half, half, 200), np.linspace(near, far, 100)
-        problem = make_problem(geometry, FocusSettings(x=across, y=along, z=across, tolerance=1e-3))
+        _, problem = make_problem(geometry, FocusSettings(x=across, y=along, z=across, tolerance=1e-3))
         s = white_noise(problem)
         plan = FocusPlan(geometry, x=across, y=along, z=across, tolerance=1e-3)
         median, fastest = timed(lambda: plan.values(s), 3)  # noqa: B023

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from mirrorfold.common.types import Progress
+
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
@@ -87,6 +89,19 @@ def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[],
     except BaseException:
         waiting.clear()
         raise
+
+
+def counted(progress: Progress | None, total: int) -> Callable[..., None]:
+    """A function to call after every step, or with a number after so many: it tells `progress` how many are done."""
+    done = 0
+
+    def step(steps: int = 1) -> None:
+        nonlocal done
+        done += steps
+        if progress is not None:
+            progress(done, total)
+
+    return step
 
 
 def in_shares(work: Callable[..., object], count: int, *arguments: object) -> None:

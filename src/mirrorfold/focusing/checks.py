@@ -36,41 +36,18 @@ NEAREST_PIXEL = 1e-3
 """A pixel this close to an antenna, in wavelengths, or closer is taken to be at the antenna."""
 
 
-def at_chosen_speed(sweep: xr.Dataset, settings: FocusSettings) -> xr.Dataset:
-    """The sweep with the wave speed of the settings as its own, where they name one."""
-    chosen = sweep if settings.wave_speed is None else sweep.assign_attrs(wave_speed=float(settings.wave_speed))
-    check_waves(chosen)
-    return chosen
-
-
-def check_measurement(sweep: xr.Dataset) -> xr.Dataset:
-    """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
-    if not isinstance(sweep, xr.Dataset) or "s" in sweep:
-        sweep = check_sweep(sweep)
-        if is_raster(sweep):
-            raise InputError("sweep: is a raster scan, which is imaged beam by beam and needs no plan; call focus")
-        return sweep
-    if "frequency" in sweep.variables:
-        dims: tuple[str, ...] = PAIR_DIMENSIONS
-        names: tuple[str, ...] = ("frequency", "tx_position", "rx_position")
-        if "antenna_position" in sweep.variables:
-            dims, names = MONOSTATIC_DIMENSIONS, ("frequency", "antenna_position")
-        if set(names) <= set(sweep.variables) and all(sweep[name].ndim for name in names):
-            shape = tuple(len(sweep[name]) for name in names)
-            check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
-            return sweep
-    return check_sweep(sweep)
-
-
-def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> Problem:
-    """The focusing problem of a checked sweep, or of its geometry alone, on checked pixels.
+def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset, Problem]:
+    """A sweep, or its geometry alone, checked and at the chosen wave speed; and its focusing problem on checked pixels.
 
     Raises
     ------
     InputError
         With what is wrong with the request; see `focus`.
     """
-    sweep = at_chosen_speed(sweep, settings)
+    sweep = _check_measurement(sweep)
+    if settings.wave_speed is not None:
+        sweep = sweep.assign_attrs(wave_speed=float(settings.wave_speed))
+    check_waves(sweep)
     x, y, z = settings.x, settings.y, settings.z
     monostatic = "antenna_position" in sweep.variables
     tx, rx = antenna_positions(sweep)
@@ -99,7 +76,7 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> Problem:
         monostatic=monostatic,
     )
     _check_pixels(problem, extent(frequency, tx, rx, wave_speed(sweep)).ambiguous_range, centre)
-    return problem
+    return sweep, problem
 
 
 def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem) -> NDArray[np.complex64]:
@@ -124,6 +101,25 @@ def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem)
     return data
 
 
+def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
+    """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
+    if not isinstance(sweep, xr.Dataset) or "s" in sweep:
+        sweep = check_sweep(sweep)
+        if is_raster(sweep):
+            raise InputError("sweep: is a raster scan, which is imaged beam by beam and needs no plan; call focus")
+        return sweep
+    if "frequency" in sweep.variables:
+        dims: tuple[str, ...] = PAIR_DIMENSIONS
+        names: tuple[str, ...] = ("frequency", "tx_position", "rx_position")
+        if "antenna_position" in sweep.variables:
+            dims, names = MONOSTATIC_DIMENSIONS, ("frequency", "antenna_position")
+        if set(names) <= set(sweep.variables) and all(sweep[name].ndim for name in names):
+            shape = tuple(len(sweep[name]) for name in names)
+            check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
+            return sweep
+    return check_sweep(sweep)
+
+
 def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None) -> None:
     """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory.
 
@@ -141,7 +137,7 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
     if nearest.min() < NEAREST_PIXEL * wavelength:
         spot = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
         raise InputError(f"a pixel stands on the antenna at ({spot}) m; move or shorten the grid")
-    start, place = "the radar", 0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0))
+    start, place = "the radar", problem.radar_position
     if centre is not None:
         start, place, ambiguous_range = "the centre of the scene", centre, 0.5 * ambiguous_range
     spans = [np.abs(axis - place[n]) for n, axis in enumerate(axes)]

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.settings import takes
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.checks import make_problem
 from mirrorfold.focusing.choosing.choice import explain
 from mirrorfold.focusing.choosing.facts import Choice
 from mirrorfold.focusing.choosing.strips import room_for_tables
@@ -47,7 +47,7 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
         return choose_scan(geometry, settings)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        problem = make_problem(at_chosen_speed(check_measurement(geometry), settings), settings)
+        _, problem = make_problem(geometry, settings)
     room = room_for_tables(problem, frames, settings.memory_limit, samples_held="s" in geometry)
     return explain(problem, float(settings.tolerance), frames, [f"{warning.message}." for warning in caught], room)
 
@@ -65,6 +65,5 @@ def expected_image(geometry: xr.Dataset, **given: Any) -> xr.DataArray:
     settings = FocusSettings().with_given(**given)
     if is_raster(geometry):
         return expected_scan(geometry, settings)
-    sweep = at_chosen_speed(check_measurement(geometry), settings)
-    problem = make_problem(sweep, settings)
+    sweep, problem = make_problem(geometry, settings)
     return Labels(sweep, problem, settings).image(np.broadcast_to(np.complex64(0.0), problem.shape), {})

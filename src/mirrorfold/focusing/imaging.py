@@ -14,16 +14,17 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
+from mirrorfold.common.threads import counted
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem
+from mirrorfold.focusing.checks import make_problem
 from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.choosing.choice import EXACT_SHARE
 from mirrorfold.focusing.choosing.proven import prove
 from mirrorfold.focusing.choosing.strips import Strip, divide, held_parts, room_for_tables, table_bytes
 from mirrorfold.focusing.exact.accuracy import measured_error
 from mirrorfold.focusing.exact.exact_sum import focus_exact
-from mirrorfold.focusing.labels import Labels, radar_position
+from mirrorfold.focusing.labels import Labels
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.scans.imaging import focus_scans
 from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
@@ -84,10 +85,9 @@ def focus(
             f"normalization is {shown(settings.normalization)}, which raster scans alone have; "
             f"expected one of {', '.join(IMAGE_NORMALIZATIONS)}"
         )
-    sweep = at_chosen_speed(check_measurement(sweep), settings)
+    sweep, problem = make_problem(sweep, settings)
     if "s" not in sweep:
         raise InputError("sweep: holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
-    problem = make_problem(sweep, settings)
     values = sweep["s"].values
     leading = sweep["s"].dims[: -2 if problem.monostatic else -3]
     frames = np.ascontiguousarray(values, dtype=np.complex64).reshape(-1, *problem.data_shape)
@@ -168,6 +168,7 @@ def _joined(
     count = len(strips)
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     norms, errors, ways = np.zeros(count), np.full(count, np.inf), [""] * count
+    step = counted(progress, count)
     # How exact a strip must be follows from its power and that of the whole, so that at first any error will do.
     goals = np.full(count, np.inf)
     for again in (False, True):
@@ -178,8 +179,8 @@ def _joined(
             part, errors[n], ways[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
             images[:, *strip.rows] = part
             norms[n] = np.linalg.norm(part)
-            if progress is not None and not again:
-                progress(n + 1, count)
+            if not again:
+                step()
         errors[norms == 0.0] = 0.0
         whole = max(float(np.linalg.norm(norms)), SMALLEST)
         goals = tolerance * whole / np.sqrt(count) / np.maximum(norms, SMALLEST)
@@ -207,7 +208,7 @@ def _focus_frames(
     plan, finer = None if proven is None else proven.plan, EXACT_SHARE * tolerance
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
-    worst = 0.0
+    worst, step = 0.0, counted(None if len(frames) == 1 else progress, len(frames))
     for n, s in enumerate(frames):
         images[n] = plan(s) if plan is not None else focus_exact(problem, s, finer, inner)
         if n in checked and np.any(s):
@@ -219,14 +220,13 @@ def _focus_frames(
                 images[n] = focus_exact(problem, s, finer)
                 error = measured_error(problem, images[n], s, seed=n)
             worst = max(worst, error)
-        if progress is not None and len(frames) > 1:
-            progress(n + 1, len(frames))
+        step()
     return images, worst, "exact" if plan is None else plan.algorithm
 
 
 def _ranges(problem: Problem) -> Array:
     """Distance [m] of every pixel from the mean of the antenna positions, (z, y, x)."""
-    radar = radar_position(problem)
+    radar = problem.radar_position
     return np.asarray(
         np.sqrt(
             (problem.x[None, None, :] - radar[0]) ** 2

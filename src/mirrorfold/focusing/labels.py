@@ -14,7 +14,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, wave_speed
+from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, radar_position, wave_speed
 
 
 class Labels:
@@ -61,11 +61,6 @@ class Labels:
         return xr.DataArray(values, dims=self.dims, coords=self.coords, attrs=self.attrs | attrs, name="image")
 
 
-def radar_position(problem: Problem) -> Array:
-    """Mean [m] of the transmitters' and the receivers' places."""
-    return np.asarray(0.5 * (problem.tx.mean(axis=0) + problem.rx.mean(axis=0)))
-
-
 def array_direction(problem: Problem) -> Array:
     """Unit vector (3,) along the arrays, of those that fill a plane along it in the floor plan, to +x where it can."""
     offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
@@ -102,7 +97,7 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
     see, along = extent(frequency, problem.tx, problem.rx, wave_speed(sweep)), array_direction(problem)
     attrs: dict[str, Any] = {
         "mirrorfold_kind": "image",
-        "radar_position": radar_position(problem),
+        "radar_position": problem.radar_position,
         "array_direction": along,
         "ambiguous_range": see.ambiguous_range,
         "range_resolution": see.range_resolution,
@@ -138,7 +133,7 @@ def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
         "frequency_points": (frequency.size, 0.0, "frequencies"),
         "frequency_start": (frequency[0], 0.5 * step, "Hz at first"),
         "frequency_stop": (frequency[-1], 0.5 * step, "Hz at last"),
-        "radar_position": (0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), wavelength, "m as the radar's place"),
+        "radar_position": (radar_position(sweep), wavelength, "m as the radar's place"),
         "tx_aperture": (_aperture(tx, along), wavelength, "m of transmitters"),
         "rx_aperture": (_aperture(rx, along), wavelength, "m of receivers"),
     }

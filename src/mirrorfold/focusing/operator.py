@@ -13,7 +13,7 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
+from mirrorfold.focusing.checks import make_problem, samples_of_frame
 from mirrorfold.focusing.choosing.proven import REFINEMENTS, SAMPLING_MARGIN
 from mirrorfold.focusing.exact.accuracy import measured_error, white_noise
 from mirrorfold.focusing.exact.pair_sums import PairSums
@@ -93,8 +93,7 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         **given: Any,
     ) -> None:
         settings = FocusSettings(taper="uniform").with_given(**given)
-        sweep = at_chosen_speed(check_measurement(sweep), settings)
-        self._problem = make_problem(sweep, settings)
+        sweep, self._problem = make_problem(sweep, settings)
         self.channels = _channels(sweep, self._problem, channels)
         self._labels = Labels(sweep, self._problem, settings)
         scaled = self._problem.in_wavelengths

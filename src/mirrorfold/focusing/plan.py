@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Progress
-from mirrorfold.focusing.checks import at_chosen_speed, check_measurement, make_problem, samples_of_frame
+from mirrorfold.focusing.checks import make_problem, samples_of_frame
 from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache
 from mirrorfold.focusing.choosing.choice import EXACT_SHARE
 from mirrorfold.focusing.choosing.proven import prove
@@ -64,8 +64,7 @@ class FocusPlan:
     def __init__(self, sweep: xr.Dataset, *, plans: PlanCache | None = None, **given: Any) -> None:
         start = time.perf_counter()
         settings = FocusSettings().with_given(**given)
-        sweep = at_chosen_speed(check_measurement(sweep), settings)
-        self._problem = make_problem(sweep, settings)
+        sweep, self._problem = make_problem(sweep, settings)
         self.tolerance = float(settings.tolerance)
         self._scaled = self._problem.in_wavelengths
         noise = white_noise(self._scaled)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.types import Array, Complex
+from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 
@@ -113,6 +113,30 @@ class Problem:
         turns = float(self.k.mean()) / (2.0 * np.pi)
         lengths = {name: getattr(self, name) * turns for name in ("tx", "rx", "x", "y", "z")}
         return replace(self, k=self.k / turns, **lengths)
+
+    @property
+    def antennas(self) -> int:
+        """Number of antennas, those that transmit and receive counted once."""
+        return len(self.rx) if self.coincident else len(self.tx) + len(self.rx)
+
+    @property
+    def radar_position(self) -> Array:
+        """Mean [m] of the transmitters' and the receivers' places, (3,)."""
+        return np.asarray(0.5 * (self.tx.mean(axis=0) + self.rx.mean(axis=0)))
+
+    @property
+    def middle_wavenumber(self) -> float:
+        """Wavenumber k_c [rad/m] at the middle of the band."""
+        return float(self.k[self.k.size // 2])
+
+    @property
+    def wavenumber_step(self) -> float:
+        """From one wavenumber to the next [rad/m]; zero for a single frequency."""
+        return float(self.k[-1] - self.k[0]) / max(self.k.size - 1, 1)
+
+    def of(self, tx: Index, rx: Index) -> Problem:
+        """The same sum over some of the antennas."""
+        return replace(self, tx=self.tx[tx], rx=self.rx[rx], tx_weight=self.tx_weight[tx], rx_weight=self.rx_weight[rx])
 
     def reversed(self) -> Problem:
         """The same sum with transmitters and receivers exchanged."""

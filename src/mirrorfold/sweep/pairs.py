@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
-from mirrorfold.sweep import wavenumber
+from mirrorfold.sweep.facts import antenna_positions, radar_position, wavenumber
 
 LINE_WIDTH = 0.5
 """Half width, in wavelengths, of the line of elements that is taken out of a planar array."""
@@ -22,7 +22,7 @@ class Pairs:
     Attributes
     ----------
     s : (frequencies, pairs) complex array
-    wavenumber : (frequencies,) array [1/m]
+    wavenumber : (frequencies,) array [rad/m]
         Rising.
     tx, rx : (tx, 3) and (rx, 3) arrays [m]
         Around the middle of the array.
@@ -51,16 +51,13 @@ def pairs_of(sweep: xr.Dataset) -> Pairs:
 
     Of a leading dimension, such as polarization, the first entry is taken.
     """
-    k = wavenumber(sweep)
+    k, (tx, rx), origin = wavenumber(sweep), antenna_positions(sweep), radar_position(sweep)
     if "antenna_position" in sweep.variables:
-        tx = rx = sweep["antenna_position"].values.astype(float)
         tx_of = rx_of = np.arange(len(tx))
         s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-2:])[0]
     else:
-        tx, rx = (sweep[name].values.astype(float) for name in ("tx_position", "rx_position"))
         tx_of, rx_of = (index.ravel() for index in np.indices((len(tx), len(rx))))
         s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0].reshape(k.size, -1)
-    origin = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
     return Pairs(s, k, tx - origin, rx - origin, tx_of, rx_of)
 
 

@@ -38,7 +38,7 @@ def echoes():
 
 @pytest.fixture(scope="module")
 def problem(echoes):
-    return make_problem(echoes, FocusSettings(**GRID, tolerance=TOLERANCE)).in_wavelengths
+    return make_problem(echoes, FocusSettings(**GRID, tolerance=TOLERANCE))[1].in_wavelengths
 
 
 @pytest.fixture(scope="module")

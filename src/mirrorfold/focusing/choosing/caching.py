@@ -9,7 +9,7 @@ from typing import Any
 import xarray as xr
 
 from mirrorfold.common.settings import takes
-from mirrorfold.focusing.checks import check_measurement, make_problem
+from mirrorfold.focusing.checks import make_problem
 from mirrorfold.focusing.choosing.choice import FastPlan, Option, options
 from mirrorfold.focusing.choosing.strips import room_for_tables, table_bytes
 from mirrorfold.focusing.problem import Problem, UnsuitedError
@@ -96,7 +96,7 @@ def prepare(geometry: xr.Dataset, *, plans: PlanCache | None = None, **given: An
     settings, plans = FocusSettings().with_given(**given), PlanCache() if plans is None else plans
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        problem = make_problem(check_measurement(geometry), settings).in_wavelengths
+        problem = make_problem(geometry, settings)[1].in_wavelengths
     best = plans.options(problem, float(settings.tolerance))[0]
     room = room_for_tables(problem, 1, settings.memory_limit, samples_held=False)
     if best.fast and table_bytes(problem, best) <= room:

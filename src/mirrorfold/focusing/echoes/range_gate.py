@@ -26,6 +26,9 @@ from mirrorfold.focusing.problem import Problem
 BEHIND_DB = 40.0
 """What is suppressed may be this much stronger than what is kept: walls glint, and near pixels hold little."""
 
+FEWEST = 8
+"""Frequencies from which on some may be left out."""
+
 WORTHWHILE = 0.5
 """Share of the frequencies that may remain for the filter to pay."""
 
@@ -40,15 +43,11 @@ def gated(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple
     tolerance : float
         Ripple of the filter, relative to what the window holds.
     """
-    count = problem.k.size
-    if count < 8:
-        return problem, s
-    step = float(problem.k[-1] - problem.k[0]) / (count - 1)
-    middle, half = _paths(problem)
-    design = _design(2.0 * pi / step, half, count, tolerance)
+    design = _design(problem, tolerance)
     if design is None:
         return problem, s
     keep_every, reach, beta = design
+    count, step, (middle, _) = problem.k.size, problem.wavenumber_step, _paths(problem)
     first = -ceil(reach / keep_every)
     kept = np.arange(first, (count - 1 + reach) // keep_every + 1) * keep_every
     lag = kept[:, None] - np.arange(count)
@@ -71,8 +70,12 @@ def _paths(problem: Problem) -> tuple[float, float]:
     return 0.5 * (shortest + longest), 0.5 * (longest - shortest)
 
 
-def _design(period: float, half: float, count: int, tolerance: float) -> tuple[int, int, float] | None:
-    """Which frequencies remain, the filter's reach [steps] and Kaiser's beta; None where too many would remain."""
+def _design(problem: Problem, tolerance: float) -> tuple[int, int, float] | None:
+    """D, the filter's reach [steps of frequency] and Kaiser's beta; None where too many frequencies would remain."""
+    count, (_, half) = problem.k.size, _paths(problem)
+    if count < FEWEST:
+        return None
+    period = 2.0 * pi / problem.wavenumber_step
     attenuation = BEHIND_DB - 20.0 * log10(tolerance)
     beta = 0.1102 * (attenuation - 8.7)
     best, fewest = None, WORTHWHILE * count
@@ -89,9 +92,5 @@ def _design(period: float, half: float, count: int, tolerance: float) -> tuple[i
 
 def gated_frequencies(problem: Problem, tolerance: float) -> int:
     """How many frequencies `gated` will leave."""
-    count = problem.k.size
-    if count < 8:
-        return count
-    _, half = _paths(problem)
-    design = _design(2.0 * pi / (float(problem.k[-1] - problem.k[0]) / (count - 1)), half, count, tolerance)
-    return count if design is None else ceil((count + 2 * design[1]) / design[0])
+    design = _design(problem, tolerance)
+    return problem.k.size if design is None else ceil((problem.k.size + 2 * design[1]) / design[0])

@@ -11,14 +11,13 @@ their tile, so that single precision holds them.
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any
 
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import for_each
+from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Progress
 from mirrorfold.focusing.exact.kernels import sum_transmitters, tile_tables
 from mirrorfold.focusing.exact.range_tables import TERMS, lay_out, spectral_weights, table_cells, unfold_spectrum
@@ -91,10 +90,10 @@ def focus_exact(
         problem, s = problem.reversed(), s.swapaxes(1, 2)
     cells = table_cells(problem.taper, tolerance)
     weight = spectral_weights(problem.taper, cells)
-    step = float(problem.k[-1] - problem.k[0]) / max(problem.k.size - 1, 1)
-    period = 2.0 * pi / step if step > 0.0 else float("inf")
+    step = problem.wavenumber_step
+    period = 2.0 * np.pi / step if step > 0.0 else float("inf")
     per_metre = cells / period
-    middle = float(problem.k[problem.k.size // 2])
+    middle = problem.middle_wavenumber
     # A pixel's path differs from that of its tile's centre by at most the tile's diagonal.
     tiles = _tiles(problem, 0.25 * period)
     if where is not None:
@@ -102,24 +101,15 @@ def focus_exact(
     widest = max(_diagonal(problem, tile) for tile in tiles)
     margin = int(np.ceil(widest * per_metre)) + 4
     folded = problem.coincident and not problem.monostatic
-    # One moving antenna: every position is a receiver of twice the path, and the transmitter is no distance away.
-    whole_rows = 1 if problem.monostatic else len(problem.tx)
-    columns = [len(problem.rx) - i if folded else len(problem.rx) for i in range(whole_rows)]
+    # Pairs of each transmitter, or of each position of one moving antenna.
+    columns = [1 if problem.monostatic else len(problem.rx) - folded * i for i in range(len(problem.tx))]
     per_pair = (cells + 2 * margin) * TERMS * 8
     most = max(1, TABLE_BYTES // per_pair)
-    chunks = _monostatic_chunks(columns[0], most) if problem.monostatic else _chunks(columns, most)
+    chunks = _chunks(columns, most)
     total = np.zeros(problem.shape, dtype=np.complex64)
-    done = 0
-
-    def one_more() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, len(chunks) * len(tiles))
-
+    one_more = counted(progress, len(chunks) * len(tiles))
     for chunk in chunks:
-        counts = [len(chunk)] if problem.monostatic else [columns[i] for i in chunk]
-        start = np.concatenate([[0], np.cumsum(counts)])
+        start = np.concatenate([[0], np.cumsum([columns[i] for i in chunk])])
         table = np.empty((int(start[-1]), cells + 2 * margin, TERMS), dtype=np.complex64)
 
         def compress(n: int, table: NDArray[np.complex64] = table, chunk: range = chunk, start: Any = start) -> None:
@@ -152,7 +142,7 @@ def focus_exact(
 
 
 def _chunks(columns: list[int], most: int) -> list[range]:
-    """Consecutive transmitters whose pairs together stay under `most`, at least one at a time."""
+    """Consecutive transmitters, or positions, whose pairs together stay under `most`, at least one at a time."""
     chunks, start, held = [], 0, 0
     for i, count in enumerate(columns):
         if i > start and held + count > most:
@@ -160,11 +150,6 @@ def _chunks(columns: list[int], most: int) -> list[range]:
             start, held = i, 0
         held += count
     return [*chunks, range(start, len(columns))]
-
-
-def _monostatic_chunks(positions: int, most: int) -> list[range]:
-    """Consecutive positions, at most `most` at a time."""
-    return [range(a, min(a + most, positions)) for a in range(0, positions, most)]
 
 
 def _diagonal(problem: Problem, tile: tuple[slice, slice, slice]) -> float:
@@ -199,6 +184,7 @@ def _focus_tile(
         return reference, delay, re, im
 
     if problem.monostatic:
+        # Every position is a receiver of twice the path, and the transmitter is no distance away.
         receiver = tabulate(problem.rx[chunk.start : chunk.stop], 2.0)
         nothing = np.zeros((1, count), dtype=np.float32)
         transmitter: Tables = (np.zeros(1), nothing, nothing + np.float32(1.0), nothing)

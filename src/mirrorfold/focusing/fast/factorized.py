@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.phasor import turn
-from mirrorfold.common.threads import for_each, one_thread
+from mirrorfold.common.threads import counted, for_each, one_thread
 from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.fast.bandlimited import Axis, Interpolator
@@ -178,8 +178,8 @@ class Slab:
 
     def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
         """Largest spatial frequency [rad/m] along (x, y, z) of the image by some antennas, less the centre's phase."""
-        k, middle = self.problem.k, self.problem.k[self.problem.k.size // 2]
-        central = middle * sum(_towards(c[None], self._pixels)[0] for c in centre)
+        k = self.problem.k
+        central = self.problem.middle_wavenumber * sum(_towards(c[None], self._pixels)[0] for c in centre)
         if self.problem.monostatic:
             sight = 2.0 * _towards(_outermost(tx), self._pixels)
             low, high = sight.min(axis=0), sight.max(axis=0)
@@ -202,7 +202,7 @@ class Slab:
         problem = self.problem
         if not block.parts:
             z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
-            alone = _of(problem, block.tx, block.rx).on(x, y, z)
+            alone = problem.of(block.tx, block.rx).on(x, y, z)
             exact = focus_exact(alone, _data(problem, s, block), SHARE_EXACT * self.tolerance)
             return self._turned(np.stack([exact.real, exact.imag]), block.index, None, block.centre)
         total = np.zeros((2, *(i.size for i in block.index)), dtype=np.float32)
@@ -224,7 +224,7 @@ class Slab:
         z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), index, strict=True))
         centres = np.concatenate([c for c in (plus, minus) if c is not None])
         sign = np.concatenate([np.full(2, f) for c, f in ((plus, 1.0), (minus, -1.0)) if c is not None])
-        turns = sign * float(problem.k[problem.k.size // 2]) / (2.0 * np.pi)
+        turns = sign * problem.middle_wavenumber / (2.0 * np.pi)
         pixel_y, pixel_x = (axis.ravel() for axis in np.meshgrid(y, x, indexing="ij"))
         result = np.zeros(planar.shape, dtype=np.float32) if total is None else total
         flat, out = planar.reshape(2, z.size, -1), result.reshape(2, z.size, -1)
@@ -290,10 +290,10 @@ class FactorizedPlan:
     def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
         """Image (z, y, x) of one frame."""
         image = np.zeros(self.problem.shape, dtype=np.complex64)
-        for n, (rows, slab) in enumerate(zip(self._rows, self.slabs, strict=True)):
+        step = counted(progress, len(self.slabs))
+        for rows, slab in zip(self._rows, self.slabs, strict=True):
             slab(s, image[:, rows])
-            if progress is not None:
-                progress(n + 1, len(self.slabs))
+            step()
         return image
 
 
@@ -339,17 +339,6 @@ def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]
     if problem.monostatic:
         return [(half, half) for half in halves]
     return [(tx, half) if of_rx else (half, rx) for half in halves]
-
-
-def _of(problem: Problem, tx: Index, rx: Index) -> Problem:
-    """The focusing problem of some antennas."""
-    return replace(
-        problem,
-        tx=problem.tx[tx],
-        rx=problem.rx[rx],
-        tx_weight=problem.tx_weight[tx],
-        rx_weight=problem.rx_weight[rx],
-    )
 
 
 def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[np.complex64]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.memory import available_memory
-from mirrorfold.common.threads import one_thread
+from mirrorfold.common.threads import counted, one_thread
 from mirrorfold.common.types import Index, Progress
 from mirrorfold.focusing.echoes.range_gate import gated, gated_frequencies
 from mirrorfold.focusing.exact.exact_sum import focus_exact
@@ -114,14 +114,7 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival
     """Some antennas on the sectors that pay."""
     if max(tx.size, rx.size) < 3:
         raise UnsuitedError("two antennas make no line")
-    if not problem.monostatic:
-        problem = replace(
-            problem,
-            tx=problem.tx[tx],
-            rx=problem.rx[rx],
-            tx_weight=problem.tx_weight[tx],
-            rx_weight=problem.rx_weight[rx],
-        )
+    problem = problem.of(tx, rx)
     lattice = build_lattice(problem)
     axes = [axis[_few(axis.size)] for axis in (problem.x, problem.y, problem.z)]
     coarse = problem.on(*axes)
@@ -188,24 +181,12 @@ class LineArrayPlan:
         """Of all parts."""
         return [sector for part in self.parts for sector in part.sectors]
 
-    @property
-    def predicted_error(self) -> float:
-        """Relative root-mean-square error on white data, of the worst sector."""
-        return max(sector.predicted_error for sector in self.sectors)
-
     def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
         """Image (z, y, x) of one frame."""
         image = np.zeros(self.problem.shape, dtype=np.complex64)
-        steps, done = len(self.sectors) + len(self.parts), 0
-
-        def tick() -> None:
-            nonlocal done
-            done += 1
-            if progress is not None:
-                progress(done, steps)
-
+        step = counted(progress, len(self.sectors) + len(self.parts))
         for part in self.parts:
-            part(s, image, tick)
+            part(s, image, step)
         return image
 
 
@@ -233,19 +214,19 @@ class _PartPlan:
         self.box = _box(near)
         self.near = None if self.box is None else near[self.box]
 
-    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], tick) -> None:  # type: ignore[no-untyped-def]
+    def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], step: Callable[[], None]) -> None:
         """Add to the image (z, y, x)."""
         part, problem = self.part, self.part.problem
         if problem.data_shape != s.shape:
             s = np.ascontiguousarray(s[:, part.tx[:, None], part.rx[None, :]])
         for sector in self.sectors:
             sector(s, image.reshape(-1, problem.x.size))
-            tick()
+            step()
         if self.box is not None:
             z, y, x = self.box
             box, near = gated(problem.on(problem.x[x], problem.y[y], problem.z[z]), s, FILTER_SHARE * self.tolerance)
             image[self.box] += focus_exact(box, near, self.tolerance, where=self.near)
-        tick()
+        step()
 
 
 def _few(count: int) -> Index:

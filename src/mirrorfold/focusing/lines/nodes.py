@@ -227,7 +227,7 @@ class _Draw(NamedTuple):
 
 def _inverse_range(problem: Problem, sector: Sector) -> tuple[float, float]:
     """Interval of 1/r that reaches further out than the sector, so that scaling the wavenumber stays inside."""
-    k_low, k, k_high = float(problem.k[0]), float(problem.k[problem.k.size // 2]), float(problem.k[-1])
+    k_low, k, k_high = float(problem.k[0]), problem.middle_wavenumber, float(problem.k[-1])
     return k_low / k / sector.far * 0.999, k_high / k / sector.near * 1.001
 
 
@@ -235,7 +235,7 @@ def _draw(problem: Problem, lattice: Lattice, sector: Sector, count: int, rng: n
     """Random candidates over a sector."""
     low, high = _inverse_range(problem, sector)
     inverse, w = _arcsine(rng, low, high, count), _arcsine(rng, sector.w_low, sector.w_high, count)
-    k = problem.k[problem.k.size // 2]
+    k = problem.middle_wavenumber
     if lattice.scales:
         return _Draw(inverse, w, np.full(count, k))
     # Carried to the band's ends, the nodes of its ends reach as far beyond them.
@@ -246,7 +246,7 @@ def _scales(problem: Problem, lattice: Lattice, count: int, rng: np.random.Gener
     """Wavenumbers, over the middle one, at which pairs are fitted."""
     if lattice.scales:
         return np.ones(count)
-    k = problem.k / problem.k[problem.k.size // 2]
+    k = problem.k / problem.middle_wavenumber
     return _arcsine(rng, float(k[0]), float(k[-1]), count)
 
 
@@ -272,7 +272,7 @@ def count_nodes(problem: Problem, lattice: Lattice, sector: Sector, tolerance: f
 
 def table_size(problem: Problem, sector: Sector, slopes: tuple[float, float]) -> tuple[int, int]:
     """Chebyshev points in 1/r and in w with which tabulating V begins: as many as its slopes make half turns."""
-    half = 0.5 * float(problem.k[problem.k.size // 2])
+    half = 0.5 * problem.middle_wavenumber
     depth, width = sector.near * (1.0 - sector.near / sector.far), sector.w_high - sector.w_low
     return int(8 + half * slopes[0] * depth), int(12 + half * slopes[1] * width)
 
@@ -297,7 +297,7 @@ def find_nodes(
         If they are too many, or V too rough to be tabulated.
     """
     rng = np.random.default_rng(0)
-    k_low, k, k_high = float(problem.k[0]), float(problem.k[problem.k.size // 2]), float(problem.k[-1])
+    k_low, k, k_high = float(problem.k[0]), problem.middle_wavenumber, float(problem.k[-1])
     turns = k * lattice.curvature(problem) / sector.near
     wanted = int(PAIR_SAMPLES + 10.0 * turns)
     pairs = _sample_pairs(lattice, wanted, rng)

@@ -73,7 +73,7 @@ class SectorDesign:
             lambda width: taper_kernel(width, POLAR_OVERSAMPLING, problem.taper), SHARES["range"] * tolerance
         )
         # Rows of the period in range, the ambiguous range; a single frequency has none but the sector's end.
-        step = float(k[-1] - k[0]) / (k.size - 1) if k.size > 1 else pi / (2.0 * sector.far)
+        step = problem.wavenumber_step or pi / (2.0 * sector.far)
         guard_w, guard_r = self.direction_kernel.width // 2 + 1, self.range_kernel.width // 2 + 1
         self.per_direction = max(POLAR_OVERSAMPLING * width_w / pi, guard_w / (4.0 * DIRECTION_GUARD))
         # Guard rows must not reach nearer than the slopes allow for.

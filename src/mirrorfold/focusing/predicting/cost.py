@@ -78,10 +78,9 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
     taper = problem.taper if frequencies is None else np.ones(frequencies, dtype=np.complex128)
     cells = exact_cells(taper, tolerance)
     folded = problem.coincident and not problem.monostatic
-    antennas = len(problem.rx) if folded or problem.monostatic else len(problem.tx) + len(problem.rx)
     pairs = (problem.pairs + len(problem.tx)) / 2 if folded else problem.pairs
     chunks = ceil(pairs * cells * TERMS * 8 / TABLE_BYTES)
-    tables = antennas * (1 if problem.monostatic else chunks)
+    tables = problem.antennas * (1 if problem.monostatic else chunks)
     memory = TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
     calls = chunks * pixels / TILE_PIXELS * TILE_CALL
     return Cost(0.0, exact_seconds(cells, pairs, tables, pixels) + calls, memory)
@@ -90,10 +89,8 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
 def pair_sums_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
     """Of the matrix products of `pair_sums` on some of the pixels, as of one image; they are as exact as can be."""
     speed = machine()
-    alone = problem.monostatic or problem.coincident
-    antennas = len(problem.rx) if alone else len(problem.tx) + len(problem.rx)
-    each = 4.0 * problem.pairs * speed.multiply + antennas * speed.table
-    return Cost(0.0, CALL + problem.k.size * pixels * each, 8.0 * antennas * PIXELS_A_BLOCK * cpu_count())
+    each = 4.0 * problem.pairs * speed.multiply + problem.antennas * speed.table
+    return Cost(0.0, CALL + problem.k.size * pixels * each, 8.0 * problem.antennas * PIXELS_A_BLOCK * cpu_count())
 
 
 def exact_seconds(cells: int, pairs: float, antennas: float, pixels: float) -> float:
@@ -139,7 +136,7 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
     """Seconds that the tables of a sector take."""
     speed = machine()
     lines, rows = design.shape
-    turns = float(problem.k[problem.k.size // 2]) * design.curvature / design.sector.near
+    turns = problem.middle_wavenumber * design.curvature / design.sector.near
     samples, candidates = PAIR_SAMPLES + 10.0 * turns + 400, CANDIDATES + 15.0 * turns
     pivoting = samples * candidates * (NUMBERS_A_PATH * speed.number + nodes * speed.combine)
     n_r, n_w = table_size(problem, design.sector, design.slopes)
@@ -168,7 +165,6 @@ def _nbytes(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int
 def proof_cost(problem: Problem) -> Cost:
     """Of comparing an image with the direct sum on random pixels."""
     speed = machine()
-    antennas = len(problem.tx) if problem.coincident else len(problem.tx) + len(problem.rx)
     pairs = problem.pairs * problem.k.size * TEST_PIXELS * 0.5 * speed.stretch
-    phases = antennas * problem.k.size * TEST_PIXELS * 2.0 * speed.number
+    phases = problem.antennas * problem.k.size * TEST_PIXELS * 2.0 * speed.number
     return Cost(0.0, CALL + pairs + phases + 0.5 * problem.pixels * speed.number, 40 * problem.pixels)

@@ -16,7 +16,7 @@ from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
-from mirrorfold.common.threads import for_each
+from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
@@ -221,7 +221,6 @@ class Profiles:
         """
         kind = np.float32 if amplitude else np.complex64
         out: NDArray[Any] = np.empty((len(columns), *self.shape[1:]), dtype=kind)
-        done = 0
 
         def column(i: int) -> None:
             found = self.of_beams(self.samples[columns[i]])
@@ -229,13 +228,7 @@ class Profiles:
             if amplitude:
                 magnitude(found.reshape(-1), out[i].reshape(-1))
 
-        def count() -> None:
-            nonlocal done
-            done += 1
-            if progress is not None:
-                progress(done, len(columns))
-
-        for_each(column, range(len(columns)), count)
+        for_each(column, range(len(columns)), counted(progress, len(columns)))
         return out
 
     def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:

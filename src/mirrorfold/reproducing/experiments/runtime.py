@@ -149,7 +149,7 @@ def _time(sweep: xr.Dataset, shape: tuple[int, int], repeats: int) -> dict[str, 
         "y": np.linspace(*EXTENT[2:], rows),
         "tolerance": TOLERANCE_TO_FOLD,
     }
-    problem = make_problem(sweep, FocusSettings(**grid))
+    _, problem = make_problem(sweep, FocusSettings(**grid))
     samples = np.ascontiguousarray(sweep["s"].values)
     places = problem.points(np.random.default_rng(0).integers(0, problem.pixels, SUM_PIXELS))
     plan = FocusPlan(sweep, **grid)

@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.threads import products
+from mirrorfold.common.threads import counted, products
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.rays.phasors import Paths, next_fields, points_of
 from mirrorfold.simulation.rays.returns import diffuse_paths
@@ -76,14 +76,7 @@ def scattered_field(
     count, field_bytes = tiles_that_fit(lit, memory_limit)
     shape = scene.band.points, len(lit.tx), len(lit.rx)
     s = np.zeros(shape, dtype=np.complex64)
-    done = 0
-
-    def count_up(frequencies: int) -> None:
-        nonlocal done
-        done += frequencies
-        if progress is not None:
-            progress(done, count * shape[0])
-
+    count_up = counted(progress, count * shape[0])
     for number, tile in enumerate(lit.rough.tiles(count)):
         # Specular returns go with the last tile, when they need no more room than the paths of any other.
         specular = specular_paths(lit) if number == count - 1 else []
