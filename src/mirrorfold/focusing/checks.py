@@ -152,7 +152,7 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
         warnings.warn(
             f"{' and '.join(beyond)} reach beyond the ambiguous range of {ambiguous_range:.3g} m: what is imaged there "
             "also stands nearer by that range",
-            stacklevel=5,  # the line of whoever called `focus` or `FocusPlan`
+            stacklevel=5,  # the line that called `focus` or `FocusPlan`
         )
 
 

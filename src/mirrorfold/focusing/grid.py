@@ -42,8 +42,9 @@ class Extent:
     ambiguous_range : float [m]
         ``c / (2 df)``; infinite for a single frequency.
     near : float [m]
-        Where the grid may begin: in front of every antenna, as far as the array is long. What the antennas hear of each
-        other directly seems to come from half as far, in a solid as a surface wave from nearly as far.
+        Where the grid may begin along y: ahead of the foremost antenna by the aperture, and by a cell and two
+        wavelengths at least. Waves straight from antenna to antenna seem to come from half the aperture, surface waves
+        of a solid from nearly all of it.
     aperture : float [m]
         Length of the two-way array: half of the transmitters' length plus half of the receivers'.
     """
@@ -86,9 +87,10 @@ def default_grid(
     y runs from just in front of the array to the ambiguous range R, x symmetrically over ``|x| <= 0.9 R`` around the
     array. Pixels are half a range resolution cell ``c/(2B)`` deep and half a cross-range cell
     ``r lambda / (2 D)`` wide at the nearest range of interest r = R/6, but never wider than deep: an echo from the
-    side lies across the pixel grid. Both grow together where there would be more than `maximum_pixels`.
+    side lies across the pixel grid. Depth and width grow together where there would be more than `maximum_pixels`.
 
-    With a centre of the scene, the square of pixels about it that the unambiguous range allows, half a cell each.
+    Around the centre of a scene, where one is given, the pixels fill the square that the unambiguous range allows; they
+    are half a cell wide.
 
     Parameters
     ----------

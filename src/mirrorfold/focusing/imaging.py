@@ -31,7 +31,7 @@ from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
 from mirrorfold.sweep import is_raster
 
 SMALLEST = float(np.finfo(np.float32).tiny)
-"""In place of the norm of an image of nothing."""
+"""In place of the norm of an image that is zero everywhere."""
 
 CHECKED_FRAMES = 8
 """Of a sweep with more frames, as many are compared with the direct sum, evenly chosen."""
@@ -45,8 +45,9 @@ def focus(
 
     The image is ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` (Holmes, Drinkwater and
     Wilcox 2005), with the distances R of pixel p from transmitter i and receiver k, the taper a over frequency and the
-    apodization w, v over the elements. Line arrays and large planar ones take a fast path, all others the sum over all
-    pairs. The image is compared with the float64 sum on random pixels, and made anew, finer, until `tolerance` holds.
+    apodization w, v over the elements. Line arrays, and large arrays of any other shape, take a fast path where that
+    pays, all others the sum over all pairs. The image is compared with the float64 sum on random pixels, and made anew,
+    finer, until `tolerance` holds.
 
     Parameters
     ----------
@@ -56,8 +57,8 @@ def focus(
         ``s(frequency, azimuth, elevation)``. Leading dimensions, such as `frame`, are kept.
     **given
     plans : PlanCache, optional
-        Keeps what the fast path has made of geometry and settings, for the next sweep of the same. By default one for
-        the whole process, `mirrorfold.focusing.plan_cache`; ``mirrorfold.focusing.plan_cache.clear()`` empties it.
+        Keeps what the fast path has prepared for this geometry and these settings, for the next sweep. By default one
+        for the whole process, `mirrorfold.focusing.plan_cache`; ``mirrorfold.focusing.plan_cache.clear()`` empties it.
     progress : callable, optional
         Called as ``progress(done, total)`` now and then.
 
@@ -169,13 +170,13 @@ def _joined(
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     norms, errors, ways = np.zeros(count), np.full(count, np.inf), [""] * count
     step = counted(progress, count)
-    # How exact a strip must be follows from its power and that of the whole, so that at first any error will do.
+    # How exact a strip must be follows from its power and that of the whole image: at first any error will do.
     goals = np.full(count, np.inf)
     for again in (False, True):
         for n, strip in enumerate(strips):
             if again and errors[n] <= goals[n]:
                 continue
-            plans.clear()  # of the tables of the strip before
+            plans.clear()  # frees the tables of the strip before
             part, errors[n], ways[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
             images[:, *strip.rows] = part
             norms[n] = np.linalg.norm(part)

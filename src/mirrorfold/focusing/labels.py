@@ -1,4 +1,4 @@
-"""What an image has to say of itself: its coordinates, how it was made, and from what."""
+"""What goes with the values of an image: its coordinates, how it was made, and from what."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Labels:
 
 
 def array_direction(problem: Problem) -> Array:
-    """Unit vector (3,) along the arrays, of those that fill a plane along it in the floor plan, to +x where it can."""
+    """Unit vector (3,) along the arrays, its largest part positive; of planar arrays horizontal, of upright ones +x."""
     offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
     plane, along = _plane(offset)
     if plane:
@@ -88,7 +88,7 @@ PLANE = 0.1
 """Antennas whose rms distance from a line is more than this part of that along it fill a plane."""
 
 EVEN = 1e-9
-"""What an upright array spans in the floor plan, in its lengths, is rounding."""
+"""Share of its length under which what an array spans in the floor plan is rounding: it stands upright."""
 
 
 def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
 
 
 def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
-    """Refuse a valid sweep of another radar than an image says that it was focused from; one that says nothing passes.
+    """Refuse a valid sweep of another radar than the image says it was focused from; an image that says nothing passes.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
         "tx_aperture": (_aperture(tx, along), wavelength, "m of transmitters"),
         "rx_aperture": (_aperture(rx, along), wavelength, "m of receivers"),
     }
-    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}  # as images once said of planes
+    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}  # of planes, in older files
     for name, (value, tolerance, what) in own.items():
         held = np.asarray(image.attrs.get(name, value))
         same_kind = held.dtype.kind in "fiu" and held.shape == np.shape(value)

@@ -14,7 +14,7 @@ from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 
 COINCIDENT_PHASE = 1e-5
-"""Two antennas are one where this phase [rad] is all that their distance makes."""
+"""Phase k d [rad] below which two antennas at the distance d count as standing at one place."""
 
 
 class UnsuitedError(Exception):
@@ -23,7 +23,7 @@ class UnsuitedError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The sum ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` without its data.
+    """The sum ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` without the samples S.
 
     Attributes
     ----------
@@ -109,7 +109,9 @@ class Problem:
 
     @property
     def in_wavelengths(self) -> Problem:
-        """The same sum with all lengths in mean wavelengths: alike for radars and scenes that differ in scale alone."""
+        """The same sum with all lengths in mean wavelengths, as the algorithms get it: radars and scenes that differ in
+        scale alone are then treated alike.
+        """
         turns = float(self.k.mean()) / (2.0 * np.pi)
         lengths = {name: getattr(self, name) * turns for name in ("tx", "rx", "x", "y", "z")}
         return replace(self, k=self.k / turns, **lengths)

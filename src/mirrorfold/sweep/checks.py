@@ -1,4 +1,4 @@
-"""Whether a sweep is one, and whether its numbers make sense together."""
+"""Whether a dataset is a valid sweep, and whether its numbers make sense together."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     Raises
     ------
     InputError
-        With the first thing that is missing or wrong; `source` names the file in the message.
+        With what is missing or wrong, the first if there are several; `source` names the file in the message.
     """
 
     def refuse(message: str) -> InputError:
@@ -221,7 +221,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse a wave speed or a centre of the scene that is none."""
+    """Refuse a wave speed that is no positive number, and a centre of the scene that is no place."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
         raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
@@ -236,7 +236,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
-    """Refuse antenna positions that are none, or have their columns in another order."""
+    """Refuse antenna positions that are no places, or whose columns are not in the order x, y, z."""
     for name in names:
         dim = name.removesuffix("_position").replace("antenna", "position")
         if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
@@ -253,7 +253,7 @@ def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable
 
 
 def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse beam directions that are none."""
+    """Refuse beam directions that are no rising angles."""
     for name in ("azimuth", "elevation"):
         angle = sweep[name].values
         if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():

@@ -1,4 +1,4 @@
-"""What a sweep says of itself: its kind, places, waves, and what it can resolve; and noise."""
+"""What a sweep says of itself: its kind, its places and waves, and what it can resolve."""
 
 from __future__ import annotations
 

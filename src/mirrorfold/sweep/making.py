@@ -59,7 +59,7 @@ def make_sweep(
     Warns
     -----
     UserWarning
-        If positions seem to be in another unit than metres.
+        If frequencies or positions seem to be in another unit than hertz and metres.
     """
     coords: Coordinates = {
         "frequency": (("frequency",), frequency, "Hz"),

@@ -27,7 +27,7 @@ def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If they are not named, or by other names, or two by the same.
+        If they have no names, other names, or two the same name.
     """
     held = obj["s"] if isinstance(obj, xr.Dataset) and "s" in obj else obj
     if not isinstance(held, xr.DataArray) or "polarization" not in held.dims:
@@ -89,7 +89,7 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
 
 
 def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
-    """The first thing in which the grids of two sweeps differ; None if they agree."""
+    """In what the grids of two sweeps differ first; None if they agree."""
     if one["s"].dims != other["s"].dims or one["s"].shape != other["s"].shape:
         sizes = [" x ".join(map(str, sweep["s"].shape)) for sweep in (one, other)]
         return f"their shapes, {sizes[0]} and {sizes[1]}"

@@ -1,4 +1,4 @@
-"""Numbers that users give as arrays: masked ones, those with named dimensions, and what holds none."""
+"""Arrays as users give them, checked: masked, with named dimensions, or without numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If they are none, or some are masked.
+        If these are no numbers, or some are masked.
     """
     held = value.data if isinstance(value, xr.DataArray) else value
     masked = int(np.count_nonzero(held.mask)) if isinstance(held, np.ma.MaskedArray) else 0
@@ -39,7 +39,7 @@ def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
 
 
 def real_numbers(name: str, value: ArrayLike | xr.DataArray) -> Array:
-    """Real numbers as an array; where it says which column is which axis, in the order x, y, z."""
+    """Real numbers as an array; columns that are named x, y and z come in this order."""
     if isinstance(value, xr.DataArray) and "axis" in value.dims:
         value = value.transpose(..., "axis")
         if "axis" in value.coords and set(value["axis"].values.tolist()) == set(AXES):
@@ -56,7 +56,7 @@ def complex_samples(name: str, value: ArrayLike | xr.DataArray, dims: tuple[str,
     Raises
     ------
     InputError
-        If they are none, or the dimensions have other names.
+        If these are no complex numbers, or the dimensions have other names.
     """
     if isinstance(value, xr.DataArray):
         if set(dims) <= set(value.dims):

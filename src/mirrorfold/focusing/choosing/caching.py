@@ -1,4 +1,4 @@
-"""What the fast paths have made of a geometry, kept for the next sweep of the same."""
+"""What the fast paths have prepared for a geometry, kept for the next sweep of the same geometry."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PlanCache:
     """Keeps the choice and the fast plan that were made last, for whoever focuses sweep after sweep of one geometry.
 
     Both depend on geometry, frequencies, weights, pixels and tolerance, and not on the samples. Several threads may
-    use one cache at once; each is handed what suits its problem.
+    use one cache at once; each gets the plan of its own problem.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class PlanCache:
         return choice[3]
 
     def plan(self, option: Option, problem: Problem) -> FastPlan:
-        """The plan of an option, the one that is kept where it suits.
+        """The plan of an option: the plan that is kept, where it is this option's, else a new one.
 
         Raises
         ------

@@ -1,8 +1,8 @@
 """Which algorithm focuses a problem: the one that will take the least time, as the cost model counts it.
 
 Every fast path is laid out first, which takes some hundredths of a second and tells what building its plan and making
-an image will cost. It is taken where all of that is well below the cost of the exact kernel, so that a mistaken
-prediction, too, costs little.
+an image will cost. A fast path is taken where plan and images together cost well less than by the exact kernel, so that
+a mistaken prediction, too, costs little.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ADVANTAGE = 0.7
 """Share of the exact kernel's time that a fast path, its plan included, must keep under."""
 
 EXACT_SHARE = 0.5
-"""Of the tolerance, for the exact kernel."""
+"""Share of the tolerance that the exact kernel is asked for."""
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
@@ -44,12 +44,12 @@ class Option:
     ----------
     algorithm : str
     tolerance : float
-        For which it is laid out.
+        For which the algorithm is laid out.
     cost : Cost
     layout : object, optional
         What a fast plan is made of.
     fast : type, optional
-        Of a fast plan; None for the exact kernel.
+        The class of the plan; None for the exact kernel.
     """
 
     algorithm: str
@@ -104,9 +104,9 @@ def pays(option: Option, exact: Option, frames: int) -> bool:
 
 
 def _weighed(problem: Problem, tolerance: float, frames: int, plenty: float = 0.0) -> list[tuple[Option, str]]:
-    """Every algorithm, the fastest first, and what speaks against it; nothing against the exact kernel, the last.
+    """Every algorithm and what speaks against it, the fastest first; against the exact kernel, the last, nothing does.
 
-    Once one takes less than `plenty` of the exact kernel's time, no other is laid out.
+    Once an algorithm takes less than `plenty` of the exact kernel's time, no further algorithm is laid out.
     """
     exact = Option("exact", tolerance, exact_cost(problem, problem.pixels, EXACT_SHARE * tolerance))
     if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:

@@ -15,7 +15,7 @@ from mirrorfold.focusing.exact.accuracy import measured_error
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 REFINEMENTS = 3
-"""Tries at a finer tolerance each before the exact kernel takes over."""
+"""Tries, each at a finer tolerance, before the exact kernel takes over."""
 
 SAMPLING_MARGIN = 0.8
 """Share of the tolerance that the error measured on a sample of pixels must keep under."""
@@ -55,8 +55,8 @@ def prove(
     room : float [bytes]
         For tables, buffers and the proof.
     goal : float, optional
-        Error to accept, where it is not the tolerance: of a part of an image, whose share in the error of the whole
-        follows from its power.
+        Error to accept, by default the tolerance. A dark strip of an image may have a larger error, for its share in
+        the error of the whole is small.
     """
     goal = tolerance if goal is None else goal
     *fast, exact = plans.options(problem, tolerance, frames)

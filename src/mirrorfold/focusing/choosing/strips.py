@@ -1,8 +1,7 @@
 """Images in strips, where the tables of the whole image do not fit into the memory.
 
 A strip is a problem of its own, with fewer pixels and smaller tables. Its error is measured like that of a whole image;
-all together keep to the tolerance of the whole, so that a strip without echoes need not be as exact as its own power
-would ask for.
+all strips together keep to the tolerance, so that a strip without echoes may have a larger error for its power.
 """
 
 from __future__ import annotations
@@ -24,14 +23,13 @@ MOST_STRIPS = 64
 """Beyond so many, the sum over all pairs takes less memory, and hardly more time."""
 
 SAMPLE_COPIES = 2
-"""Of the samples of one frame that are held at once: they themselves, and in the order that the algorithm wants."""
-
+"""Copies of the samples of one frame that are held at once: as they came, and as the algorithm sorts them."""
 
 ROOM_SHARE = 0.8
-"""Of the memory that is left, for tables: what is freed of one strip is not all there for the next."""
+"""Share of the memory left that tables may fill: not all that one strip has freed is there for the next."""
 
 CODE_BYTES = 1.2e8
-"""Of the compiled kernels, which are loaded with the first image."""
+"""Memory of the compiled kernels, which are loaded with the first image."""
 
 
 class Strip(NamedTuple):

@@ -31,7 +31,9 @@ OVERSAMPLING = 4
 
 
 def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
-    """Range profiles (pairs, points) with the carrier of mid-band taken out, and the path between two points [m]."""
+    """Range profiles (pairs, points) of samples (frequencies, pairs) at wavenumbers [rad/m], without the carrier of
+    mid-band; and the path from one point to the next [m].
+    """
     count = wavenumber.size
     taper = hann(count)[:, None].astype(np.float32)
     points = next_fast_len(OVERSAMPLING * count)
@@ -119,7 +121,7 @@ def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-de
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
-    """The same for one gate: pairs are worked on side by side."""
+    """As `_add_up`, for a single gate: pairs are worked on side by side."""
     total_re, total_im, power = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for p in range(cell.size):
         c, share = cell[p], rest[p]

@@ -1,4 +1,4 @@
-"""Many range gates of one sweep: echoes of some ranges, at as few frequencies as tell them from each other.
+"""Many windows of range in one sweep: the echoes of each, at as few frequencies as tell them from each other.
 
 One transform over frequency turns the samples of all pairs into profiles over delay. What stands in a window of the
 profiles, transformed back by itself, has a shorter ambiguous range, so that fewer frequencies hold it::
@@ -35,7 +35,7 @@ WORTHWHILE = 0.5
 
 
 class Window(NamedTuple):
-    """Echoes of some ranges: `samples` (frequencies, ...) at wavenumbers `k` [1/m], and the `taper` that is still due.
+    """Echoes of some ranges: `samples` (frequencies, ...) at wavenumbers `k` [rad/m], and a `taper` to weigh them with.
 
     `k` and `taper` are of shape (frequencies,).
     """
@@ -50,7 +50,7 @@ class RangeWindows:
 
     Parameters
     ----------
-    k : (frequencies,) array [1/m]
+    k : (frequencies,) array [rad/m]
         Wavenumbers, in equal steps.
     samples : (frequencies, ...) array
     taper : (frequencies,) array

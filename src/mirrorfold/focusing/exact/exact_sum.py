@@ -24,7 +24,7 @@ from mirrorfold.focusing.exact.range_tables import TERMS, lay_out, spectral_weig
 from mirrorfold.focusing.problem import Problem
 
 Tables = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
-"""Of the antennas on one tile: reference path [cells], path less that, real and imaginary part of the phase factor."""
+"""Of antennas on one tile: path to its centre [cells], path to each pixel less that, real and imaginary part of E."""
 
 TILE_PIXELS = 512
 """Pixels of a tile: the tables of all antennas on one tile stay in the second-level cache."""
@@ -86,7 +86,7 @@ def focus_exact(
         Pixels that are wanted, all by default; the others stay zero.
     """
     if not problem.monostatic and len(problem.tx) > len(problem.rx):
-        # Paths are the same both ways, and the inner loop, over receivers, should be the longer one.
+        # Paths are the same both ways, and the inner loop, over receivers, should be the longer of the two.
         problem, s = problem.reversed(), s.swapaxes(1, 2)
     cells = table_cells(problem.taper, tolerance)
     weight = spectral_weights(problem.taper, cells)

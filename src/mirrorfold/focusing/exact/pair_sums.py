@@ -6,7 +6,7 @@ With ``E_i(p) = exp(j k_m R_i(p))`` one frequency's samples are a product of thr
 
 Both are matrix products of 8 x pairs x pixels floating-point operations a frequency; the tables, made anew for every
 block of pixels, take some 30 x (tx + rx) x pixels, which is less from a dozen of elements on. The two are adjoint to
-rounding, since they are made of the same tables.
+rounding, since they are made from the same tables.
 """
 
 from __future__ import annotations

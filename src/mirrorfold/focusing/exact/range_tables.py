@@ -5,7 +5,7 @@ For a pair (i, k) the sum over frequency is a function of one variable, the path
     sum_m a[m] S[m,i,k] exp(+j k_m d) = exp(+j k_c d) Q_ik(d),
 
 with Q_ik band-limited (k_c is the middle wavenumber). Q_ik is tabulated on N cells per ambiguous path length as a
-cubic polynomial per cell, whose coefficients follow from the Jacobi-Anger expansion
+cubic polynomial per cell, whose coefficients follow from the Jacobi-Anger expansion (Abramowitz and Stegun 9.1.44-45)
 ``exp(j w u / 2) = sum_q eps_q j^q J_q(w/2) T_q(u)``, |u| <= 1, truncated after q = 3 and summed over frequency by FFT.
 The truncation error is known in closed form (`interpolation_error`), so N follows from the tolerance.
 """

@@ -1,8 +1,8 @@
 """Band-limited functions on an interval, known from few of their samples.
 
-A function on pixels over a length L whose spectrum lies within [-B, B] is one of about ``B L / pi`` dimensions (Slepian
-and Pollak 1961), however fine the pixels are. An interpolative decomposition (Cheng et al. 2005) of the functions cos
-and sin picks as many pixels, whose values tell all others.
+A function on pixels over a length L whose spectrum lies within [-B, B] has about ``B L / pi`` degrees of freedom
+(Slepian and Pollak 1961), however fine the pixels are. An interpolative decomposition (Cheng et al. 2005) of the
+functions cos and sin picks as many pixels, whose values tell those of all other pixels.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EDGE, LEAST_AREA = 0.22, 4.0
 """More dimensions than ``B L / pi`` grow with the logarithms of the tolerance and of B L; fitted to both."""
 
 RIDGE = 1e-14
-"""Of the Gram matrix, against rounding."""
+"""Added to the diagonal of the Gram matrix, against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Axis:
 
     def step(self, band: float) -> int:
         """The number under which bands as wide as this [rad/m] share an interpolator."""
-        # A band that turns by less than a hundredth of a radian over the axis is as good as none.
+        # A band that turns by less than a hundredth of a radian over the axis counts as none.
         return int(np.ceil(np.log(max(band * self._length, 1e-2)) / np.log(BAND_STEP)))
 
     def count(self, step: int) -> int:

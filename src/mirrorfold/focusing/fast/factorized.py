@@ -29,7 +29,7 @@ Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
 HOPE = 1.2
-"""A division that takes more than so many times as long as the block itself is not carried on."""
+"""A block is left whole where its halves take more than so many times as long, before they are divided in turn."""
 
 FINEST_PART = 1e-3
 """Blocks are not divided below this share of the exact sum: what that could gain is less than finding it out takes."""
@@ -44,7 +44,7 @@ SPREAD_ANGLES = 5
 """Pixels along each axis of a slab at which bands are bounded, besides those nearest to the antennas."""
 
 BAND_MARGIN = 1.1
-"""Bands are as much wider as they are at those pixels: between them they may be wider still."""
+"""Bands are made wider by this factor than at those pixels: between these they may be wider."""
 
 FACTORING = 15.0
 """Time of a multiplication in a factorisation over that in a matrix product."""
@@ -68,11 +68,11 @@ class Block:
     centre : (2, 3) array [m]
         Of the transmitters and of the receivers; the path to them is taken off the image's phase.
     axes : tuple of Axis
-        Of the pixels, along z, y and x.
+        Of the slab's pixels, along z, y and x.
     steps : tuple of int
         Of the interpolators along them.
     parts : tuple of Block
-        Whose images make up this one; none where the sum is exact.
+        Whose images make up that of this block; none where all its pairs are summed exactly.
     cost : float [s]
         Of all cores together, predicted.
     """
@@ -312,6 +312,7 @@ def _slabs(problem: Problem) -> list[slice]:
 
 
 def _middle(antennas: Array) -> Array:
+    """Middle (3,) of the box around antennas (n, 3)."""
     return np.asarray(0.5 * (antennas.min(axis=0) + antennas.max(axis=0)))
 
 

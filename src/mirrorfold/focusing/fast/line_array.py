@@ -27,15 +27,14 @@ FILTER_SHARE = 0.25
 """Share of the tolerance for the filter that prepares the data for near pixels."""
 
 FEW = 8
-"""Up to as many antennas, on the side that has fewer, may be imaged one by one: they may stand anywhere."""
+"""Up to so many transmitters (or receivers) may be imaged one by one: each alone, they may stand anywhere."""
 
 LAYOUT_PIXELS = 80
-"""Along each axis, as many pixels stand for all while a plan is laid out."""
-
+"""Pixels along each axis that stand for all pixels while a plan is laid out."""
 
 BYTES_A_PAIR = 200
 MEMORY_SHARE = 0.5
-"""Memory that sorting a pair takes, and how much of what is free all of them may."""
+"""Memory that sorting a pair takes [bytes], and the share of the free memory that all pairs may take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Layout:
 
 
 Rival = Callable[[Problem, float, float, int | None], Cost]
-"""What some of the pixels cost by the other way: of problem, number of pixels, tolerance, frequencies if gated."""
+"""Cost of pixels that are left to another algorithm: of problem, number of pixels, tolerance, frequencies if gated."""
 
 
 def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, frames: int = 1) -> Layout:

@@ -2,9 +2,9 @@
 
 A signal known at the integers, with spectrum inside a band, is interpolated as ``f(n + t) = sum_a w_a(t) f(n + a)``.
 The weights minimise the mean square error over the band, weighted with the power expected there (Fraser 1989 for the
-flat case). Where the spectrum is known exactly beforehand it may also be scaled by a factor p(omega) first, which
-divides out again; kernel and factor are then fitted in turns, and reach the accuracy of the usual prefiltered
-kernels of non-uniform FFTs.
+flat case). Where the spectrum itself is at hand, it may be multiplied by a factor p(omega) first (a prefilter);
+kernel and factor are then fitted in turns, and reach the accuracy of the usual prefiltered kernels of
+non-uniform FFTs.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
 """Pairs of a line array, gathered by their midpoints on a uniform lattice, and the polar coordinates that suit it.
 
-Transmitters and receivers stand on two lines, or nearly so, about their middles t and q - the foci. They need not
-coincide: a pixel's range is half the way from one focus by way of the pixel to the other, and what the displacement of
-the lines does to all pairs alike is gone. With u the sine of the pixel's angle from broadside, as seen from a centre
+Transmitters and receivers stand on two lines, or nearly so, about their middles t and q - the foci. The lines need not
+coincide: a pixel's range r is half the path from t by way of the pixel to q, which takes off what the displacement of
+the lines does to all pairs alike. With u the sine of the pixel's angle from broadside, as seen from a centre
 between the foci, and X the midpoint of a pair, each antenna counted from its own focus along the unit vector e,
 
     r = (|p - t| + |p - q|) / 2,    R_i + R_k = 2 (r - X_s u) + E(pair; p):
 
-X_s is the point of the lattice nearest to X, and E the rest - curvature, half the distance of the pair, and what the
-array lacks in regularity. E varies slowly over the image: its values at few pixels tell those at all others (see
-`nodes`).
+X_s is the lattice point nearest to X, and E the rest: the curvature of the waves, the distance of the pair, and what
+the array lacks in regularity. E varies slowly over the image: its values at few pixels tell those at all other pixels
+(see `nodes`).
 
-Where all antennas stand on one line, a pixel's place along and from that line is all they see, and u, which is analytic
-beyond 1, is the second coordinate w. Elsewhere they see both sides of the line and both of the image plane: there must
-be one image plane, w is the angle in it, and u = sin(w).
+The second coordinate of a pixel is w. Antennas on one line see no more than how far along the line a pixel is, and how
+far from it: w = u, in which E is analytic beyond 1, too. Antennas off a line also tell its sides apart, and what lies
+above and below them: all pixels must then lie in one plane, w is the angle in that plane, and u = sin(w).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mirrorfold.common.types import Array, Index
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 ON_LINE = 1e-7
-"""Distance [m] from the line that counts as none: 1e-3 rad at 1 THz."""
+"""Distance from the line that counts as none: with lengths in wavelengths a phase of 1e-6 rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Lattice:
         return self.concentric and self.regular
 
     def curvature(self, problem: Problem) -> float:
-        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: taken off, the rest is halved."""
+        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: without it the rest is halved."""
         tx, rx = ((a - f) @ self.frame[0] for a, f in zip((problem.tx, problem.rx), self.foci, strict=True))
         return 0.25 * float((tx[self.tx] ** 2 + rx[self.rx] ** 2).max())
 
@@ -194,7 +194,7 @@ def _frame(problem: Problem) -> tuple[Array, bool]:
 
 
 def _longest(centred: Array) -> Array:
-    """Unit vector along which places extend most; exactly an axis where it nearly is one."""
+    """Unit vector along which places (n, 3) extend most, rounded to x, y or z where it nearly is one of these."""
     axis = np.linalg.svd(centred, full_matrices=False)[2][0]
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
     return np.round(axis) if np.abs(axis).max() > 1.0 - 1e-12 else axis
@@ -206,7 +206,7 @@ def build_lattice(problem: Problem) -> Lattice:
     Raises
     ------
     UnsuitedError
-        If they stand at one place, or off a line while there is more than one image plane.
+        If the antennas stand at one place, or off a line while there is more than one image plane.
     """
     frame, planar = _frame(problem)
     axis = frame[0]
@@ -229,7 +229,7 @@ def build_lattice(problem: Problem) -> Lattice:
     lowest = -(int(point.max()) // 2)
     # The foci move to where the lattice counts from, so that its points are s * pitch.
     foci = foci + (origin - lowest * pitch) * axis
-    # The longer array turns with its own angle to the pixel: its focus lies nearer to the centre.
+    # Paths turn with the directions from their own foci: the centre is nearer to that of the longer array.
     share = np.ptp(rx) / (np.ptp(tx) + np.ptp(rx))
     centre = (1.0 - share) * foci[0] + share * foci[1]
     if planar:

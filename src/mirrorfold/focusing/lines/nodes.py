@@ -1,4 +1,4 @@
-"""Curvature by a few nodes: a skeleton of pixels from whose phases all others follow.
+"""Curvature by a few nodes: pixels from whose phases those of all other pixels follow.
 
 Over a sector of the image the phase factors ``exp(j k E(pair; p))`` of all pairs span a space of few dimensions.
 Pivoted QR picks node pixels p_q whose factors span it (interpolative decomposition, Cheng et al. 2005)::
@@ -53,11 +53,11 @@ PROBE_PAIRS, PROBE_CANDIDATES = 200, 180
 """Pairs and pixels from which the number of nodes is estimated before any are looked for."""
 
 PROBED = 120.0
-"""So many nodes would be twice as many in truth: so few pairs and pixels miss a share that grows with the square, a
-tenth of 40, a quarter of 60 (of 200 sectors of random geometries)."""
+"""Where the probe finds so many nodes, there are twice as many: the share that its few pairs and pixels miss
+grows with the square of their number, a tenth of 40, a quarter of 60 (measured on 200 sectors of random geometries)."""
 
 INDEPENDENT = 0.1
-"""Singular values under this share of the tolerance count as none."""
+"""Singular values under this share of the tolerance count as zero."""
 
 EQUATIONS, SPARE_EQUATIONS = 8, 150
 """Pairs to which V and W are fitted: as many for each node, and some more."""
@@ -238,7 +238,7 @@ def _draw(problem: Problem, lattice: Lattice, sector: Sector, count: int, rng: n
     k = problem.middle_wavenumber
     if lattice.scales:
         return _Draw(inverse, w, np.full(count, k))
-    # Carried to the band's ends, the nodes of its ends reach as far beyond them.
+    # Scaled to the other end of the band, a node at one end reaches as far beyond the band.
     return _Draw(inverse, w, _arcsine(rng, problem.k[0] ** 2 / k, problem.k[-1] ** 2 / k, count))
 
 
@@ -324,7 +324,7 @@ def find_nodes(
     onto = scipy.linalg.solve_triangular(triangle, basis.conj().T)
 
     at_k = [np.exp(1j * (each / k) * node_k * rest) for each in chebyshev(k_low, k_high, WAVENUMBER_NODES)]
-    # Nodes that differ at other wavenumbers only are nearly one at the middle: the smallest coordinates are taken.
+    # Nodes that differ at other wavenumbers only are nearly the same at the middle one: take the smallest coefficients.
     middle = onto if lattice.scales else np.linalg.pinv(np.exp(1j * node_k * rest), rcond=INDEPENDENT * tolerance)
     moved = np.stack([middle @ columns for columns in at_k])
     transfer = np.tensordot(chebyshev_matrix(k_low, k_high, WAVENUMBER_NODES, problem.k), moved, axes=1)

@@ -35,11 +35,11 @@ SERIAL_PRODUCT = 250_000
 """Multiplications up to which OpenBLAS computes a product on the calling thread; more would fight for the cores."""
 
 CACHE_BYTES = 512 * 2**10
-"""Of the second-level cache, for the Fourier transforms of a few frequencies."""
+"""Share of the second-level cache for the Fourier transforms of a few frequencies."""
 
 
 class LineArraySector:
-    """The fast path on one sector, with all its tables. Calling it adds to the pixels of the sector and nothing else.
+    """The fast path on one sector, with all its tables. A call adds to the pixels of this sector alone.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class LineArraySector:
         else:
             self.pair, self.partner = lattice.tx * second + lattice.rx, lattice.rx * second + lattice.tx
 
-        # Blocks of frequencies as equal as can be, a few for each core, and products that BLAS keeps on one core.
+        # Equal blocks of frequencies, a few for each core, with products so small that BLAS keeps each on one core.
         longest = 2 * int(np.diff(lattice.first).max())
         most = max(1, min(FREQUENCIES_A_BLOCK, SERIAL_PRODUCT // (longest * 2 * self.nodes)))
         blocks = 2 * cpu_count() * ceil(k.size / (2 * cpu_count() * most))

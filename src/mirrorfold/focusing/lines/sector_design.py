@@ -17,10 +17,10 @@ from mirrorfold.focusing.lines.nodes import Sector, spreads
 from mirrorfold.focusing.problem import Problem
 
 STRETCH_OVERSAMPLING = 2.0
-"""Of the first Fourier transform, from lattice points to directions at each wavenumber."""
+"""Oversampling of the first Fourier transform, from lattice points to directions at each wavenumber."""
 
 POLAR_OVERSAMPLING = 2.0
-"""Of the polar grid, both ways: the spectrum of a sector is a little wider than that of its nodes."""
+"""Oversampling of the polar grid in range and direction: an image's spectrum is a little wider than its nodes' is."""
 
 NEAREST_GUARD = 0.25
 """The polar grid's guard reaches nearer than the nearest pixel by no more than this share of its range."""
@@ -72,7 +72,7 @@ class SectorDesign:
         self.range_kernel = _pick(
             lambda width: taper_kernel(width, POLAR_OVERSAMPLING, problem.taper), SHARES["range"] * tolerance
         )
-        # Rows of the period in range, the ambiguous range; a single frequency has none but the sector's end.
+        # The rows repeat after the ambiguous range; with a single frequency, which has none, they end with the sector.
         step = problem.wavenumber_step or pi / (2.0 * sector.far)
         guard_w, guard_r = self.direction_kernel.width // 2 + 1, self.range_kernel.width // 2 + 1
         self.per_direction = max(POLAR_OVERSAMPLING * width_w / pi, guard_w / (4.0 * DIRECTION_GUARD))

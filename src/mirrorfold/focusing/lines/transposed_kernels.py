@@ -38,7 +38,7 @@ def spread(  # type: ignore[no-untyped-def]
                 re = value.real * phase_re[p] + value.imag * phase_im[p]
                 im = value.imag * phase_re[p] - value.real * phase_im[p]
                 if re == np.float32(0.0) and im == np.float32(0.0):
-                    continue  # a sparse image is nothing nearly everywhere
+                    continue  # a sparse image is zero nearly everywhere
                 for b in range(taps_w):
                     line_re, line_im = weight_w[b, p] * re, weight_w[b, p] * im
                     first = np.uint32(2) * (cell[p] + np.uint32(b * rows))

@@ -25,7 +25,7 @@ from mirrorfold.focusing.predicting.machine import machine
 from mirrorfold.focusing.problem import Problem
 
 NUMBERS_A_PATH = 2.5
-"""A path from a pixel to a pair and its phase by NumPy, counted in complex exponentials."""
+"""Time that NumPy takes for the path of a pair by way of a pixel, and its phase, over that of an exponential."""
 
 PASSES = 1.7
 """Time of building over that of its arithmetic: NumPy goes through memory many times."""
@@ -34,7 +34,7 @@ FROM_MEMORY = 1.2
 """Time of sorting, transforming and resampling a sweep over that of pieces that stay in the caches."""
 
 REFINED = 60.0
-"""With so many nodes their values are tabulated twice in the mean: the rougher, the oftener too coarsely at first."""
+"""So many nodes are tabulated twice on average: the more nodes, the more often the first table is too coarse."""
 
 CALL = 2e-3
 """What a step takes beside its loops, in Python and in starting threads [s]."""
@@ -74,7 +74,7 @@ class Cost:
 
 
 def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
-    """Of the exact kernel on some of the pixels; `frequencies` where a range gate has left fewer."""
+    """Cost of the exact kernel on so many pixels; `frequencies`: how many a range gate leaves, where it is used."""
     taper = problem.taper if frequencies is None else np.ones(frequencies, dtype=np.complex128)
     cells = exact_cells(taper, tolerance)
     folded = problem.coincident and not problem.monostatic
@@ -87,20 +87,20 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
 
 
 def pair_sums_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
-    """Of the matrix products of `pair_sums` on some of the pixels, as of one image; they are as exact as can be."""
+    """Cost of the matrix products of `pair_sums` on so many pixels: the same for any tolerance, and always ungated."""
     speed = machine()
     each = 4.0 * problem.pairs * speed.multiply + problem.antennas * speed.table
     return Cost(0.0, CALL + problem.k.size * pixels * each, 8.0 * problem.antennas * PIXELS_A_BLOCK * cpu_count())
 
 
 def exact_seconds(cells: int, pairs: float, antennas: float, pixels: float) -> float:
-    """Of the exact kernel: tables of pairs, then of antennas on all pixels, then the sum."""
+    """Time [s] of the exact kernel: tables of pairs, `cells` each, then of antennas on all pixels, then the sum."""
     speed = machine()
     return CALL + pairs * cells * TERMS * speed.compress + pixels * (antennas * speed.table + pairs * speed.pair_pixel)
 
 
 def exact_cells(taper: NDArray[np.complex128], tolerance: float) -> int:
-    """Cells of a pair's table, as `table_cells`, kept: a division of the array asks for every block."""
+    """Cells of a pair's table, as `table_cells`, kept: for every block of a divided array they are asked again."""
     return _cells(taper.tobytes(), tolerance)
 
 
@@ -111,7 +111,7 @@ def _cells(taper: bytes, tolerance: float) -> int:
 
 
 def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int, pixels: float) -> Cost:
-    """Of one sector of a line array."""
+    """Cost of one sector of a line array."""
     speed = machine()
     frequencies, pairs = problem.k.size, lattice.tx.size
     lines, rows = design.shape
@@ -163,7 +163,7 @@ def _nbytes(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int
 
 
 def proof_cost(problem: Problem) -> Cost:
-    """Of comparing an image with the direct sum on random pixels."""
+    """Cost of comparing an image with the direct sum on random pixels."""
     speed = machine()
     pairs = problem.pairs * problem.k.size * TEST_PIXELS * 0.5 * speed.stretch
     phases = problem.antennas * problem.k.size * TEST_PIXELS * 2.0 * speed.number

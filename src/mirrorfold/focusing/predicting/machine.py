@@ -1,7 +1,7 @@
 """How fast this machine is: the loops that focusing spends its time in, timed for a quarter of a second at first use.
 
-What is measured is processor time, so that other programs disturb it little. It is kept in the user's cache folder;
-where nothing can be written there, in the process.
+What is measured is processor time, so that other programs disturb it little. The times are kept in the user's cache
+folder; where nothing can be written there, in the process.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Machine:
     collapse : float
         For a real multiplication in the many small matrix products of a lattice.
     multiply : float
-        For one in a product of a few dozen rows and columns.
+        For a real multiplication in a matrix product of a few dozen rows and columns.
     stretch : float
         For a tap of the interpolation of the lattice's spectrum.
     combine : float
@@ -73,7 +73,7 @@ class Machine:
     turn : float
         For a pixel turned by the path to a centre.
     number : float
-        For a complex exponential by NumPy, which building is counted in.
+        For a complex exponential by NumPy; the building of plans is counted in these.
     """
 
     pair_pixel: float

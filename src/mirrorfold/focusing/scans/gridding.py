@@ -36,6 +36,11 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     -------
     (y, x) DataArray
         Amplitude, float32.
+
+    Raises
+    ------
+    InputError
+        If this is no volume, or the pixel no positive length.
     """
     amplitude = magnitudes(beams_of(volume))
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)

@@ -68,7 +68,7 @@ def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | 
 
 
 def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """The same of each polarization, where a scan has several, along a leading dimension."""
+    """As `focus_scan`; where a scan has several polarizations, all of them, along a leading dimension."""
     names = polarizations(sweep)
     if not names:
         return focus_scan(sweep, settings, progress)
@@ -160,6 +160,7 @@ REMEDY = "scan fewer beams or frequencies, close other programs, or raise the li
 
 
 def _what(columns: int, rows: int) -> str:
+    """What takes the memory, for messages."""
     return f"sweep: the range profiles of {columns} x {rows} beams"
 
 
@@ -180,7 +181,7 @@ def _axes(settings: FocusSettings) -> tuple[Any, Any, Any]:
 
 
 def _work_bytes(rows: int, size: int) -> float:
-    """Of the columns that are at work, one for each core."""
+    """Memory [bytes] of the azimuths that are at work, one for each core."""
     return COLUMN_ARRAYS * 8.0 * rows * size * cpu_count()
 
 

@@ -99,7 +99,7 @@ class Profiles:
     span : slice
         The ranges that are kept of it.
     turn : (ranges,) complex64 array
-        What each range is multiplied with.
+        The factor of each range: phase and normalization.
     leakage : (ranges,) complex64 array
         What all beams have in common; zero where it is kept.
     coords, attrs : dict
@@ -239,7 +239,7 @@ class Profiles:
 
 
 def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:
-    """What one of the `VOLUME_NORMALIZATIONS` multiplies each range [m] with.
+    """The factor by which a normalization of volumes multiplies what is at each range [m].
 
     That of the beam is ``w(r)^2 / w0^2`` of the focused beam that the attrs `spot_radius` and `focus_distance` [m]
     describe. Its wavelength is that of the attr `wave_speed` [m/s], by default of light, at a frequency [Hz].
