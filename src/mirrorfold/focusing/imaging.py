@@ -96,67 +96,37 @@ def focus(
     tolerance = float(settings.tolerance)
     plans = plan_cache if plans is None else plans
     room = plans.nbytes + room_for_tables(problem, len(frames), settings.memory_limit, samples_held=True)
-    images, error, algorithms, strips = _focus_strips(problem.in_wavelengths, frames, tolerance, plans, room, progress)
+    scaled = problem.in_wavelengths
+    strips = divide(scaled, lambda part: plans.options(part, tolerance, len(frames)), room)
+    tables = max(table_bytes(strip.problem, strip.option) for strip in strips)
+    parts = held_parts(problem, len(frames)) | {"tables, buffers and proof": tables}
+    tell(parts, f"focusing {problem.pixels} pixels in {len(strips)} strip{'s' if len(strips) > 1 else ''}")
+    if len(strips) > 1:
+        warnings.warn(
+            f"the memory does not hold the tables of the whole image: it is made in {len(strips)} strips, which takes "
+            "longer",
+            stacklevel=3,  # the line that called `focus`
+        )
+    images, error, algorithms = _focus_strips(scaled, strips, frames, tolerance, plans, room, progress)
+    if error > tolerance:
+        raise InputError(
+            f"tolerance is {tolerance:g} and the image's error {error:.2g}: its echoes cancel below what single "
+            "precision holds; ask for a larger tolerance, or remove the strong echoes that cancel"
+        )
     seconds = time.perf_counter() - start
     if settings.normalization != "none":
         images *= (_ranges(problem) ** RANGE_POWERS[settings.normalization]).astype(np.float32)
     images = images.reshape(*(sweep.sizes[d] for d in leading), *problem.shape)
     labels = Labels(sweep, problem, settings, leading)
     attrs = {"algorithm": " and ".join(sorted(algorithms)), "error": error}
-    if strips > 1:
-        attrs["strips"] = strips
+    if len(strips) > 1:
+        attrs["strips"] = len(strips)
     if len(frames) > 1:
         attrs["frames_per_second"] = len(frames) / seconds
     return labels.image(images, attrs)
 
 
 def _focus_strips(
-    problem: Problem,
-    frames: NDArray[np.complex64],
-    tolerance: float,
-    plans: PlanCache,
-    room: float,
-    progress: Progress | None,
-) -> tuple[NDArray[np.complex64], float, set[str], int]:
-    """Images (frames, z, y, x), made in as few strips as the room for tables [bytes] allows.
-
-    Returns
-    -------
-    images : array
-    error : float
-        Relative L2 error of the whole, from those of the strips and their powers.
-    algorithms : set of str
-    strips : int
-        How many there are.
-
-    Raises
-    ------
-    InputError
-        If the tolerance or the memory cannot be kept to.
-    """
-    strips = divide(problem, lambda part: plans.options(part, tolerance, len(frames)), room)
-    tables = max(table_bytes(strip.problem, strip.option) for strip in strips)
-    parts = held_parts(problem, len(frames)) | {"tables, buffers and proof": tables}
-    tell(parts, f"focusing {problem.pixels} pixels in {len(strips)} strip{'s' if len(strips) > 1 else ''}")
-    if len(strips) == 1:
-        images, error, algorithm = _focus_frames(problem, frames, tolerance, plans, room, progress)
-        algorithms = {algorithm}
-    else:
-        warnings.warn(
-            f"the memory does not hold the tables of the whole image: it is made in {len(strips)} strips, which takes "
-            "longer",
-            stacklevel=5,
-        )
-        images, error, algorithms = _joined(problem, strips, frames, tolerance, plans, room, progress)
-    if error > tolerance:
-        raise InputError(
-            f"tolerance is {tolerance:g} and the image's error {error:.2g}: its echoes cancel below what single "
-            "precision holds; ask for a larger tolerance, or remove the strong echoes that cancel"
-        )
-    return images, error, algorithms, len(strips)
-
-
-def _joined(
     problem: Problem,
     strips: list[Strip],
     frames: NDArray[np.complex64],
@@ -165,7 +135,10 @@ def _joined(
     room: float,
     progress: Progress | None,
 ) -> tuple[NDArray[np.complex64], float, set[str]]:
-    """Images, error and algorithms of all strips together."""
+    """Images (frames, z, y, x), relative L2 error and algorithms of all strips; the room [bytes] is for tables."""
+    if len(strips) == 1:
+        images, error, way = _focus_frames(problem, frames, tolerance, plans, room, progress)
+        return images, error, {way}
     count = len(strips)
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     norms, errors, ways = np.zeros(count), np.full(count, np.inf), [""] * count

@@ -349,23 +349,23 @@ def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[n
 
 def _work(few, many) -> float:  # type: ignore[no-untyped-def]
     """Multiplications to interpolate from few to many samples along (z, y, x), in the best order."""
-    return min(sum(work for work, _ in _orders(few, many, order)) for order in permutations(range(3)))
+    return min(_work_in(few, many, order) for order in permutations(range(3)))
 
 
-def _orders(few, many, order) -> Iterator[tuple[float, int]]:  # type: ignore[no-untyped-def]
-    """Multiplications of each step, and its axis."""
-    sizes = [int(n) for n in few]
+def _work_in(few, many, order) -> float:  # type: ignore[no-untyped-def]
+    """Multiplications to interpolate along the axes in this order."""
+    sizes, work = [int(n) for n in few], 0.0
     for axis in order:
-        work = 2.0 * np.prod(sizes) * many[axis] if few[axis] != many[axis] else 0.0
-        sizes[axis] = int(many[axis])
-        yield float(work), axis
+        if few[axis] != many[axis]:
+            work += float(2.0 * np.prod(sizes) * many[axis])
+            sizes[axis] = int(many[axis])
+    return work
 
 
 def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Planar:
     """A block's image on other pixels, by three matrix products in the order of least work."""
     few, many = [i.size for i in block.index], [i.size for i in index]
-    best = min(permutations(range(3)), key=lambda order: sum(work for work, _ in _orders(few, many, order)))
-    for axis in best:
+    for axis in min(permutations(range(3)), key=lambda order: _work_in(few, many, order)):
         matrix = block.samples[axis].onto(index[axis])
         if matrix is None:
             continue

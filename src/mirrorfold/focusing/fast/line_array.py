@@ -273,8 +273,5 @@ def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
     if not mask.any():
         return None
     ends = [np.flatnonzero(mask.any(axis=tuple(a for a in range(3) if a != axis))) for axis in range(3)]
-    return (
-        slice(int(ends[0][0]), int(ends[0][-1]) + 1),
-        slice(int(ends[1][0]), int(ends[1][-1]) + 1),
-        slice(int(ends[2][0]), int(ends[2][-1]) + 1),
-    )
+    z, y, x = (slice(int(end[0]), int(end[-1]) + 1) for end in ends)
+    return z, y, x

@@ -8,8 +8,6 @@ are those of the middle of the band.
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +19,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
@@ -160,10 +159,7 @@ def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = Non
                    steps[lit], amplitude[lit], rows[0, lit], rows[1, lit] - 1, beams, cells)  # fmt: skip
             grid.to_band(cells, out[i])
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        for done, _ in enumerate(pool.map(column, range(azimuth.size)), start=1):
-            if progress is not None:
-                progress(done, azimuth.size)
+    for_each(column, range(azimuth.size), counted(progress, azimuth.size))
     return np.moveaxis(out, -1, 0)
 
 
