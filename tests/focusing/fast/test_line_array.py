@@ -15,18 +15,14 @@ from mirrorfold.focusing.choosing import choice
 from mirrorfold.focusing.choosing.caching import PlanCache
 from mirrorfold.focusing.choosing.proven import prove
 from mirrorfold.focusing.exact.direct_sum import direct_sum
-from mirrorfold.focusing.fast import line_array
 from mirrorfold.focusing.fast.line_array import LineArrayPlan
 from mirrorfold.focusing.lines.lattice import build_lattice
-from mirrorfold.focusing.predicting.cost import Cost
 
 
 @pytest.fixture(autouse=True)
-def every_sector_counts(monkeypatch):
-    """Small test images would leave their sectors, or all of themselves, to the exact kernel."""
+def every_image_counts(every_sector_counts, monkeypatch):
+    """Small test images would be left to the exact kernel as a whole."""
     monkeypatch.setattr(choice, "FEWEST_PAIR_PIXELS", 0)
-    for module in (choice, line_array):
-        monkeypatch.setattr(module, "exact_cost", lambda *_: Cost(0.0, 1e6))
 
 
 LINES = {

@@ -116,7 +116,7 @@ def locate(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Of `size` pixels of a row: first cell of the polar grid, place in it, and exp(2j k_c (r + c (1 - u^2) / r)).
 
-    The coordinates r, u and w are those of `Lattice.polar`; where the foci are the centre, one distance is both.
+    The coordinates r, u and w are those of `Lattice.polar`; where both foci are the centre, one distance serves all.
     """
     r, u, w = np.empty(size), np.empty(size), np.empty(size)
     apart = False

@@ -1,14 +1,14 @@
 """Curvature by a few nodes: pixels from whose phases those of all other pixels follow.
 
 Over a sector of the image the phase factors ``exp(j k E(pair; p))`` of all pairs span a space of few dimensions.
-Pivoted QR picks node pixels p_q whose factors span it (interpolative decomposition, Cheng et al. 2005)::
+Pivoted Gram-Schmidt picks nodes, pixels p_q whose factors span it (interpolative decomposition, Cheng et al. 2005)::
 
-    exp(j k E(pair; p)) ~ sum_q exp(j k_q E(pair; p_q)) W_q'q(k) V_q(p).
+    exp(j k E(pair; p)) ~ sum_q',q exp(j k_q' E(pair; p_q')) W_q'q(k) V_q(p).
 
 V is fitted on Chebyshev points of (1/r, w) and is a smooth function of the pixel; W carries the nodes from the
 middle wavenumber to k. Both are least-squares fits over a random choice of pairs. Where the foci are one point of a
-line E goes nearly with 1/r, so that another wavenumber is as good as another range, and all k_q are the middle one.
-Elsewhere the nodes, and the pairs to which V is fitted, are drawn from the whole band.
+line E goes nearly with 1/r, so that another wavenumber is as good as another range, and all k_q are the middle
+wavenumber. Elsewhere the nodes, and the pairs to which V is fitted, are drawn from the whole band.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Sector(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """The skeleton of a sector.
+    """The nodes of a sector, and how its other pixels follow from them.
 
     Attributes
     ----------

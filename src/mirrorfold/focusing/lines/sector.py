@@ -3,11 +3,11 @@
 With the nodes of the sector (see `nodes`), the image at range r in direction w, u its cosine to the lattice, is::
 
     I(r, w) = sum_m a[m] exp(2 j k_m r) sum_q V_q(r, w) sum_q' W_q'q(k_m) sum_s exp(-2 j k_m X_s u) D_q'(s, m),
-    D_q'(s, m) = sum over the pairs at lattice point s of  w v S[m, pair] exp(j k_q' E(pair; p_q')).
+    D_q'(s, m) = sum over the pairs (i, k) at lattice point s of  w_i v_k S[m, i, k] exp(j k_q' E(i, k; p_q')).
 
-`LineArraySector.__call__` computes it from right to left: D by a matrix product for each lattice point
+`LineArraySector.__call__` computes this from right to left: D by a matrix product for each lattice point
 (`to_directions`), the sum over s by a Fourier transform that is interpolated to the wanted u, the sum over m by another
-one (`to_ranges`), and the pixels by interpolation between the points of the polar grid (`to_pixels`).
+transform (`to_ranges`), and the pixels by interpolation between the points of the polar grid (`to_pixels`).
 """
 
 from __future__ import annotations

@@ -216,8 +216,8 @@ class Profiles:
     def beams(self, columns: range, *, amplitude: bool = False, progress: Progress | None = None) -> NDArray[Any]:
         """The volume (azimuths, elevations, ranges) of some azimuths, or its amplitude alone, half as large.
 
-        Either is made beam by beam, so that neither padded profiles nor the complex ones of an amplitude ever exist as
-        a whole.
+        Both are made azimuth by azimuth: padded profiles, and complex ones of which the amplitude is wanted, never
+        exist as a whole.
         """
         kind = np.float32 if amplitude else np.complex64
         out: NDArray[Any] = np.empty((len(columns), *self.shape[1:]), dtype=kind)
