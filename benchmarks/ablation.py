@@ -24,9 +24,9 @@ from rich.table import Table
 import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.common.types import Chain, Mask
-from mirrorfold.detection import lines
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.view import View
+from mirrorfold.detection.search import lines
+from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion, doubted, kinds, measured, ordering, rounds

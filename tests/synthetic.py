@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 
 from mirrorfold.detection import usual_settings
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.rounds import find_tree
 

@@ -339,7 +339,7 @@ class Descriptions(Texts):
 
     def read(self, path: Path, way: int) -> None:
         from mirrorfold.calibration.files import load_elements
-        from mirrorfold.detection.known_mirrors import read_mirrors
+        from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
         from mirrorfold.io.plans import read_plan
 
         read = {"plan.geojson": read_plan, "elements.json": load_elements}.get(path.name, read_mirrors)

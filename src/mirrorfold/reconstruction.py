@@ -29,10 +29,10 @@ from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.known_mirrors import check_mirrors, read_mirrors
-from mirrorfold.detection.plan_mirrors import mirrors_of_plan
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
+from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.labels import check_origin

@@ -11,7 +11,7 @@ import pytest
 from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
-from mirrorfold.detection import lines
+from mirrorfold.detection.search import lines
 from mirrorfold.scenes.floor_plan import parse_scene
 
 PACKAGE = {

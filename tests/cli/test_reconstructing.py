@@ -12,7 +12,7 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.cli.options import Preset
-from mirrorfold.detection.known_mirrors import read_mirrors, write_mirrors
+from mirrorfold.detection.mirrors.known_mirrors import read_mirrors, write_mirrors
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding import PRESETS, FoldSettings
 

@@ -12,7 +12,7 @@ from synthetic import diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.errors import InputError
 from mirrorfold.folding import fold_back
 from mirrorfold.folding.confidence import errors, judged

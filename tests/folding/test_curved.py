@@ -10,8 +10,8 @@ import xarray as xr
 from serving import WALLS, two_walls
 
 import mirrorfold as mf
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.image_view import to_image_view
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.views.image_view import to_image_view
 from mirrorfold.folding.magnification import BEYOND, NEAR, magnified
 from mirrorfold.scoring.cells import point_cells
 

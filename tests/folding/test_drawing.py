@@ -12,10 +12,10 @@ from scipy.ndimage import map_coordinates
 from synthetic import empty_view
 
 from mirrorfold.common.geometry import Isometry
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import fold_of
-from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import fold_of
+from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding import pictures
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import _place

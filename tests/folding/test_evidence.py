@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.curved import dimming
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.curved import dimming
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import fold_of
 from mirrorfold.folding.confidence import (
     EXPLAINED,
     LEAST_OVER_FACE_DB,

@@ -12,7 +12,7 @@ from synthetic import RANGE_CELL, U_CELL, diffuse, echoes_at, empty_view, radar_
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.confidence import mirror_confidence
 from mirrorfold.folding.gaps import GAP_CELLS, STEP_CELLS, close_gaps
 from mirrorfold.folding.points import fold_back

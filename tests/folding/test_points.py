@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
 from mirrorfold.common.geometry import reflect
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.collection import _mirrors, _objects
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs

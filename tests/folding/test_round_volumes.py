@@ -14,9 +14,9 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.detection import find_echoes, see
-from mirrorfold.detection.mirror import WayFold
-from mirrorfold.detection.round_mirror import RoundMirror
-from mirrorfold.detection.rounds import find_rounds, fitted
+from mirrorfold.detection.mirrors.mirror import WayFold
+from mirrorfold.detection.mirrors.round_mirror import RoundMirror
+from mirrorfold.detection.search.rounds import find_rounds, fitted
 
 pytestmark = pytest.mark.slow
 
@@ -126,7 +126,7 @@ def test_wrong_measures_are_told_in_one_sentence(mirror, said, tmp_path):
     path = tmp_path / "mirrors.json"
     path.write_text(json.dumps({"mirrors": [mirror]}))
     with pytest.raises(mf.InputError, match=said) as error:
-        mf.detection.known_mirrors.read_mirrors(path)
+        mf.detection.mirrors.known_mirrors.read_mirrors(path)
     assert "\n" not in str(error.value)
 
 

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.detection import lines
+from mirrorfold.detection.search import lines
 from mirrorfold.scoring.transparent import NEEDED
 from mirrorfold.tree import short_rows, transparent
 

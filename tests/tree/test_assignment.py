@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import echoes_at, empty_view
 
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import assign_echoes, radar_itself
 from mirrorfold.tree.ordering import order_mirrors

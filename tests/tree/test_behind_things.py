@@ -10,9 +10,9 @@ from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, on_line, radar
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
-from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.behind_things import BEHIND_A_THING, behind_things
 from mirrorfold.tree.doubted import without_doubted

@@ -11,9 +11,9 @@ from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, to
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
-from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls
 from mirrorfold.tree.doubted import without_doubted

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic import diffuse, radar_view, together
 
-from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import completion
 from mirrorfold.tree.completion import completed

@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import echoes_at, empty_view
 
-from mirrorfold.detection.image_view import SAMPLES_PER_CELL
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.tree.copies import _quantile, _reflected, copies, copy_level
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order

@@ -10,12 +10,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, together
 
-from mirrorfold.detection.arc_mirror import ArcMirror, gains
-from mirrorfold.detection.curved import dimming, overlap
 from mirrorfold.detection.finding import find_echoes, usual_settings
-from mirrorfold.detection.image_view import OPAQUE_CELLS
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror, gains
+from mirrorfold.detection.mirrors.curved import dimming, overlap
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import fold_of
+from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import curved, showing
 from mirrorfold.tree.assignment import Found, assign_echoes

@@ -9,7 +9,7 @@ from scipy.constants import speed_of_light
 from scipy.spatial.distance import cdist
 
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree import directions

@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_array_equal
 from synthetic import echoes_at, empty_view
 
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.plane_mirror import PlaneMirror
-from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
+from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import assign_echoes
 from mirrorfold.tree.ordering import order_mirrors

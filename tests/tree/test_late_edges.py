@@ -11,7 +11,7 @@ from synthetic import RANGE_CELL, diffuse, echoes_at, radar_view, together
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.doubted import without_doubted
 from mirrorfold.tree.late_edges import late_edges

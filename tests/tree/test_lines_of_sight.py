@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view, on_line
 
-from mirrorfold.detection.image_view import OPAQUE_CELLS
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.tree.lines_of_sight import (
     CLEAR_DB,
     ITSELF_CELLS,

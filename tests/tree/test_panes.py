@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mirrorfold.common.slabs import POLARIZATIONS, delay, shift, slab
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.transparent import AGAINST_METAL, EVIDENCE, agreed_odds, incidence, placed
 

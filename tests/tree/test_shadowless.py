@@ -8,7 +8,7 @@ from seen_scenes import wall
 from synthetic import build_tree, diffuse, echoes_at, radar_view, together
 
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.tree.shadowless import cast_no_shadow
 
 WALL = wall((0.1, 1.2), 35.0, 0.9)

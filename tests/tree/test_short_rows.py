@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from synthetic import diffuse, radar_view, together
 
 import mirrorfold as mf
-from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.finding import find_echoes, usual_settings
-from mirrorfold.detection.lines import MINIMUM_CELLS
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import kinds
 from mirrorfold.tree.rounds import find_tree

@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 from scipy.spatial.distance import cdist
 
 import mirrorfold as mf
-from mirrorfold.detection.image_view import LARGEST_SINE, ImageView
+from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
 from mirrorfold.focusing.echoes.coherence import OVERSAMPLING
 from mirrorfold.folding.shown import shown_points
 from mirrorfold.reconstruction import FoldPlan

@@ -12,7 +12,7 @@ from serving import WALLS, served, two_walls
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.arcs import circle_through
-from mirrorfold.detection.known_mirrors import read_mirrors
+from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
 from mirrorfold.viewing.lines import line_of
 
 ARC = np.array([WALLS[0][0], np.add(WALLS[0].mean(axis=0), [-0.07, -0.03]), WALLS[0][1]])

@@ -17,7 +17,7 @@ from serving import OBJECTS, WALLS, served, two_walls
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.detection.known_mirrors import read_mirrors
+from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.rows import mirror_rows
 from mirrorfold.viewing.controls import CHANGEABLE

@@ -142,7 +142,7 @@ def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: 
 
 def given_mirrors(path: Path | None) -> Any:
     """Mirrors of a file: an array, or a floor plan, whose walls are yet to be looked for in an image."""
-    from mirrorfold.detection.known_mirrors import read_mirrors
+    from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
     from mirrorfold.io.plans import is_plan, read_plan
 
     if path is None:

@@ -46,7 +46,7 @@ def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) ->
 def by_three(places: Any) -> Any:
     """Lines by three points, too, where some of the given mirrors are arcs; the mirrors as they are where none is.
 
-    What else stands among them is left for `mirrorfold.detection.known_mirrors.check_mirrors` to refuse.
+    What else stands among them is left for `mirrorfold.detection.mirrors.known_mirrors.check_mirrors` to refuse.
     """
     try:
         mixed = {len(place) for place in places} == {2, 3}

@@ -13,19 +13,20 @@ import xarray as xr
 
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection import image_echoes, lines, planes, volume_echoes
-from mirrorfold.detection.arc_mirror import gains
-from mirrorfold.detection.arcs import find_arcs
-from mirrorfold.detection.curved import dimmed
+from mirrorfold.detection import image_echoes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView, to_image_view
-from mirrorfold.detection.known_mirrors import is_round, known_mirrors
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
-from mirrorfold.detection.plane_mirror import PlaneMirror
-from mirrorfold.detection.rounds import find_rounds
-from mirrorfold.detection.view import View
-from mirrorfold.detection.volume_view import VolumeView, to_volume_view
+from mirrorfold.detection.mirrors.arc_mirror import gains
+from mirrorfold.detection.mirrors.curved import dimmed
+from mirrorfold.detection.mirrors.known_mirrors import is_round, known_mirrors
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
+from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
+from mirrorfold.detection.search import lines, planes
+from mirrorfold.detection.search.arcs import find_arcs
+from mirrorfold.detection.search.rounds import find_rounds
+from mirrorfold.detection.views.image_view import ImageView, to_image_view
+from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.volume_view import VolumeView, to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, maximum_filter1d
 
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, noise_limit, reference_echo
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.views.image_view import ImageView
 
 THRESHOLD_DB = -18.0
 """Threshold relative to the reference echo. Diffuse surfaces spread over about 15 dB; multiple scattering starts

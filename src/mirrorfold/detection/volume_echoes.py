@@ -12,7 +12,7 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
-from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.detection.views.volume_view import VolumeView
 
 THRESHOLD_DB = -26.0
 """Echoes of objects reach this far below the robust reference: Lambert's law takes 15 dB at 80 degrees from the normal,

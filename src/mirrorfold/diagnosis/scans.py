@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
-from mirrorfold.detection.planes import find_planes
+from mirrorfold.detection.search.planes import find_planes
+from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.detection.volume_echoes import find_runs
-from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.focusing import focus
 from mirrorfold.sweep import ambiguous_range, wave_speed

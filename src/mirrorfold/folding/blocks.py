@@ -11,7 +11,7 @@ from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.view import View
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 
 FEWEST_PIXELS = 8

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
 from mirrorfold.tree.half_shadows import HEMS, Hems

@@ -18,11 +18,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.curved import growth_over, last_curved
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.curved import growth_over, last_curved
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 
 TAPERED = 0.5
 """Share of the aperture over which the inclination of waves counts: half of the power under both arrays' triangular

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.forecasts import Parts, fullest
-from mirrorfold.detection.fit import PROFILE_SAMPLES
-from mirrorfold.detection.image_view import samples_of
+from mirrorfold.detection.search.fit import PROFILE_SAMPLES
+from mirrorfold.detection.views.image_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.directions import bytes_at_once
 from mirrorfold.tree.wrapped import profile_bytes

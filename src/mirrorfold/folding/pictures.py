@@ -13,12 +13,12 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Fold, WayFold, fold_of
-from mirrorfold.detection.round_mirror import RoundMirror
-from mirrorfold.detection.view import View
-from mirrorfold.detection.volume_view import VolumeView
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.mirror import Fold, WayFold, fold_of
+from mirrorfold.detection.mirrors.round_mirror import RoundMirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import draw_bent_row, draw_round_row, draw_row
 from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.view import View, in_pieces
+from mirrorfold.detection.views.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree

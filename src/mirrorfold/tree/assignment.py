@@ -9,7 +9,7 @@ import numpy as np
 
 from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Mirror, fold_of
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
 from mirrorfold.tree.edges import beyond_ends
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree

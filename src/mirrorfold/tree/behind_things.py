@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.view import View
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.behind_walls import last_leg
 from mirrorfold.tree.things import groups

@@ -12,14 +12,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection.arc_mirror import ArcMirror
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import NEAREST
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.lines import find_lines
-from mirrorfold.detection.mirror import Mirror, fold_of
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.search.lines import find_lines
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.short_rows import SHORTEST_CELLS

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.edge_on import edge_on
 from mirrorfold.detection.finding import find_mirrors
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.lines import MINIMUM_CELLS
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.shadows import beyond_shadows, joined
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.search.edge_on import edge_on
+from mirrorfold.detection.search.lines import MINIMUM_CELLS
+from mirrorfold.detection.search.shadows import beyond_shadows, joined
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.short_rows import SHORTEST_CELLS

@@ -12,7 +12,7 @@ from scipy.ndimage import label, maximum_filter
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
-from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 

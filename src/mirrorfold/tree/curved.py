@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.detection.finding import find_curved_rows
-from mirrorfold.detection.mirror import Mirror, faces
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror, faces
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order

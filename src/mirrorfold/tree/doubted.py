@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mirrorfold.common.types import Chain, Names
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.behind_things import BEHIND_A_THING, behind_things
 from mirrorfold.tree.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls, flat_things

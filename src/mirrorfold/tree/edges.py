@@ -10,7 +10,7 @@ import numpy as np
 
 from mirrorfold.common.types import Index
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirrors.mirror import fold_of
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.things import STRONG_SHARE, things
 

@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Fold, Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Fold, Mirror
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.behind_walls import as_far_as_hidden, last_leg, met_by
 from mirrorfold.tree.mirror_tree import MirrorTree

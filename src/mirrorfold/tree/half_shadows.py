@@ -18,10 +18,10 @@ import xarray as xr
 from mirrorfold.common.geometry import crossing, unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.line_mirror import LineMirror
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.sweep import antenna_positions
 from mirrorfold.tree.directions import heard_by
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT

@@ -16,9 +16,9 @@ import xarray as xr
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.doubted import without_doubted

@@ -19,9 +19,9 @@ from scipy.ndimage import maximum_filter
 from mirrorfold.common.geometry import crossing, reflect, segment_normal, signed_distance
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror, fold_of
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.late_walls import APART_CELLS, BEYOND, MOST_WALLS
 from mirrorfold.tree.things import things
 

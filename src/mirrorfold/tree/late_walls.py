@@ -16,9 +16,9 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.lines import SMALLEST_FILL
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirrors.mirror import fold_of
+from mirrorfold.detection.search.lines import SMALLEST_FILL
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.ordering import Order
 
 CELLS, ACROSS_CELLS = 1.0, 1.0

@@ -16,8 +16,8 @@ import numpy as np
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Fold
-from mirrorfold.detection.view import View, in_pieces
+from mirrorfold.detection.mirrors.mirror import Fold
+from mirrorfold.detection.views.view import View, in_pieces
 
 CLEAR_DB = 20.0
 """An echo this much stronger than all objects in front of it stands there all the same: speckle fades by up to 20 dB,

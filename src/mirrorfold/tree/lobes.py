@@ -11,8 +11,8 @@ import xarray as xr
 from scipy.ndimage import label, maximum, maximum_filter1d
 
 from mirrorfold.common.types import Array
-from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
-from mirrorfold.detection.view import in_pieces
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.tree.directions import beside_main_lobe
 
 LOBE = "is a grating lobe of a brighter one"

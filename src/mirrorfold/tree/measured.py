@@ -10,7 +10,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.half_shadows import Hems, half_shadows
 from mirrorfold.tree.misplaced import Known, confocal, misplaced
 from mirrorfold.tree.ordering import Order

@@ -11,7 +11,7 @@ import numpy as np
 from mirrorfold.common.svg import tree_card
 from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Fold, Mirror, fold_of
+from mirrorfold.detection.mirrors.mirror import Fold, Mirror, fold_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.view import View
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.directions import confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.wrapped import wrapping_ratio

@@ -11,10 +11,10 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.curved import dimming
 from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
-from mirrorfold.detection.mirror import Mirror, faces, fold_of
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.curved import dimming
+from mirrorfold.detection.mirrors.mirror import Mirror, faces, fold_of
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
 from mirrorfold.tree.shadowless import without_shadow
 

@@ -13,8 +13,8 @@ from scipy.ndimage import maximum_filter1d
 
 from mirrorfold.common.types import Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import SAMPLES_PER_CELL, ImageView
-from mirrorfold.detection.view import View
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.view import View
 
 OUTSHONE = "may be a side lobe of a much brighter one"
 

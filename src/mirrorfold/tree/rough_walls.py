@@ -14,8 +14,8 @@ import numpy as np
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Fold, fold_of
+from mirrorfold.detection.mirrors.mirror import Fold, fold_of
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.ordering import Order
 

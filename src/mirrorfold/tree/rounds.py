@@ -10,12 +10,12 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
-from mirrorfold.detection.curved import on_rows
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_mirrors
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.curved import on_rows
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.copies import COPY, copies

@@ -14,9 +14,9 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.lines_of_sight import CLEAR_DB
 from mirrorfold.tree.things import things
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import fold_of
+from mirrorfold.detection.mirrors.mirror import fold_of
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Mask
-from mirrorfold.detection.arcs import SMALLEST_FILL
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.lines import MINIMUM_CELLS, find_lines
-from mirrorfold.detection.mirror import Mirror, faces
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror, faces
+from mirrorfold.detection.search.arcs import SMALLEST_FILL
+from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.showing import Steps, behind, with_rows

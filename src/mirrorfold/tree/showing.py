@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.curved import growth_over, overlap
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Mirror, fold_of
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.curved import growth_over, overlap
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 
 KNOWN_CELLS = 1.5

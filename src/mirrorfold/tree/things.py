@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.view import View
+from mirrorfold.detection.views.view import View
 
 STRONG_SHARE = 0.75
 """Of the half-width of a beam: there a beam has fallen by some 30 dB, as much as bright echoes exceed the threshold."""

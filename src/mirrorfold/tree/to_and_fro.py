@@ -16,9 +16,9 @@ import numpy as np
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.image_view import ImageView
-from mirrorfold.detection.mirror import Mirror, fold_of
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.things import things

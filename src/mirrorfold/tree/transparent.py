@@ -21,9 +21,9 @@ from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirror import Mirror
-from mirrorfold.detection.spectra import independent, offsets, spectra, tapers
-from mirrorfold.detection.view import View
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.spectra import independent, offsets, spectra, tapers
+from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import Cover
 from mirrorfold.tree.panes import Pairs, Pane, find_pane

@@ -20,7 +20,7 @@ from mirrorfold.common.arcs import mirror_places
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import option_words
 from mirrorfold.common.stopping import StoppedError, stop
-from mirrorfold.detection.known_mirrors import check_mirrors, write_mirrors
+from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD

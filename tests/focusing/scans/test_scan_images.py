@@ -11,8 +11,8 @@ from scipy.constants import speed_of_light
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles, beam_radius
 from mirrorfold.common.windows import window
+from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.detection.volume_echoes import find_runs
-from mirrorfold.detection.volume_view import to_volume_view
 from mirrorfold.focusing.scans.gridding import plan_view, to_voxels
 from mirrorfold.focusing.scans.range_profiles import focus_raster
 

@@ -16,7 +16,7 @@ import mirrorfold as mf
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import find_echoes, see, usual_settings
-from mirrorfold.detection.volume_view import to_volume_view
+from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import Grid, draw
 from mirrorfold.folding.points import fold_back, owned_blobs

@@ -1,0 +1,260 @@
+"""A curved mirror in the floor plan: an arc, with a tangent of its own for every line of sight.
+
+What a line of sight shows behind the arc is reflected by the tangent where it crosses the arc. That is exact for an
+array small against its depth of focus: its image shows each thing where the central ray leaves the radar, at the range
+of the whole way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.curved import dimming
+from mirrorfold.detection.mirrors.line_mirror import SPACING
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+
+END_CELLS = 0.5
+"""Profiles leave out so many cells at either end of an arc, where its cells are half filled."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArcMirror(Mirror):
+    """A part of a circle in an image.
+
+    Attributes
+    ----------
+    middle : (2,) array [m]
+        Of the circle.
+    radius : float [m]
+    first, span : float [rad]
+        Where it begins, and how far it goes on counter-clockwise; less than a turn.
+    radar : (2,) array [m]
+        Where it is seen from.
+    curvature_error : float [1/m]
+        Standard error of the curvature.
+    """
+
+    middle: Array
+    radius: float
+    first: float
+    span: float
+    radar: Array
+    curvature_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        half = self.first + 0.5 * self.span
+        outward = np.array([np.cos(half), np.sin(half)])
+        object.__setattr__(self, "center", self.middle + self.radius * outward)
+        object.__setattr__(self, "normal", outward)
+
+    @property
+    def curved(self) -> bool:
+        """It is."""
+        return True
+
+    @property
+    def convex(self) -> bool:
+        """Whether it bulges towards the radar."""
+        return bool((self.radar - self.center) @ self.normal > 0.0)
+
+    @property
+    def curvature(self) -> float:
+        """One over the radius [1/m], negative for a concave mirror."""
+        return (1.0 if self.convex else -1.0) / self.radius
+
+    @property
+    def size(self) -> float:
+        """Its length [m]."""
+        return self.length
+
+    @property
+    def length(self) -> float:
+        """Along the arc [m]."""
+        return self.radius * self.span
+
+    @property
+    def tangents(self) -> Array:
+        """That in its middle, (1, 2)."""
+        return np.array([[-self.normal[1], self.normal[0]]])
+
+    @property
+    def sides(self) -> Array:
+        """Half its chord either way, (1, 2) [m]."""
+        return self.radius * np.sin(0.5 * min(self.span, np.pi)) * np.array([[-1.0, 1.0]])
+
+    @property
+    def ends(self) -> Array:
+        """First and last point, (2, 2) [m]."""
+        return self.at(np.array([0.0, self.length]))
+
+    def at(self, along: Array) -> Array:
+        """Points so far [m] along the arc, (..., 2)."""
+        return self.middle + self.radius * self.outward(along)
+
+    def outward(self, along: Array) -> Array:
+        """Unit vectors from the middle of the circle, so far [m] along the arc, (..., 2)."""
+        angle = self.first + along / self.radius
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+    def along(self, points: Array) -> Array:
+        """Position [m] of points (..., 2) along the arc from its first point; those opposite of its middle are farthest
+        before it or behind it.
+        """
+        offset = points - self.middle
+        angle = np.arctan2(offset[..., 1], offset[..., 0]) - self.first - 0.5 * self.span
+        return np.asarray(self.radius * ((angle + np.pi) % (2.0 * np.pi) - np.pi + 0.5 * self.span))
+
+    def part(self, first: float, last: float) -> ArcMirror:
+        """The arc from one position [m] along it to another."""
+        return replace(self, first=self.first + first / self.radius, span=(last - first) / self.radius)
+
+    def beside(self, points: Array) -> Array:
+        """Distance [m] of points (..., 2) from the circle, positive outside."""
+        return np.asarray(np.linalg.norm(points - self.middle, axis=-1) - self.radius)
+
+    def behind(self, view: ImageView, points: Array) -> Array:  # type: ignore[override]
+        """How far [m] points (..., 2) lie behind the circle's near side, or its far side where that is concave."""
+        return np.asarray(-self.beside(points) if self.convex else self.beside(points))
+
+    def met(self, sight: Array) -> Array:
+        """Range [m] at which lines of sight (n, 2) meet the circle on the mirror's side, NaN where they miss it."""
+        offset = self.radar - self.middle
+        nearest = -(sight @ offset)
+        with np.errstate(invalid="ignore"):
+            half = np.sqrt(nearest**2 - (offset @ offset - self.radius**2))
+        return np.asarray(nearest - half if self.convex else nearest + half)
+
+    def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
+        """Range [m] at which each direction meets the arc, (nu,); infinite where it does not."""
+        range_ = self.met(view.sight)
+        with np.errstate(invalid="ignore"):
+            along = self.along(self.radar + range_[:, None] * view.sight)
+            return np.where((along >= 0.0) & (along <= self.length) & (range_ > 0.0), range_, np.inf)
+
+    def facing(self, points: Array) -> tuple[Array, Array]:
+        """Where the lines of sight through points (n, 2) meet the arc, and its normals there, (n, 2) each.
+
+        A line of sight that misses it is taken to meet its nearer end.
+        """
+        sight = points - self.radar
+        sight = sight / np.maximum(np.linalg.norm(sight, axis=-1), np.finfo(float).tiny)[..., None]
+        range_ = self.met(sight)
+        missed = ~np.isfinite(range_)
+        nearest = (self.middle - self.radar) @ sight.T
+        along = self.along(self.radar + np.where(missed, nearest, range_)[..., None] * sight)
+        normal = self.outward(np.clip(along, 0.0, self.length))
+        return self.middle + self.radius * normal, normal
+
+    def spread(self, points: Array) -> tuple[Array, Array]:
+        """What the arc makes of the pencil of rays to points (n, 2) behind it, (n,) each.
+
+        Its width ``q = r1 + s + 2 r1 s / (R cos(i))`` over the length of the way, r1 + s, negative behind a caustic;
+        and the ratio ``1 + 2 s / (R cos(i))``, which is that of the waves' curvature at the radar to q.
+        """
+        hit, normal = self.facing(points)
+        sight = hit - self.radar
+        before = np.linalg.norm(sight, axis=-1)
+        rest = np.maximum(np.linalg.norm(points - self.radar, axis=-1) - before, 0.0)
+        cosine = np.maximum(np.abs(np.sum(sight * normal, axis=-1)) / before, np.finfo(float).eps)
+        turn = 2.0 * self.curvature * rest / cosine
+        return (before + rest + turn * before) / (before + rest), 1.0 + turn
+
+    def growth(self, points: Array) -> Array:
+        """Of the length of the way, there and behind a caustic alike, (n, 1)."""
+        return np.abs(self.spread(points)[0])[:, None]
+
+    def holds(self, points: Array, beside: float, beyond: float) -> Mask:
+        """By the way along the arc."""
+        along = self.along(points)
+        inside = (along >= -beyond) & (along <= self.length + beyond)
+        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+
+    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+        """Echoes beside the arc, up to a cell beyond its ends; and the cell's width across it [m]."""
+        outward = self.outward(self.along(echoes.position))
+        across = view.extent_each(echoes.position, outward)
+        beyond = view.extent_each(echoes.position, np.stack([-outward[:, 1], outward[:, 0]], axis=1))
+        beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + beyond
+        return beside, beside.copy(), across
+
+    def places(self, view: ImageView) -> Array:  # type: ignore[override]
+        """Along it, without its ends."""
+        left_out = min(END_CELLS * view.cell_at(self.center), 0.1 * self.length)
+        count = max(8, int(self.length / (SPACING * view.range_cell)))
+        return self.at(np.linspace(left_out, self.length - left_out, count))
+
+    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+        """Square to it."""
+        outward = self.outward(self.along(places))
+        inward = -outward if self.convex else outward
+        return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
+
+    def independent(self, view: ImageView) -> float:  # type: ignore[override]
+        """Its length in cells."""
+        return float(self.length / view.cell_at(self.center))
+
+    def moved(self, normal: Array, center: Array) -> ArcMirror:
+        """The same arc, shifted along a normal."""
+        return replace(self, middle=self.middle + ((center - self.center) @ normal) * normal)
+
+    def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
+        """Share of its length within half a resolution cell of one of the echoes."""
+        outward = self.outward(self.along(echoes.position))
+        tangent = np.stack([-outward[:, 1], outward[:, 0]], axis=1)
+        position, half = self.along(echoes.position), 0.5 * view.extent_each(echoes.position, tangent)
+        first, last = np.clip([position - half, position + half], 0.0, self.length)
+        order = np.argsort(first)
+        covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
+        return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / self.length)
+
+    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+        """Its echoes, moved square onto it."""
+        return replace(echoes, position=self.at(np.clip(self.along(echoes.position), 0.0, self.length)))
+
+    def pieces(  # type: ignore[override]
+        self, view: ImageView, direction: Index, before: Index, smallest: float
+    ) -> tuple[list[ArcMirror], list[ArcMirror]]:
+        """Cut it where `before` changes: the largest piece, and what is left of it."""
+        position = self.along(view.points(self.crossing(view)[direction], direction))
+        order = np.argsort(position)
+        position, before = position[order], before[order]
+        changes = np.flatnonzero(before[1:] != before[:-1])
+        cuts = sorted([0.0, self.length, *(0.5 * (position[changes] + position[changes + 1]))])
+        parts = sorted((self.part(first, last) for first, last in pairwise(cuts)), key=lambda part: -part.length)
+        return [parts[0]], [part for part in parts[1:] if part.length > 0.0]
+
+    def strays(self, places: Array) -> Array:
+        """Covariance (n, d, d) [m^2] by which places turned about their own tangents follow the errors of the arc."""
+        hit, normal = self.facing(places)
+        tangent, offset = np.stack([-normal[:, 1], normal[:, 0]], axis=1), places - hit
+        way = self.along(hit) - 0.5 * self.length
+        known = [float(np.nan_to_num(error)) for error in (self.offset_error, self.angle_error, self.curvature_error)]
+        shift = known[0] ** 2 + (0.5 * way**2 * known[2]) ** 2
+        angle = np.radians(known[1]) ** 2 + (way * known[2]) ** 2
+        turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
+        return np.asarray(
+            shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
+            + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
+        )
+
+
+def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
+    """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
+    gain = np.ones((view.range.size, view.u.size))
+    for arc in mirrors:
+        if not isinstance(arc, ArcMirror):
+            continue
+        crossing = arc.crossing(view)
+        met = np.flatnonzero(np.isfinite(crossing))
+        places = view.to_points(view.range[:, None], view.u[None, met])
+        behind = view.range[:, None] > crossing[met]
+        own = dimming([arc], places.reshape(-1, 2)).reshape(behind.shape)
+        gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
+    return gain

@@ -1,0 +1,144 @@
+"""A mirror in space, flat or round, by the beams that meet it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from scipy.ndimage import binary_dilation, label
+
+from mirrorfold.common.geometry import unit
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.mirror import Fold, Mirror
+from mirrorfold.detection.views.view import DEVIATION
+from mirrorfold.detection.views.volume_view import VolumeView
+
+EDGE_RADII = 1.0
+"""Within this many beam radii of a mirror's edge a beam still shows echoes of its wall."""
+
+STRAY_DEVIATIONS = 4.0
+"""Echoes of a face lie within this many standard deviations of it: the wings of a beam 40 dB above the noise."""
+
+FEWEST_BEAMS = 4
+"""A piece of a mirror in fewer beams has no extent to speak of."""
+
+
+@dataclass(frozen=True, eq=False)
+class BeamMirror(Mirror):
+    """A mirror of a raster volume.
+
+    Attributes
+    ----------
+    outline : (n, 3) array [m]
+        Its corners, or all points of its face that beams meet.
+    beams : (azimuths * elevations,) bool array
+        Which beams meet it.
+    """
+
+    outline: Array = field(repr=False)
+    beams: Mask = field(repr=False)
+
+    @abstractmethod
+    def met(self, view: VolumeView) -> Array:
+        """Range [m] at which each beam meets the endless surface, (beams,)."""
+
+    @abstractmethod
+    def shown(self, view: VolumeView, beams: Mask) -> Self:
+        """As much of its surface as some of the beams show."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> Array:
+        """The corners of what is seen of it, around its face, (4, 3) [m]."""
+
+    @cached_property
+    def tangents(self) -> Array:
+        """Unit vectors in the plane at its center, horizontal and up, (2, 3)."""
+        across = np.cross([0.0, 0.0, 1.0], self.normal)
+        right = unit(across) if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        return np.stack([right, np.cross(self.normal, right)])
+
+    @cached_property
+    def sides(self) -> Array:
+        """Where the face begins and ends along `tangents`, seen from `center`, (2, 2) [m]."""
+        flat = self.tangents @ (self.outline - self.center).T
+        return np.stack([flat.min(axis=1), flat.max(axis=1)], axis=1)
+
+    @property
+    def extent(self) -> Array:
+        """Width and height [m], (2,)."""
+        return np.asarray(np.ptp(self.sides, axis=1))
+
+    def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
+        """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""
+        return np.where(self.beams, self.met(view), np.inf)
+
+    def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+        """Echoes in beams that reach over to the mirror, in those that meet it; and how far they stray [m]."""
+        distance = float(np.linalg.norm(self.center - view.radar))
+        steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
+        wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
+        across = view.extent_each(echoes.position, self.facing(echoes.position)[1])
+        return (
+            wide[echoes.direction],
+            self.beams[echoes.direction],
+            view.range_cell + STRAY_DEVIATIONS * DEVIATION * across,
+        )
+
+    def places(self, view: VolumeView) -> Array:  # type: ignore[override]
+        """Where its beams meet it; not finite where one does not."""
+        return view.points(self.met(view)[self.beams], np.flatnonzero(self.beams))
+
+    def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+        """Along its beams: a beam gathers echoes from all of its footprint, symmetrically about its axis."""
+        sight = view.sight[self.beams]
+        inward = sight / np.abs(np.sum(sight * self.facing(places)[1], axis=1))[:, None]
+        range_ = np.linalg.norm(places - view.radar, axis=1)[:, None] + np.linalg.norm(inward, axis=1)[:, None] * depth
+        return inward, view.power_at(range_, np.flatnonzero(self.beams)[:, None])
+
+    def independent(self, view: VolumeView) -> float:  # type: ignore[override]
+        """Its beams; those a beam radius apart see the same speckle."""
+        steps = view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1))
+        return np.count_nonzero(self.beams) / max(float(np.mean(steps**2)), 1.0)
+
+    def filled(self, view: VolumeView, echoes: Echoes) -> float:  # type: ignore[override]
+        """Share of its beams in which one of the echoes stands."""
+        return float(self.beams[np.unique(echoes.direction)].sum() / max(self.beams.sum(), 1))
+
+    def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+        """One echo a beam, the strongest, where the beam's axis meets the mirror."""
+        order = np.lexsort([-echoes.amplitude, echoes.direction])
+        echoes = echoes.take(order[np.unique(echoes.direction[order], return_index=True)[1]])
+        range_ = self.met(view)[echoes.direction]
+        return replace(echoes, position=view.points(range_, echoes.direction), range=range_)
+
+    def pieces(  # type: ignore[override]
+        self, view: VolumeView, direction: Index, before: Index, smallest: float
+    ) -> tuple[list[Self], list[Self]]:
+        """Cut it where `before` changes: connected pieces of half the smallest width and height [m], and the rest."""
+        kept: list[Self] = []
+        remains: list[Self] = []
+        for value in np.unique(before):
+            part = np.zeros(self.beams.size, dtype=bool)
+            part[direction[before == value]] = True
+            regions, count = label(part.reshape(view.shape))
+            for number in range(1, count + 1):
+                beams = (regions == number).ravel()
+                if beams.sum() < FEWEST_BEAMS:
+                    continue
+                piece = self.shown(view, beams)
+                (kept if min(piece.extent) >= 0.5 * smallest else remains).append(piece)
+        return (kept, remains) if kept else ([self], [])
+
+    def columns(self, fold: Fold) -> dict[str, Any]:
+        """Center, normal and corners, too."""
+        center, corners = fold(self.center), fold(self.corners)
+        normal = fold(self.center + self.normal) - center
+        found = super().columns(fold)
+        for i, axis in enumerate("xyz"):
+            found |= {f"center_{axis}": center[i], f"normal_{axis}": normal[i], f"corner_{axis}": corners[:, i]}
+        return found

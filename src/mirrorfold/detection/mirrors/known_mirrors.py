@@ -1,0 +1,252 @@
+"""Mirrors that are known or drawn, in the place of detected ones.
+
+The file of such mirrors is JSON, in metres and in the coordinates of the unfolded image, where a mirror seen through
+another is a ghost itself: ``{"mirrors": [{"start": [x, y], "end": [x, y]}, ...]}`` for an image, where a curved one is
+an arc ``{"start": [x, y], "through": [x, y], "end": [x, y]}`` by way of a third point, and
+``{"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]}, ...]}`` for a volume, where a cylinder is
+``{"start": [x, y, z], "end": [x, y, z], "radius": r}`` by the ends of its axis, and a sphere ``{"center": [x, y, z],
+"radius": r}``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mirrorfold.common.arcs import arc_through, by_three, circle_through
+from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.reading import parsed, read_text
+from mirrorfold.common.round_surfaces import RoundSurface
+from mirrorfold.common.stopping import go_on
+from mirrorfold.common.types import Array
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Mirror, evidence
+from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
+from mirrorfold.detection.mirrors.round_mirror import RoundMirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.volume_view import VolumeView
+from mirrorfold.errors import InputError
+
+SHORTEST = 1e-9
+"""Of the coordinates of its ends: a given mirror that is shorter has no direction but that of rounding errors."""
+
+FLATTEST = 0.01
+"""How far the corners of a given plane may lie off it, as a share of its size."""
+
+LONGEST = 1000.0
+"""Of the reach of the image: a given mirror that is longer was given in another unit."""
+
+LARGEST_COUNT = 1000
+"""More mirrors than this are no room but a mistake."""
+
+EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
+
+
+def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
+    """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
+
+    They may be a list of dicts, too, as in the file. Where some are arcs, of first, third and last points,
+    (mirrors, 3, 2): those of a line lie on it. A cylinder in space is both ends of its axis, three times its
+    radius, and NaN; a sphere twice its middle, and the same.
+
+    Raises
+    ------
+    InputError
+        If they are neither, hold a number that is not finite, or a mirror has no extent or is not flat; `source` names
+        them.
+    """
+    rows = by_three(_rows(mirrors, source))
+    try:
+        places = np.array(rows, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        places = np.array(np.nan)
+    if places.shape[:1] == (0,):
+        return np.empty((0, 2, 2))
+    if places.ndim != 3 or places.shape[1:] not in ((2, 2), (3, 2), (4, 3)):
+        found = "something else" if places.ndim == 0 else f"an array of shape {places.shape}"
+        raise InputError(
+            f"{source}: expected for each mirror its two ends of two numbers, of an arc a point between them, too, or "
+            f"in space its four corners of three numbers [m], got {found}"
+        )
+    if len(places) > LARGEST_COUNT:
+        raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
+    for number, points in enumerate(places):
+        mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
+        wrong = unplaced(points[:3] if is_round(points) else points)
+        if wrong is not None:
+            raise InputError(f"{mirror} has a place that {wrong}, expected numbers in metres")
+        if is_round(points):
+            if not (points[2] == points[2, 0]).all() or points[2, 0] <= SHORTEST * np.abs(points[:2]).max():
+                raise InputError(f"{mirror} has the radius {points[2, 0]:g}, expected a length above zero in metres")
+            continue
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
+            what = "length; give two different ends" if flat else "extent; give four different corners"
+            raise InputError(f"{mirror} has no {what}, or leave it out")
+        if len(points) == 3:
+            _check_arc(points, mirror)
+        if not flat and spread[2] > FLATTEST * spread[0]:
+            raise InputError(f"{mirror} is not flat; give four corners of one plane")
+    return places
+
+
+def _check_arc(points: Array, mirror: str) -> None:
+    """Refuse a first, a third and a last point of an arc (3, 2) through which there is none."""
+    start, through, end = points
+    chord = end - start
+    if np.linalg.norm(chord) <= SHORTEST * np.abs(points).max():
+        raise InputError(f"{mirror} starts where it ends, and so could be any arc; give a full circle as two arcs")
+    along = float((through - start) @ chord / (chord @ chord))
+    if len(arc_through(start, through, end)) == 2 and not 0.0 < along < 1.0:
+        raise InputError(f"{mirror} goes through a point in line with its ends, but not between them; give one between")
+
+
+def is_round(points: Array) -> bool:
+    """Whether a given mirror is a cylinder or a sphere, by its row of `check_mirrors`."""
+    return points.shape == (4, 3) and bool(np.isnan(points[3]).all())
+
+
+def read_mirrors(path: str | Path) -> Array:
+    """Read a file of mirrors, see above, to an array as of `check_mirrors`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is not JSON, or holds something else.
+    """
+    text = read_text(path, "give a JSON file of mirrors")
+    content = parsed(text, "JSON", str(path), f"expected {EXAMPLE}")
+    mirrors = content.get("mirrors") if isinstance(content, dict) else None
+    if not isinstance(mirrors, list):
+        raise InputError(f"{path}: holds no list 'mirrors'; expected {EXAMPLE}")
+    return check_mirrors(mirrors, str(path))
+
+
+FORMS: dict[frozenset[str], Callable[..., list[Any]]] = {
+    frozenset(("start", "end")): lambda start, end: [start, end],
+    frozenset(("start", "through", "end")): lambda start, through, end: [start, through, end],
+    frozenset(("corners",)): lambda corners: corners,
+    frozenset(("start", "end", "radius")): lambda start, end, radius: [start, end, [radius] * 3, [np.nan] * 3],
+    frozenset(("center", "radius")): lambda center, radius: [center, center, [radius] * 3, [np.nan] * 3],
+}
+"""The rows of `check_mirrors` that mirrors with these entries make."""
+
+
+def _rows(mirrors: Any, source: str) -> Any:
+    """Mirrors as a file describes them, a list of dicts, as rows; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        If one has other entries than a mirror has, or something else stands among them.
+    """
+    if not isinstance(mirrors, list | tuple) or not any(isinstance(mirror, dict) for mirror in mirrors):
+        return mirrors
+    places = []
+    for number, mirror in enumerate(mirrors):
+        held = mirror if isinstance(mirror, dict) else {}
+        form = FORMS.get(frozenset(held))
+        if form is None:
+            found = f"the entries {', '.join(map(repr, held))}" if held else "no entries"
+            raise InputError(
+                f"{source}: mirror {number} has {found}, expected 'start' and 'end' of a line, and of an arc 'through' "
+                "between them; in space 'corners' of a plane, 'start', 'end' and 'radius' of a cylinder, or 'center' "
+                "and 'radius' of a sphere"
+            )
+        places.append(form(**held))
+    return places
+
+
+def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
+    """Write a file of mirrors that `read_mirrors` reads back to the last bit; returns its path."""
+    rows = [_plainly(points) for points in check_mirrors(mirrors)]
+    path = Path(path)
+    path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+def _plainly(points: Array) -> dict[str, Any]:
+    """A given mirror as a file says it."""
+    place = points.tolist()
+    if is_round(points):
+        own = {"center": place[0]} if place[0] == place[1] else {"start": place[0], "end": place[1]}
+        return {**own, "radius": place[2][0]}
+    names = {2: ("start", "end"), 3: ("start", "through", "end")}
+    return {"corners": place} if len(place) == 4 else dict(zip(names[len(place)], place, strict=True))
+
+
+def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
+    """Given mirrors, as `check_mirrors` returns them, with what the image or volume says of each.
+
+    Strength is the median amplitude of the echoes on it, where there are none that of an image along it, and in a
+    volume zero. Errors are not known: NaN.
+    """
+    mirrors: list[Mirror] = []
+    for number, points in enumerate(places):
+        go_on()
+        mirror: Mirror = _in_space(points, view) if isinstance(view, VolumeView) else _line_or_arc(points, view)
+        size, reach = float(np.ptp(points[:3], axis=0).max()), float(view.range[-1])
+        if size > LONGEST * reach:
+            raise InputError(
+                f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
+            )
+        _, own, across = mirror.near(view, echoes)
+        on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
+        strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
+        if isinstance(view, ImageView) and not len(on_it):
+            strength = float(np.sqrt(np.median(view.power_at(*view.to_polar(mirror.places(view))))))
+        fill = mirror.filled(view, evidence(on_it, view))
+        mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
+    return mirrors
+
+
+def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
+    """The line between two points (2, 2) [m], or the arc by way of a third one, (3, 2)."""
+    start, end = points[[0, -1]]
+    if len(points) == 2 or len(arc_through(*points)) == 2:
+        return LineMirror(start, end)
+    middle, radius = (found[0] for found in circle_through(start[None], points[1][None], end[None]))
+    first, through, last = (float(np.arctan2(*(point - middle)[::-1])) for point in points)
+    turn = (last - first) % (2.0 * np.pi)
+    if (through - first) % (2.0 * np.pi) > turn:
+        first, turn = last, 2.0 * np.pi - turn
+    return ArcMirror(middle=middle, radius=float(radius), first=first, span=turn, radar=view.radar)
+
+
+def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:
+    """The plane, cylinder or sphere of a row of `check_mirrors`."""
+    if not is_round(points):
+        return _plane(points, view)
+    start, end, radius = points[0], points[1], float(points[2, 0])
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    shape = RoundSurface(0.5 * (start + end), axis / length if length else axis, radius)
+    range_ = shape.met(view.radar, view.sight)
+    met = view.radar + range_[:, None] * view.sight
+    with np.errstate(invalid="ignore"):
+        beams = np.isfinite(range_) & (np.abs(shape.along(met)) <= (0.5 * length if length else np.inf))
+    # Where no beam meets it, what faces the radar.
+    outline = met[beams] if beams.any() else shape.nearest(np.stack([view.radar, view.radar]))
+    return RoundMirror(outline, beams, shape, view.radar, view.beam)
+
+
+def _plane(outline: Array, view: VolumeView) -> PlaneMirror:
+    """The plane with these corners, (4, 3) [m], in order around a convex face."""
+    center = outline.mean(axis=0)
+    normal = np.linalg.svd(outline - center)[2][2]
+    normal = normal * (-np.sign((center - view.radar) @ normal) or 1.0)
+    met = view.radar + view.meets(normal, center)[:, None] * view.sight
+    # Inside a convex outline a point lies on one side of all its edges.
+    edges = np.roll(outline, -1, axis=0) - outline
+    with np.errstate(invalid="ignore"):
+        sides = np.cross(edges[:, None], met - outline[:, None]) @ normal
+    return PlaneMirror(center, normal, outline, np.all(sides >= 0.0, axis=0) | np.all(sides <= 0.0, axis=0))

@@ -1,0 +1,152 @@
+"""A straight mirror in the floor plan, and the resolution cell about its line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mirrorfold.common.geometry import segment_normal, unit
+from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+
+SPACING = 0.25
+"""Step along a mirror, in range cells, from one profile across it to the next."""
+
+END_CELLS = 0.6
+"""Profiles leave out this much of a slanting resolution cell at either end of a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineMirror(Mirror):
+    """A straight mirror of an image.
+
+    Attributes
+    ----------
+    start, end : (2,) arrays [m]
+        Its ends.
+    length : float [m]
+    direction : (2,) array
+        Unit vector from start to end.
+    hem : tuple of two floats [m]
+        How far beyond start and end lines of sight meet it, see `mirrorfold.tree.half_shadows`.
+    """
+
+    start: Array
+    end: Array
+    hem: tuple[float, float] = (0.0, 0.0)
+    length: float = field(init=False)
+    direction: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        along = self.end - self.start
+        length = math.sqrt(along @ along)
+        object.__setattr__(self, "center", 0.5 * (self.start + self.end))
+        object.__setattr__(self, "length", length)
+        with np.errstate(invalid="ignore"):  # what is cut off may have no length
+            object.__setattr__(self, "direction", along / length)
+            object.__setattr__(self, "normal", segment_normal(self.start, self.end))
+
+    @property
+    def size(self) -> float:
+        """Its length [m]."""
+        return self.length
+
+    @property
+    def tangents(self) -> Array:
+        """`direction` as a row, (1, 2)."""
+        return self.direction[None]
+
+    @property
+    def sides(self) -> Array:
+        """Where it begins and ends along `direction`, seen from `center`, (1, 2) [m]."""
+        return 0.5 * self.length * np.array([[-1.0, 1.0]])
+
+    @property
+    def ends(self) -> Array:
+        """Start and end, (2, 2) [m]."""
+        return np.stack([self.start, self.end])
+
+    def along(self, points: Array) -> Array:
+        """Position [m] of points (..., 2) along the mirror, from its start."""
+        return np.asarray((points - self.start) @ self.direction)
+
+    def part(self, first: float, last: float) -> LineMirror:
+        """The mirror from one position [m] along it to another."""
+        hem = self.hem[0] if first <= 0.0 else 0.0, self.hem[1] if last >= self.length else 0.0
+        start, end = (self.start + place * self.direction for place in (first, last))
+        return replace(self, start=start, end=end, hem=hem)
+
+    def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
+        """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
+        range_ = view.meets(self.normal, self.center)
+        with np.errstate(invalid="ignore"):
+            along = self.along(view.radar + range_[:, None] * view.sight)
+        return np.where((along >= -self.hem[0]) & (along <= self.length + self.hem[1]), range_, np.inf)
+
+    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+        """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
+        along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
+        beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
+        return beside, beside.copy(), across
+
+    def places(self, view: ImageView) -> Array:  # type: ignore[override]
+        """A row along it, without its ends.
+
+        A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the
+        line, to opposite sides at the two ends, and turns a short wall. It does so as much as the cell's extents along
+        and across the row are correlated.
+        """
+        across, along = (view.extent(self.ends, axis) for axis in (self.normal, self.direction))
+        overlap = view.range_cell * view.cross_cell(self.ends) / (across * along)
+        left_out = END_CELLS * np.sqrt(np.maximum(1.0 - overlap**2, 0.0)) * along
+        if left_out.any():
+            left_out *= min(1.0, 0.5 * self.length / left_out.sum())
+        count = max(8, int(self.length / (SPACING * view.range_cell)))
+        return self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
+
+    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+        """Square to it."""
+        inward = np.broadcast_to(self.inward(view), places.shape)
+        return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
+
+    def independent(self, view: ImageView) -> float:  # type: ignore[override]
+        """Its length in sections of the cell along it: what a slanting cell shows of it is narrower than the cell."""
+        section = view.range_cell * view.cross_cell(self.ends) / view.extent(self.ends, self.normal)
+        return float(self.length / section.mean())
+
+    def moved(self, normal: Array, center: Array) -> LineMirror:
+        """The same length about where its middle is nearest."""
+        middle = self.center - ((self.center - center) @ normal) * normal
+        half = 0.5 * self.length * unit(self.direction - (self.direction @ normal) * normal)
+        return replace(self, start=middle - half, end=middle + half)
+
+    def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
+        """Share of its length within half a resolution cell of one of the echoes."""
+        position, half = self.along(echoes.position), 0.5 * view.extent(echoes.position, self.direction)
+        first, last = np.clip([position - half, position + half], 0.0, self.length)
+        order = np.argsort(first)
+        # What each echo covers beyond all before it.
+        covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
+        return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / self.length)
+
+    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+        """Its echoes, moved square onto its line."""
+        along = np.clip(self.along(echoes.position), 0.0, self.length)
+        return replace(echoes, position=self.start + along[:, None] * self.direction)
+
+    def pieces(  # type: ignore[override]
+        self, view: ImageView, direction: Index, before: Index, smallest: float
+    ) -> tuple[list[LineMirror], list[LineMirror]]:
+        """Cut it where `before` changes: mirrors of at least the smallest length [m], and what is shorter."""
+        position = self.along(view.points(self.crossing(view)[direction], direction))
+        changes = np.flatnonzero(before[1:] != before[:-1])
+        middle = 0.5 * (position[changes] + position[changes + 1])
+        cuts = np.unique(np.clip([0.0, self.length, *middle], 0.0, self.length)).tolist()  # none beyond its ends
+        parts = [self.part(first, last) for first, last in pairwise(cuts)]
+        kept = [part for part in parts if part.length >= smallest]
+        return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])

@@ -1,0 +1,49 @@
+"""A plane mirror in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
+from mirrorfold.detection.views.volume_view import VolumeView
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneMirror(BeamMirror):
+    """A plane mirror of a raster volume.
+
+    Attributes
+    ----------
+    center : (3,) array [m]
+        Mean of its face.
+    normal : (3,) array
+        Unit normal, towards the radar.
+    outline, beams
+        See `BeamMirror`.
+    """
+
+    center: Array
+    normal: Array
+
+    @property
+    def corners(self) -> Array:
+        """The rectangle around what is seen of it, its sides horizontal and upright, (4, 3) [m]."""
+        (left, right), (low, high) = self.sides
+        return self.center + np.array([[left, low], [right, low], [right, high], [left, high]]) @ self.tangents
+
+    def met(self, view: VolumeView) -> Array:
+        """Where the axes of the beams meet its plane."""
+        return view.meets(self.normal, self.center)
+
+    def moved(self, normal: Array, center: Array) -> PlaneMirror:
+        """With the same beams."""
+        middle = self.center - ((self.center - center) @ normal) * normal
+        return replace(self, center=middle, normal=normal * np.sign(normal @ self.normal))
+
+    def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
+        """As much of its plane as some of the beams show."""
+        points = replace(self, beams=beams).places(view)
+        return replace(self, center=points.mean(axis=0), outline=points, beams=beams)

@@ -1,0 +1,153 @@
+"""A curved mirror in space: a cylinder or a sphere, with a tangent plane of its own for every line of sight.
+
+What a line of sight shows behind it is reflected by the plane that touches the surface where the line meets it. That is
+exact for the axis of the beam, whose echo the volume shows at the range of the whole way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mirrorfold.common.beams import spread_beam
+from mirrorfold.common.round_surfaces import RoundSurface
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
+from mirrorfold.detection.mirrors.mirror import Fold
+from mirrorfold.detection.views.volume_view import VolumeView
+
+
+@dataclass(frozen=True, eq=False)
+class RoundMirror(BeamMirror):
+    """A part of a cylinder or of a sphere in a raster volume, seen from outside.
+
+    Attributes
+    ----------
+    shape : RoundSurface
+    radar : (3,) array [m]
+        Where it is seen from.
+    beam : tuple of float [m], optional
+        Of the scanner, as in `VolumeView`.
+    curvature_error : float [1/m]
+        Standard error of the curvature.
+    outline, beams
+        See `BeamMirror`.
+    """
+
+    shape: RoundSurface
+    radar: Array
+    beam: tuple[float, float, float] | None = None
+    curvature_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        center = self.shape.nearest(self.outline.mean(axis=0)) if len(self.outline) else self.shape.middle
+        object.__setattr__(self, "center", center)
+        object.__setattr__(
+            self, "normal", self.shape.outward(center) if len(self.outline) else np.array([0.0, -1.0, 0.0])
+        )
+
+    @property
+    def curved(self) -> bool:
+        """It is."""
+        return True
+
+    @property
+    def curvature(self) -> float:
+        """One over the radius [1/m]: it bulges towards the radar."""
+        return 1.0 / self.shape.radius
+
+    @property
+    def ends(self) -> Array:
+        """What is seen of it farthest to the left and to the right, at the height of its center, (2, 3) [m]."""
+        across = (self.outline - self.center) @ self.tangents[0]
+        found = self.outline[[np.argmin(across), np.argmax(across)]]
+        return (
+            found + self.shape.along(self.center) * self.shape.axis - self.shape.along(found)[:, None] * self.shape.axis
+        )
+
+    @property
+    def corners(self) -> Array:
+        """Of a cylinder both ends, down and up its axis; of a sphere what is seen farthest to all four sides."""
+        if not self.shape.axis.any():
+            place = (self.outline - self.center) @ self.tangents.T
+            return self.outline[[f(place[:, i]) for f in (np.argmin, np.argmax) for i in (0, 1)]]
+        place, here = self.shape.along(self.outline), self.shape.along(self.center)
+        low, high = ((edge - here) * self.shape.axis for edge in (place.min(), place.max()))
+        left, right = self.ends
+        return np.stack([left + low, right + low, right + high, left + high])
+
+    def met(self, view: VolumeView) -> Array:
+        """Where the axes of the beams enter the endless surface; infinite where they pass it by."""
+        return np.nan_to_num(self.shape.met(self.radar, view.sight), nan=np.inf)
+
+    def facing(self, points: Array) -> tuple[Array, Array]:
+        """Where the lines of sight through points (n, 3) meet the surface, and its normals there, (n, 3) each.
+
+        A line of sight that misses it is taken to meet it where it passes nearest.
+        """
+        sight = points - self.radar
+        sight = sight / np.maximum(np.linalg.norm(sight, axis=-1), np.finfo(float).tiny)[..., None]
+        range_ = self.shape.met(self.radar, sight)
+        range_ = np.where(np.isfinite(range_), range_, self.shape.passed(self.radar, sight))
+        hit = self.shape.nearest(self.radar + range_[..., None] * sight)
+        return hit, self.shape.outward(hit)
+
+    def beside(self, points: Array) -> Array:
+        """Distance [m] of points (n, 3) from the planes that their lines of sight meet, positive before them."""
+        hit, normal = self.facing(points)
+        return np.asarray(np.sum((points - hit) * normal, axis=-1))
+
+    def behind(self, view: VolumeView, points: Array) -> Array:  # type: ignore[override]
+        """How far [m] points (n, 3) lie behind these planes."""
+        return -self.beside(points)
+
+    def growth(self, points: Array) -> Array:
+        """Radius of the beam at the true places of points (n, 3) of the image, over that of a beam that goes straight.
+
+        Along both principal directions of the mirror, (n, 2); that of thin pencils of rays where the beam is not known.
+        """
+        hit, normal = self.facing(points)
+        sight, way = hit - self.radar, np.linalg.norm(points - self.radar, axis=-1)
+        before = np.linalg.norm(sight, axis=-1)
+        rest = np.maximum(way - before, 0.0)
+        power, _ = self.shape.bending(sight / before[:, None], normal)
+        if self.beam is None:
+            return 1.0 + power * (before * rest / way)[:, None]
+        known = dict(zip(("spot_radius", "focus_distance", "wavelength"), self.beam, strict=True))
+        width, straight = (spread_beam(before[:, None], rest[:, None], p, **known)[0] for p in (power, 0.0 * power))
+        return np.asarray(width / straight)
+
+    def moved(self, normal: Array, center: Array) -> RoundMirror:
+        """The same surface, shifted along a normal."""
+        shift = ((center - self.center) @ normal) * normal
+        return replace(self, shape=replace(self.shape, middle=self.shape.middle + shift), outline=self.outline + shift)
+
+    def shown(self, view: VolumeView, beams: Mask) -> RoundMirror:
+        """As much of its surface as some of the beams show."""
+        range_ = self.met(view)
+        beams = beams & np.isfinite(range_)
+        return replace(self, beams=beams, outline=view.points(range_[beams], np.flatnonzero(beams)))
+
+    def strays(self, places: Array) -> Array:
+        """Covariance (n, 3, 3) [m^2] by which places turned about their own planes follow the errors of the surface."""
+        hit, normal = self.facing(places)
+        offset, way = places - hit, np.linalg.norm(self.shape.across(hit - self.center), axis=1)
+        known = [float(np.nan_to_num(error)) for error in (self.offset_error, self.angle_error, self.curvature_error)]
+        shift = known[0] ** 2 + (0.5 * way**2 * known[2]) ** 2
+        angle = np.radians(known[1]) ** 2 + (way * known[2]) ** 2
+        total = shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
+        right = np.cross(normal, self.tangents[1])
+        right /= np.maximum(np.linalg.norm(right, axis=1), np.finfo(float).tiny)[:, None]
+        for tangent in (right, np.cross(normal, right)):
+            turn = (
+                np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
+            )
+            total = total + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
+        return np.asarray(total)
+
+    def columns(self, fold: Fold) -> dict[str, Any]:
+        """The axis of a cylinder, too; zero for a sphere."""
+        axis = fold(self.center + self.shape.axis) - fold(self.center)
+        return super().columns(fold) | {f"axis_{name}": axis[i] for i, name in enumerate("xyz")}

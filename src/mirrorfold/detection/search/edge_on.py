@@ -1,0 +1,186 @@
+"""Step 2 in the floor plan, once more: mirrors that the radar sees edge-on.
+
+A wall along which the radar looks sends little back, and its echoes make no row; but no wall reflects more. What it
+shows of another wall passes for a wall of its own. The two are mirror images of each other, so that the mirror between
+them lies on one of the two lines that halve their angle, and there the image holds a faint line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from operator import itemgetter
+
+import numpy as np
+
+from mirrorfold.common.geometry import unit
+from mirrorfold.common.types import Array
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
+from mirrorfold.detection.search.fit import refined
+from mirrorfold.detection.search.lines import GAP_CELLS, LOBE
+from mirrorfold.detection.views.image_view import ImageView
+
+LARGEST_GRAZING_DEG = 45.0
+"""Walls that all lines of sight meet at less than this. What faces the radar more is found by itself."""
+
+SMALLEST_TURN_DEG = 2.0
+"""Lines that are more parallel than this cross too far away to tell the mirror between them."""
+
+SEEN_TWICE = 0.75
+"""Share of a mirror's image that must lie on the wall itself, as far as the radar sees that, too."""
+
+CONTRAST = 2.7
+"""Median amplitude along the faint line over those of lines beside it. At such walls it was 60 or more in ray scenes,
+and 13 or more in full waves but once, 3.1, where wrapped echoes fill one side; on lines that halve the angle of two
+walls by chance it was at most 2.3."""
+
+FADED = 10.0 ** (-20.0 / 20.0)
+"""The line ends where it is 20 dB weaker than its median, as little as the image may hold beside it: speckle
+fades by less."""
+
+ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
+"""Where amplitudes are compared, in resolution cells across the line; on either side."""
+
+ASTRAY, STEPS = 3.0, 8
+"""The line is looked for so many standard errors, and cells at most, from where the two walls say it is, in so many
+steps a cell: where these are nearly parallel, their crossing is known to a cell or so."""
+
+BEYOND = 0.5
+"""How far towards the radar the line is followed beyond what the image tells, in such lengths."""
+
+SAMPLES = 32
+"""Lines of sight to a mirror."""
+
+
+def edge_on(
+    mirrors: Sequence[LineMirror], rows: Sequence[LineMirror], view: ImageView, echoes: Echoes, shortest: float
+) -> list[LineMirror]:
+    """Mirrors seen edge-on that make a mirror, or a row of echoes, an image of another mirror.
+
+    Parameters
+    ----------
+    mirrors : sequence of LineMirror
+        Those in line of sight.
+    rows : sequence of LineMirror
+        Rows of echoes in line of sight that are too short for mirrors.
+    view : ImageView
+    echoes : Echoes
+    shortest : float [m]
+        Least length of a mirror.
+
+    Returns
+    -------
+    list of LineMirror
+        As long as what they show tells and the line stands out, at most one for each image, that on the clearest line.
+    """
+    found: list[LineMirror] = []
+    for image in (*mirrors, *rows):
+        tried = [
+            (contrast, lit)
+            for wall in mirrors
+            if wall is not image
+            for between in (_on_faint_line(line, view) for line in _between(wall, image, view))
+            if (contrast := _contrast(between, view)) >= CONTRAST
+            # The image tells a part of the mirror, the line all of it.
+            for lit in [_as_far_as_lit(between, view)]
+            if max(between.length, lit.length) >= shortest
+        ]
+        if tried:
+            _, best = max(tried, key=itemgetter(0))
+            _, own, across = best.near(view, echoes)
+            on_it = echoes.take(own & (np.abs(best.beside(echoes.position)) <= across))
+            found.append(replace(best, fill=best.filled(view, on_it)))
+    return found
+
+
+def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineMirror]:
+    """The mirrors, none to two, in which the radar would see the wall where it sees the image."""
+    sides = np.stack([wall.direction, -image.direction], axis=1)
+    if abs(np.linalg.det(sides)) < np.sin(np.radians(SMALLEST_TURN_DEG)):
+        return []
+    crossing = wall.start + np.linalg.solve(sides, image.start - wall.start)[0] * wall.direction
+    places = image.start + np.linspace(0.0, image.length, SAMPLES)[:, None] * image.direction
+    sight = places - view.radar
+    found = []
+    for sign in (1.0, -1.0):
+        along = unit(wall.direction + sign * image.direction)
+        normal = np.array([-along[1], along[0]])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (crossing - view.radar) @ normal / (sight @ normal)  # of the way to the image
+        in_front = (share > 0.0) & ((1.0 - share) * np.linalg.norm(sight, axis=1) > 2.0 * view.range_cell)
+        grazing = np.abs(sight @ normal) < np.sin(np.radians(LARGEST_GRAZING_DEG)) * np.linalg.norm(sight, axis=1)
+        if not (in_front & grazing).all():
+            continue
+        seen = wall.along(places - 2.0 * ((places - crossing) @ normal)[:, None] * normal)
+        if np.mean((seen >= 0.0) & (seen <= wall.length)) >= SEEN_TWICE:
+            first, last = view.radar + share[[0, -1], None] * sight[[0, -1]]
+            found.append(_judged(LineMirror(first, last), wall, image, crossing, view))
+    return found
+
+
+def _judged(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array, view: ImageView) -> LineMirror:
+    """The mirror with its strength, and with its standard errors, which are those of what it lies between.
+
+    It turns by the mean of what the other two turn; and moved by d it moves the image by ``2 d``, of which the lines
+    tell what is square to them.
+    """
+    angle = 0.5 * float(np.hypot(wall.angle_error, image.angle_error))
+    across = float(np.abs(mirror.normal @ wall.normal))  # not zero: the lines are not parallel
+    moved = 0.5 * float(np.hypot(wall.offset_error, image.offset_error)) / across
+    turned = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
+    strength = float(np.median(_levels(mirror, view, ON_LINE)))
+    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, turned)), strength=strength)
+
+
+def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
+    """The mirror, moved towards the line that the image holds, as far as that is better known than where it is."""
+    across = float(view.extent(mirror.center[None], mirror.normal)[0])
+    count = int(np.ceil(ASTRAY * min(mirror.offset_error / across, 1.0) * STEPS))
+    cells = (np.arange(-count, count + 1) / STEPS).tolist()
+    brightest = across * cells[np.argmax(np.median(_levels(mirror, view, cells), axis=0))]
+    line, _ = refined(mirror.moved(mirror.normal, mirror.center + brightest * mirror.normal), view, *LOBE)
+    both = float(np.hypot(mirror.offset_error, line.offset_error))
+    towards = (mirror.offset_error / both) ** 2 * mirror.beside(line.center) * mirror.normal
+    moved = mirror.moved(mirror.normal, mirror.center + towards)
+    level = float(np.median(_levels(moved, view, ON_LINE)))
+    return replace(moved, offset_error=mirror.offset_error * line.offset_error / both, strength=level)
+
+
+def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
+    """The longest part of the mirror where the line stands out: its image may go on in another row on the same line.
+
+    Towards the radar, it may be longer: there its own echoes are brightest, and hide what it shows.
+    """
+    near, far = sorted(mirror.ends, key=lambda end: float(np.linalg.norm(end - view.radar)))
+    longer = replace(mirror, start=near + BEYOND * (near - far), end=far)
+    on_it = np.median(_levels(longer, view, ON_LINE), axis=1)
+    shown = on_it > CONTRAST * _beside(longer, view, axis=1)
+    if not shown.any():
+        return mirror
+    lit = np.flatnonzero(shown & (on_it > FADED * np.median(on_it[shown])))
+    place = longer.length * lit / (len(on_it) - 1)
+    gap = GAP_CELLS * float(view.extent(mirror.center[None], mirror.direction)[0])
+    longest = max(np.split(place, np.flatnonzero(np.diff(place) > gap) + 1), key=np.ptp)
+    part = longer.part(float(longest[0]), float(longest[-1]))
+    return replace(part, strength=float(np.median(_levels(part, view, ON_LINE)))) if part.length else mirror
+
+
+def _contrast(mirror: LineMirror, view: ImageView) -> float:
+    """The median amplitude along a line over that beside it, on its brighter side."""
+    return mirror.strength / max(float(_beside(mirror, view)), float(np.finfo(float).tiny))
+
+
+def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Array:
+    """The median amplitude beside a line, on its brighter side; place by place along `axis` 1."""
+    sides = [np.median(_levels(mirror, view, [side * cells for cells in BESIDE]), axis=axis) for side in (-1.0, 1.0)]
+    return np.max(sides, axis=0)
+
+
+def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
+    """Amplitudes along a line, so many resolution cells beside it."""
+    count = max(8, int(mirror.length / (SPACING * view.range_cell)))
+    places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
+    across = np.outer(view.extent(places, mirror.normal), cells)
+    points = places[:, None] + across[..., None] * mirror.normal
+    return np.sqrt(np.maximum(view.power_at(*view.to_polar(points)), 0.0))

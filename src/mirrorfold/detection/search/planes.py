@@ -1,0 +1,91 @@
+"""Step 2 in space: flat sheets of echoes are mirrors; their extent is the set of beams that show them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, label
+
+from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
+from mirrorfold.detection.search.fit import refined
+from mirrorfold.detection.search.fronts import find_front
+from mirrorfold.detection.search.growing import Search
+from mirrorfold.detection.views.view import DEVIATION
+from mirrorfold.detection.views.volume_view import VolumeView
+
+MINIMUM_CELLS = 7.5
+"""Smallest width and height of a mirror in resolution cells: any surface is flat over a few of them, and a cloud of
+single echoes may be by chance."""
+
+SMALLEST_FILL = 0.5
+"""Share of its beams in which a mirror's own echo must stand."""
+
+GAP_BEAMS = 3
+"""A wall goes on behind gaps of this many beams: speckle fades over one or two."""
+
+LARGEST_DEVIATION = 1.2
+"""Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_CELLS` together: walls show
+up to 0.8, for they average over the footprint, the flattest parts of a body 1.3 and more."""
+
+INSIDE_CELLS = 0.065
+"""What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
+
+DEPTH_CHANGE = 0.15
+"""By so much of itself the depth of the centroids may change from one end of a wall to the other, as beams meet it more
+and more askew: what scatters inside turns the plane."""
+
+PROFILE = 1.7, 0.01, 0.01
+"""The same as `LOBE` of lines: all of the footprint counts, and what scatters inside. Bright places lie deeper."""
+
+
+def find_planes(
+    echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True, seed: int = 0
+) -> list[PlaneMirror]:
+    """Plane mirrors among the visible echoes of a volume, from the largest: see `Search`."""
+    found = _Planes(echoes, view, minimum_length, tested, seed).find(enough=0.0)
+    return sorted(found, key=lambda mirror: -float(mirror.beams.sum()))
+
+
+class _Planes(Search[PlaneMirror]):
+    """Sheets of echoes. A sheet of a hundred cells tells a bulge twice as well as a row of ten."""
+
+    fewest, sagitta, misses = 30, 0.16, 2
+    view: VolumeView
+
+    def patch(self, normal: Array, center: Array, near: Index) -> tuple[PlaneMirror, Index]:
+        """The largest connected set of beams that show a plane, its small gaps closed."""
+        beam, shape = self.echoes.direction[near], self.view.shape
+        lit = np.zeros(shape, dtype=bool)
+        lit.ravel()[beam] = True
+        pad = GAP_BEAMS + 1
+        closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
+        # Threads of chance echoes do not join two walls.
+        closed = binary_opening(np.pad(closed, 2, mode="edge"), iterations=2)[2:-2, 2:-2]
+        regions, _ = label(closed)
+        largest = binary_fill_holes(regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:]))
+        beams = largest.ravel() & (self.view.meets(normal, center) <= self.view.range[-1])
+        towards = normal * -np.sign((center - self.view.radar) @ normal)
+        mirror = PlaneMirror(center, towards, np.empty((0, 3)), beams)
+        return mirror.shown(self.view, beams) if beams.any() else mirror, near[beams[beam]]
+
+    def passes(self, mirror: PlaneMirror) -> bool:
+        """Whether echoes stand in enough of its beams."""
+        return mirror.fill >= SMALLEST_FILL
+
+    def refined(self, mirror: PlaneMirror) -> PlaneMirror | None:
+        """The mirror with its face where the volume shows it; None if its centroids lie in no plane."""
+        view = self.view
+        mirror, deviation = refined(mirror, view, *PROFILE)
+        if not np.isfinite(deviation):
+            return None
+        spread = DEVIATION * np.median(view.extent(mirror.places(view), mirror.normal))
+        if deviation > LARGEST_DEVIATION * np.hypot(spread, INSIDE_CELLS * view.cell_at(mirror.center)):
+            return None
+        front = find_front(mirror, view)
+        face = replace(mirror, center=mirror.center + front.depth * mirror.normal, depth=max(front.depth, 0.0))
+        turned = np.degrees(DEPTH_CHANGE * face.depth / mirror.size)
+        angle, offset = np.hypot([mirror.angle_error, mirror.offset_error], [turned, front.error]).tolist()
+        return replace(face, angle_error=angle, offset_error=offset).shown(view, mirror.beams)

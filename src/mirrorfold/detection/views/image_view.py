@@ -1,0 +1,343 @@
+"""The radar's own view of an image: amplitude against range and direction.
+
+A radar resolves range and the sine of the angle off broadside, each with the same cell everywhere. Thresholds, side
+lobes, shadows and lines of sight are simple in these coordinates, so the steps after imaging work in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.constants import speed_of_light
+from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
+
+from mirrorfold.common.geometry import unit
+from mirrorfold.common.memory import check_room
+from mirrorfold.common.normalization import RANGE_POWERS
+from mirrorfold.common.types import Array, Complex, Index, Mask
+from mirrorfold.detection.echoes import Echoes, noise_level
+from mirrorfold.detection.views.resampling import interpolated, sampled
+from mirrorfold.detection.views.view import View, check_samples
+from mirrorfold.errors import InputError
+
+SAMPLES_PER_CELL = 3
+"""Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
+
+SAMPLE_BYTES = 64
+"""Memory that a polar sample takes while it is looked up: its place, the pixel there, real and imaginary part."""
+
+COVERED_CELLS = 0.75
+"""Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. With
+a whole cell, up to the nulls, two small objects side by side would each hide a half of what the radar shows of both."""
+
+EDGE_CELLS = 2
+"""Directions this far from the edge of what a mirror shows, in cells: the main lobe of a beam there reaches over it."""
+
+OPAQUE_CELLS = 2.5
+"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+
+LARGEST_SINE = 0.985
+"""Directions closer to the line of the array are left out: the array does not resolve them (80 degrees)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageView(View):
+    """Normalised amplitude against range and sine of the angle off broadside, as the radar sees it.
+
+    Attributes
+    ----------
+    along, broadside : (2,) arrays
+        Unit vectors: along the array, and where it looks.
+    u : (nu,) array
+        Sine of the angle from broadside towards `along`, uniform, rising.
+    amplitude : (nr, nu) array
+        Linear; zero where the image has no pixels, or is zero.
+    power : float
+        The power of range that `amplitude` was multiplied by.
+    u_cell : float
+        Width of the resolution cells in u between half-amplitude points.
+    aperture_tx, aperture_rx : float
+        Lengths of the arrays in mean wavelengths; what makes the side lobes in u. Of one antenna that both sends and
+        hears, twice its way, and zero.
+    ambiguous : float [m]
+        Range from which on echoes stand nearer by as much; infinite where that is not known, and far away.
+    noisy : bool
+        Whether noise can be told from the image, see `noise_level`.
+    radar, range, range_cell, normalization, wavelength
+        See `View`.
+    """
+
+    radar: Array
+    along: Array
+    broadside: Array
+    range: Array
+    u: Array
+    amplitude: Array
+    power: float
+    range_cell: float
+    u_cell: float
+    aperture_tx: float
+    aperture_rx: float
+    normalization: str = "r"
+    wavelength: float = np.inf
+    ambiguous: float = np.inf
+    noisy: bool = True
+
+    @property
+    def axes(self) -> tuple[Array, ...]:
+        """The sines u."""
+        return (self.u,)
+
+    @cached_property
+    def sight(self) -> Array:
+        """Unit vectors of all lines of sight, (nu, 2)."""
+        return self.to_points(np.ones(self.u.size), self.u) - self.radar
+
+    @property
+    def frame(self) -> Array:
+        """Unit vectors along the array and broadside, (2, 2)."""
+        return np.stack([self.along, self.broadside])
+
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] and u of points (..., 2) [m], (..., 1)."""
+        range_, u = self.to_polar(points)
+        return range_, u[..., None]
+
+    def column(self, u: Array) -> Index:
+        """Number of the direction nearest to u."""
+        return np.clip(np.rint((u - self.u[0]) / self.du).astype(np.intp), 0, self.u.size - 1)
+
+    def width(self, range_: Array | float) -> Array:
+        """Width of the resolution cell ahead [m]."""
+        return self.u_cell * np.asarray(range_)
+
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m]."""
+        return np.hypot(self.range_cell, self.width(range_))
+
+    def object_depth(self, range_: Array) -> Array:
+        """The same at all ranges."""
+        return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)
+
+    def beside_steps(self, range_: Array) -> Index:
+        """The same at all ranges."""
+        return np.full(np.shape(range_), EDGE_CELLS * SAMPLES_PER_CELL)
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Directions no farther aside than the strong echo that is farthest from broadside, (nu,)."""
+        _, u = self.to_polar(echoes.position[echoes.strong])
+        return np.abs(self.u) <= np.abs(u).max(initial=0.0)
+
+    @property
+    def glint(self) -> float:
+        """Length [m] of the row that a smooth wall facing the array shows: as long as the array, for each transmitter
+        and receiver see the wall halfway between them; infinite where the array is not known.
+        """
+        return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
+
+    def on_radar(self, points: Array, reach: Array | float) -> Mask:
+        """Which points stand that close [m] to the line that the array takes up."""
+        if not np.isfinite(self.wavelength):
+            return super().on_radar(points, reach)
+        offset = np.abs((points - self.radar) @ self.frame.T)
+        return np.asarray(np.hypot(np.maximum(offset[:, 0] - 0.5 * self.glint, 0.0), offset[:, 1]) <= reach)
+
+    @property
+    def covered_angle(self) -> float:
+        """How far in u to either side an object hides what is behind it."""
+        return COVERED_CELLS * self.u_cell
+
+    @property
+    def du(self) -> float:
+        """Step of u."""
+        return float(self.u[1] - self.u[0])
+
+    def to_points(self, range_: ArrayLike, u: ArrayLike) -> Array:
+        """Positions (..., 2) [m] of range and u."""
+        range_, u = np.asarray(range_, dtype=float), np.asarray(u, dtype=float)
+        cosine = np.sqrt(np.maximum(1.0 - u**2, 0.0))
+        return self.radar + range_[..., None] * (u[..., None] * self.along + cosine[..., None] * self.broadside)
+
+    def to_polar(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] and u of positions (..., 2) [m]; u is NaN behind the radar."""
+        offset = np.asarray(points, dtype=float) - self.radar
+        range_ = np.linalg.norm(offset, axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            u = np.where(offset @ self.broadside >= 0.0, (offset @ self.along) / range_, np.nan)
+        return range_, u
+
+    def power_at(self, range_: ArrayLike, u: ArrayLike) -> Array:
+        """Power at range [m] and u; none outside.
+
+        Amplitude has cusps where speckle fades; its square is smooth, and sampled finely enough for splines.
+        """
+        rows = (np.asarray(range_, dtype=float) - self.range[0]) / self.dr
+        columns = (np.asarray(u, dtype=float) - self.u[0]) / self.du
+        # NaN marks what lies behind the radar.
+        columns = np.where(np.isnan(columns), -10.0, columns)
+        return np.maximum(map_coordinates(self._power, [rows, columns], order=3, prefilter=False), 0.0)
+
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """Interpolated between pixels."""
+        range_, u = self.to_polar(points)
+        depth = np.arange(-half, half, step)
+        x, y = image["x"].values.astype(float), image["y"].values.astype(float)
+        places = self.to_points(range_[:, None] + depth, np.broadcast_to(u[:, None], (u.size, depth.size)))
+        pixel = [(places[..., 1] - y[0]) / (y[1] - y[0]), (places[..., 0] - x[0]) / (x[1] - x[0])]
+        # Only the part of the image about these places is looked at; its carrier is taken out before interpolation.
+        low = [max(int(np.floor(axis.min())) - 16, 0) for axis in pixel]
+        high = [int(np.ceil(axis.max())) + 17 for axis in pixel]
+        part = image.values[low[0] : high[0], low[1] : high[1]]
+        across, ahead = x[low[1] : high[1]] - self.radar[0], y[low[0] : high[0]] - self.radar[1]
+        carried = part * np.exp(-2j * wavenumber * np.hypot(across[None, :], ahead[:, None]))
+        where = [axis - first for axis, first in zip(pixel, low, strict=True)]
+        values = sum(
+            unit * map_coordinates(spline_filter(piece), where, prefilter=False, order=3)
+            for unit, piece in ((1.0, carried.real), (1j, carried.imag))
+        )
+        return depth, np.asarray(values)
+
+    @cached_property
+    def side_lobes(self) -> Array:
+        """Amplitude that side lobes of brighter echoes at the same range may reach, (nr, nu).
+
+        Between the lobes of a uniform array the envelope is ``1 / (pi D u / lambda)`` each way, so an echo of amplitude
+        A may show as ``A / ((pi D_tx du)(pi D_rx du))`` a distance du away. Computed as the largest such claim, over
+        distances that grow by a third from a resolution cell and a half on.
+        """
+        claim = np.zeros_like(self.amplitude)
+        half = max(1, round(1.5 * self.u_cell / self.du))
+        peak = self.amplitude
+        while half < self.u.size:
+            distance = half * self.du
+            tx, rx = (max(1.0, np.pi * length * distance) for length in (self.aperture_tx, self.aperture_rx))
+            nxt = max(half + 1, int(1.3 * half))
+            # The brightest echo between `half` and `nxt` steps to either side.
+            window = nxt - half + 1
+            brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
+            offset = half + window // 2
+            brightest *= 1.0 / (tx * rx)
+            np.maximum(claim[:, offset:], brightest[:, :-offset], out=claim[:, offset:])
+            np.maximum(claim[:, :-offset], brightest[:, offset:], out=claim[:, :-offset])
+            half = nxt
+        return claim
+
+    @cached_property
+    def _power(self) -> Array:
+        """Coefficients of the splines through the power."""
+        return np.asarray(spline_filter(self.amplitude**2))
+
+    def beam_power(self, aside: Array) -> Array:
+        """Of both arrays' uniform apertures."""
+        u = self.u_cell * aside
+        return np.asarray((np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2)
+
+    def cross_cell(self, points: Array) -> Array:
+        """Width of the resolution cell across the line of sight [m]: ``r du / cos``."""
+        range_, u = self.to_polar(points)
+        return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
+
+
+def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> ImageView:
+    """Resample an image to the radar's view and undo the spreading with range.
+
+    The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
+    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], `monostatic` where
+    one antenna sends and hears, and `normalization` what was undone already. Where they are missing, the radar stands
+    at the origin with its array along x, and two pixels make a resolution cell.
+    Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
+    "r": line sources spread as ``1/sqrt(r)``, there and back.
+
+    Raises
+    ------
+    InputError
+        If the image cannot be used; see `check_samples`.
+    """
+    view, axes, height = _unsampled(image, normalization)
+    amplitude = sampled(view, image, axes, height).astype(np.float64)
+    done = RANGE_POWERS.get(str(image.attrs.get("normalization", "none")), 0)
+    amplitude *= view.range[:, None] ** float(view.power - done)
+    blank = image.values == 0
+    if blank.any():  # what was masked shows nothing, not what splines swing to beside its edges
+        amplitude[interpolated(view, blank, axes, order=0)] = 0.0
+    return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
+
+
+def samples_of(image: xr.DataArray) -> tuple[int, int]:
+    """Ranges and directions that `to_image_view` gives an image, from its coordinates and attributes alone."""
+    view, *_ = _unsampled(image, None)
+    return view.range.size, view.u.size
+
+
+def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array], float]:
+    """The view without amplitudes; x and y of the image, and the height of the radar above it [m]."""
+    check_samples(image, ("y", "x"))
+    normalization = normalization or "r"
+    if normalization not in RANGE_POWERS:
+        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
+    attrs = image.attrs
+    x, y = image["x"].values.astype(float), image["y"].values.astype(float)
+    place = np.append(np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float), 0.0)
+    radar, height = place[:2], float(place[2] - image.coords.get("z", 0.0))
+    along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
+    broadside = np.array([-along[1], along[0]])
+    corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
+    broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
+
+    pixel = max(x[1] - x[0], y[1] - y[0])
+    nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
+    farthest = float(np.linalg.norm(corners, axis=1).max())
+    points = int(attrs.get("frequency_points", 0))
+    aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
+    wavelength = ambiguous = np.inf
+    if points > 1 and aperture.max() > 0.0:
+        low, high = attrs["frequency_start"], attrs["frequency_stop"]
+        speed = float(attrs.get("wave_speed", speed_of_light))
+        wavelength = speed / (0.5 * (low + high))
+        # A Hann taper over the band makes the half-amplitude width twice that of the ideal c/(2B).
+        range_cell = speed / ((high - low) * points / (points - 1))
+        aperture /= wavelength
+        if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
+            aperture = np.array([aperture.sum(), 0.0])
+        # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
+        u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
+        # Far away, ranges count from that of the scene on. The main lobe of what stands at the radar itself reaches a
+        # cell below the ambiguous range.
+        ambiguous = float(attrs.get("ambiguous_range", np.inf))
+        farthest = min(farthest, ambiguous - range_cell if nearest < ambiguous else nearest + ambiguous)
+        # On the ground, what is seen from above is resolved as far as the slanting range grows.
+        slant = float(np.hypot(1.0, height / farthest))
+        range_cell, u_cell = max(slant * range_cell, 2.0 * pixel), slant * u_cell
+    else:
+        range_cell = 2.0 * pixel
+        u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
+        aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
+    samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2
+    check_room(
+        SAMPLE_BYTES * samples,
+        f"{samples:.3g} samples of a view with resolution cells of {range_cell:.3g} m by {u_cell:.3g} rad",
+        "see whether the image says the right wave_speed, frequencies and apertures",
+    )
+    range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
+    half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
+    ahead = corners @ broadside
+    sides = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
+    u_step = u_cell / SAMPLES_PER_CELL
+    u = u_step * np.arange(max(-half, np.floor(sides.min() / u_step)), min(half, np.ceil(sides.max() / u_step)) + 1)
+    if range_.size < 4:
+        raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
+    if u.size < 4:
+        raise InputError(
+            "image: spans less than one resolution cell in direction, or lies farther than 80 degrees aside of where "
+            "the array looks; focus a larger grid ahead of it, or correct the attr array_direction"
+        )
+    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
+                     ambiguous if nearest < ambiguous else np.inf)  # fmt: skip
+    return view, (x, y), height

@@ -1,0 +1,79 @@
+"""Pixels of an image where the radar's view has its samples, at ranges and directions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from mirrorfold.common.threads import for_each
+from mirrorfold.common.types import Array
+
+if TYPE_CHECKING:
+    from mirrorfold.detection.views.image_view import ImageView
+
+
+def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], height: float) -> NDArray[Any]:
+    """Amplitude of the image where the view has its samples, (nr, nu)."""
+    x, y = axes
+    if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
+        return np.abs(interpolated(view, _magnitude(image.values), axes, order=1))
+    # The carrier is taken out in rows: as many phases as there are pixels would take more memory than the image.
+    values = np.empty(image.shape, dtype=image.dtype)
+
+    def demodulate(rows: slice) -> None:
+        across, ahead = (x[None, :] - view.radar[0]) ** 2, (y[rows, None] - view.radar[1]) ** 2
+        distance = np.sqrt(across + ahead + height**2)
+        carrier = np.exp(-4j * np.pi / view.wavelength * distance).astype(np.complex64)
+        np.multiply(image.values[rows], carrier, out=values[rows])
+
+    for_each(demodulate, _rows(y.size))
+    parts = []
+    for part in (values.real, values.imag):
+        splines = _splines(part)
+        parts.append(interpolated(view, splines, axes, order=3, output=np.float32, prefilter=False))
+        del splines
+    return np.hypot(*parts)
+
+
+def _magnitude(values: NDArray[Any]) -> NDArray[Any]:
+    """Absolute values, of integers as floating-point numbers: nothing between two integers is lost."""
+    return np.abs(values.astype(np.float32) if values.dtype.kind in "iu" else values)
+
+
+def _splines(values: NDArray[Any]) -> Array:
+    """Coefficients of the splines through pixels (y, x), as `scipy.ndimage.spline_filter` gives them, on all cores."""
+    coefficients = values.astype(np.float64)
+
+    def along(axis: int, part: Array) -> None:
+        spline_filter1d(part, axis=axis, output=part)
+
+    for_each(lambda columns: along(0, coefficients[:, columns]), _rows(values.shape[1]))
+    for_each(lambda rows: along(1, coefficients[rows]), _rows(values.shape[0]))
+    return coefficients
+
+
+def interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array], **given: Any) -> NDArray[Any]:
+    """Pixels (y, x) where the view has its samples, (nr, nu)."""
+    x, y = axes
+    found = np.empty((view.range.size, view.u.size), dtype=given.pop("output", values.dtype))
+
+    def interpolate(rows: slice) -> None:
+        where = view.to_points(view.range[rows, None], view.u[None, :])
+        pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
+        map_coordinates(values, pixels, output=found[rows], **given)
+
+    for_each(interpolate, _rows(view.range.size))
+    return found
+
+
+ROWS = 64
+"""Rows of an image, or ranges of a view, that are computed at once."""
+
+
+def _rows(count: int) -> list[slice]:
+    """Slices of so many rows, `ROWS` each."""
+    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]

@@ -1,0 +1,267 @@
+"""The radar's own view: amplitude along straight lines of sight, of an image or of a volume.
+
+Steps 2 to 6 of the algorithm work on this. A line of sight is a column of an image in polar coordinates, or a beam of
+a scanner; all that differs between the floor plan and space stands behind the methods below and those of a mirror
+(`mirrorfold.detection.mirrors.mirror`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from mirrorfold.common.types import Array, Complex, Index, Mask
+from mirrorfold.errors import InputError
+
+if TYPE_CHECKING:
+    from mirrorfold.detection.echoes import Echoes
+
+
+DEVIATION = 0.3
+"""Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
+lobe of the Hann window, and of a Gaussian beam there and back."""
+
+NEGATIVE_SHARE = 0.9
+"""Real parts of waves are negative at half of all pixels, levels in dB below a peak of 0 dB at all others."""
+
+POINTS_AT_ONCE = 1000
+"""Points that `View.within` is asked for at once, where the answer is needed piece by piece: each may be near hundreds
+of directions, so that all pairs would take far more memory than the image."""
+
+
+def in_pieces(points: int) -> list[slice]:
+    """Slices of so many points, `POINTS_AT_ONCE` each."""
+    return [slice(first, first + POINTS_AT_ONCE) for first in range(0, points, POINTS_AT_ONCE)]
+
+
+class View(ABC):
+    """What every view knows. Lines of sight are numbered from 0; `direction` is such a number.
+
+    Attributes
+    ----------
+    radar : (d,) array [m]
+        Where the radar stands.
+    range : (nr,) array [m]
+        Uniform, rising.
+    wavelength : float [m]
+        In the middle of the band; infinite where it is not known.
+    range_cell : float [m]
+        Width of an echo in range, between half-amplitude points.
+    normalization : str
+        How the spreading with range was undone.
+    """
+
+    radar: Array
+    range: Array
+    range_cell: float
+    wavelength: float
+    normalization: str
+
+    @property
+    @abstractmethod
+    def axes(self) -> tuple[Array, ...]:
+        """Angles [rad] of the lines of sight, uniform along each axis, of which the last varies fastest: u, the sine of
+        the angle off broadside, of an image; azimuth and elevation of a volume.
+        """
+
+    @property
+    @abstractmethod
+    def sight(self) -> Array:
+        """Unit vectors of all lines of sight, (n, d)."""
+
+    @abstractmethod
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their angles as in `axes`, (..., axes); NaN where there are none."""
+
+    @abstractmethod
+    def width(self, range_: Array | float) -> Array:
+        """Width of a line of sight [m] at ranges [m]: of the resolution cell of an image, or the radius of a beam."""
+
+    @abstractmethod
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m] at that range: how large the echo of a small object is.
+
+        Whatever is a length in the steps after imaging is a multiple of this, so that any radar is served alike.
+        """
+
+    @abstractmethod
+    def cross_cell(self, points: Array) -> Array:
+        """Width of the resolution cell square to the line of sight [m] at points (n, d), between half amplitudes."""
+
+    @abstractmethod
+    def beam_power(self, aside: Array) -> Array:
+        """Power of an echo that stands `aside`, in widths of that cell, of the line of sight, relative to one on it."""
+
+    @abstractmethod
+    def object_depth(self, range_: Array) -> Array:
+        """How far [m] behind the first echo of an object others may be the object's own, at that range."""
+
+    @abstractmethod
+    def beside_steps(self, range_: Array) -> Index:
+        """How many directions away, at ranges [m], a beam still reaches over."""
+
+    @abstractmethod
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """What the complex image holds along the line of sight through points (n, d), up to `half` [m] to either side.
+
+        Returns the distances (m,) [m] from the points, no wider apart than twice the `step` [m], and the values (n, m)
+        without the carrier of that `wavenumber` [rad/m].
+        """
+
+    @property
+    def covered_angle(self) -> float:
+        """How far [rad] to either side of its own direction an object hides what is behind it."""
+        return 0.0
+
+    def looks_at(self, echoes: Echoes) -> Mask:
+        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+        return np.ones(len(self.sight), dtype=bool)
+
+    def on_radar(self, points: Array, reach: Array | float) -> Mask:
+        """Which points (n, d) stand no farther than `reach` [m] from the antennas; none where these are not known."""
+        return np.zeros(len(points), dtype=bool)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of directions along each axis."""
+        return tuple(axis.size for axis in self.axes)
+
+    @property
+    def steps(self) -> Array:
+        """Angle [rad] from one direction to the next along each axis."""
+        return np.array([(axis[-1] - axis[0]) / (axis.size - 1) for axis in self.axes])
+
+    def indices(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., d) [m], and their place along each axis in steps, (..., axes)."""
+        range_, angles = self.angles(points)
+        return range_, (angles - [axis[0] for axis in self.axes]) / self.steps
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
+        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+        range_, place = self.indices(points)
+        at = np.rint(np.nan_to_num(place, nan=-9.0)).astype(np.intp)
+        inside = np.all((at >= 0) & (at < self.shape), axis=-1) & (range_ >= self.range[0])
+        return range_, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), self.shape, mode="clip"), inside
+
+    def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
+        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it along each axis, or
+        nearest to it, each (pairs,).
+        """
+        _, place = self.indices(points)
+        row, direction = np.arange(len(points)), np.zeros(len(points), dtype=np.intp)
+        for at, step, size in zip(place.T, self.steps, self.shape, strict=True):
+            reach = np.maximum(np.asarray(aside) / step, 0.5)
+            first, last = (np.clip(np.ceil(edge), 0, size).astype(np.intp) for edge in (at - reach, at + reach))
+            count = (last - first)[row]
+            begin = np.repeat(np.cumsum(count) - count - first[row], count)
+            row, direction = np.repeat(row, count), np.repeat(direction * size, count) + np.arange(count.sum()) - begin
+        return row, direction
+
+    def beside(self, range_: Array, direction: Index, share: float = 1.0) -> tuple[Index, ...]:
+        """Directions to all sides of each point, so far away that its beam still reaches over; or a share of that."""
+        at = np.array(np.unravel_index(direction, self.shape))
+        step = np.rint(share * self.beside_steps(range_)).astype(np.intp)
+        axes = np.eye(len(self.shape), dtype=np.intp)
+        moved = (at + np.multiply.outer(side * axis, step) for axis in axes for side in (-1, 1))
+        return tuple(np.ravel_multi_index(tuple(place), self.shape, mode="clip") for place in moved)
+
+    def in_cells(self, points: Array) -> Array:
+        """Range and angles of points (n, d) in units of the range cell and of the width of a line of sight, (n, d)."""
+        range_, angles = self.angles(points)
+        angle = self.width(range_) / np.maximum(range_, self.dr)
+        return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
+
+    def cell_numbers(self, points: Array) -> Index:
+        """In which of the resolution cells that they fill points (n, d) stand, (n,), from zero."""
+        if not len(points):
+            return np.zeros(0, dtype=np.intp)
+        return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
+
+    def brightest(self, points: Array, amplitude: Array) -> Index:
+        """The brightest of points (n, d) in each of the resolution cells that they fill, its number, (cells,)."""
+        cell = self.cell_numbers(points)
+        order = np.lexsort([-amplitude, cell])
+        return order[np.unique(cell[order], return_index=True)[1]]
+
+    @property
+    def dimensions(self) -> int:
+        """2 for the floor plan, 3 for space."""
+        return self.radar.size
+
+    @property
+    def dr(self) -> float:
+        """Range step [m]."""
+        return float(self.range[1] - self.range[0])
+
+    def row(self, range_: Array) -> Index:
+        """Number of the sample nearest to ranges [m]."""
+        return np.clip(np.rint((range_ - self.range[0]) / self.dr).astype(np.intp), 0, self.range.size - 1)
+
+    def cell_at(self, point: Array) -> float:
+        """Diagonal of the resolution cell [m] at a point (d,)."""
+        return float(self.cell(float(np.linalg.norm(point - self.radar))))
+
+    def squares(self, points: Array) -> Callable[..., Array]:
+        """What tells the square of the `extent` at points (n, d), or at some of them, along any unit vectors."""
+        offset, cross = points - self.radar, self.cross_cell(points) ** 2
+        sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
+
+        def square(along: Array, which: Index | slice = slice(None)) -> Array:
+            cosine = along.T @ sight[:, which]
+            return (cross[which] + (self.range_cell**2 - cross[which]) * cosine**2).T
+
+        return square
+
+    def extent(self, points: Array, along: Array) -> Array:
+        """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
+        return np.asarray(np.sqrt(self.squares(points)(along)))
+
+    def extent_each(self, points: Array, along: Array) -> Array:
+        """The same along a unit vector for each of the points, (n, d), (n,)."""
+        offset, cross = points - self.radar, self.cross_cell(points) ** 2
+        sight = offset / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)[:, None]
+        cosine = np.sum(sight * along, axis=1)
+        return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
+
+    def points(self, range_: Array, direction: Index) -> Array:
+        """Positions (n, d) [m] at ranges [m] in directions; not finite where the range is not."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.radar + range_[..., None] * self.sight[direction])
+
+    def meets(self, normal: Array, center: Array) -> Array:
+        """Range [m] at which each line of sight meets an endless line or plane, (n,); infinite where it does not."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            range_ = float((center - self.radar) @ normal) / (self.sight @ normal)
+        return np.where(range_ > 0.0, range_, np.inf)
+
+
+def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "image") -> None:
+    """Refuse what is no image of these dimensions, with finite values on a regular grid, 4 or more along each."""
+    if not isinstance(image, xr.DataArray) or image.dims != dims:
+        found = getattr(image, "dims", type(image).__name__)
+        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
+        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions {dims}{many}")
+    for name in dims:
+        if name not in image.coords or image.sizes[name] < 4:
+            raise InputError(f"{source}: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
+        step = np.diff(image[name].values.astype(float))
+        if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
+            wrong = f"the coordinate {name} does not rise in equal steps; resample to a regular grid"
+            raise InputError(f"{source}: {wrong}")
+    if image.dtype.kind not in "cfiu":
+        raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
+    if missing := int(np.count_nonzero(~np.isfinite(image.values))):
+        wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
+        raise InputError(f"{source}: {wrong}")
+    if image.dtype.kind != "c" and (image.values < 0).sum() > NEGATIVE_SHARE * np.count_nonzero(image.values):
+        raise InputError(
+            f"{source}: nearly all values are negative, as levels in dB are, expected amplitudes; import it with "
+            "--decibel, in Python import_image(file, decibel=True), or take 10 ** (image / 20)"
+        )

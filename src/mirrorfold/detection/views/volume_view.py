@@ -1,0 +1,203 @@
+"""The radar's own view of a raster volume: amplitude against range, beam by beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import speed_of_light
+
+from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
+from mirrorfold.common.types import Array, Complex, Index
+from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
+from mirrorfold.detection.views.view import View, check_samples, in_pieces
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.scans.range_profiles import angle_table, beams_of, magnitudes, spreading
+
+HANN_CELL = 2.0
+"""Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
+
+DYNAMIC_RANGE_DB = -80.0
+"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is
+cleaner."""
+
+STEPS_A_BEAM = 2.0
+"""Radius of a beam of which nothing is known, in steps of the scan: beams of a useful scan overlap."""
+
+HALF_AMPLITUDES = float(np.sqrt(2.0 * np.log(2.0)))
+"""Where a beam has half its amplitude there and back, ``exp(-2 (x/w)^2)``: from side to side, in beam radii w."""
+
+OPAQUE_RADII = 5.7
+"""Depth of an object in radii of the beam: how far the footprint of a beam reaches to either side along a surface that
+it meets at 80 degrees from the normal, ``tan 80``. What lies further behind is multiple scattering."""
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeView(View):
+    """A raster volume as the radar sees it: amplitude, and what is known of the beam.
+
+    Attributes
+    ----------
+    amplitude : (azimuths, elevations, ranges) array
+        Single precision, without any normalisation.
+    azimuth, elevation : 1D arrays [degree]
+    gain : (ranges,) array
+        What normalises the amplitude.
+    noise : float
+        Standard deviation of the real part of the noise in `amplitude`.
+    beam : tuple of float [m], optional
+        Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to be as
+        wide as the step from one to the next.
+    taper : str
+        Window over frequency.
+    radar, range, range_cell, normalization
+        See `View`.
+    """
+
+    amplitude: NDArray[np.float32]
+    range: Array
+    azimuth: Array
+    elevation: Array
+    gain: Array
+    normalization: str
+    noise: float
+    radar: Array
+    range_cell: float
+    beam: tuple[float, float, float] | None = None
+    taper: str = "hann"
+
+    @property
+    def wavelength(self) -> float:  # type: ignore[override]
+        """In the middle of the band [m]; infinite where it is not known."""
+        return np.inf if self.beam is None else self.beam[2]
+
+    @cached_property
+    def floor(self) -> float:
+        """Amplitude, not normalised, that noise stays below in the whole volume."""
+        weakest = float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0)
+        return max(noise_limit(self.noise, self.amplitude.size), weakest)
+
+    @cached_property
+    def side_lobes(self) -> NDArray[np.float32]:
+        """Envelope of the window's side lobes, with a margin, by distance from the edge of an echo in samples.
+
+        With x in units of c/(2B): ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and
+        ``1 / (pi x)``, the slowest, for any other window (Harris, Proc. IEEE 66, 1978).
+        """
+        # The edge of a run, 12 dB below its peak, is more than one unit away from it.
+        x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / (self.range_cell / HANN_CELL)
+        envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
+        level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+        return np.minimum(level, 1.0).astype(np.float32)
+
+    @cached_property
+    def axes(self) -> tuple[Array, ...]:
+        """Azimuth and elevation of the beams [rad]."""
+        return np.radians(self.azimuth), np.radians(self.elevation)
+
+    @cached_property
+    def sight(self) -> Array:
+        """Directions of all beams, (azimuths * elevations, 3)."""
+        return beam_direction(self.azimuth[:, None], self.elevation[None, :]).reshape(-1, 3)
+
+    def angles(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Range [m] of points (..., 3) [m], and their azimuth and elevation [rad], (..., 2)."""
+        offset = np.asarray(points, dtype=float) - self.radar
+        return np.linalg.norm(offset, axis=-1), np.radians(np.stack(beam_angles(offset), axis=-1))
+
+    @property
+    def beam_step(self) -> float:
+        """Angle between neighbouring beams [rad]."""
+        return float(self.steps.mean())
+
+    def width(self, range_: Array | float) -> Array:
+        """Radius of the beam [m] at ranges [m]."""
+        if self.beam is None:
+            return STEPS_A_BEAM * self.beam_step * np.asarray(range_, dtype=float)
+        spot_radius, focus_distance, wavelength = self.beam
+        return beam_radius(range_, spot_radius=spot_radius, focus_distance=focus_distance, wavelength=wavelength)
+
+    def cross_cell(self, points: Array) -> Array:
+        """Width of the beam there and back [m]."""
+        return HALF_AMPLITUDES * self.width(np.linalg.norm(points - self.radar, axis=-1))
+
+    def beam_power(self, aside: Array) -> Array:
+        """Of a Gaussian beam, there and back."""
+        return np.exp2(-8.0 * aside**2)
+
+    def power_at(self, range_: Array, beam: Index) -> Array:
+        """Power at ranges [m] in beams, from the linear amplitude, less that of the noise; none outside."""
+        profile, power = self.amplitude.reshape(-1, self.range.size), np.empty(range_.shape)
+        for some in in_pieces(len(range_)):
+            row = (range_[some] - self.range[0]) / self.dr
+            first = np.clip(row.astype(np.intp), 0, self.range.size - 2)
+            share = row - first
+            value = profile[beam[some], first] * (1.0 - share) + profile[beam[some], first + 1] * share
+            power[some] = np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
+        return power
+
+    def held_along(
+        self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
+    ) -> tuple[Array, Complex]:
+        """The samples of the nearest beam about the nearest of them, whose own step is half a range resolution."""
+        range_, direction, _ = self.locate(points)
+        reach = np.arange(-int(half / self.dr), int(half / self.dr) + 1)
+        sample = self.row(range_)
+        place = sample[:, None] + reach
+        azimuth, elevation = np.unravel_index(direction, self.shape)
+        inside = (place >= 0) & (place < self.range.size)
+        place = np.clip(place, 0, self.range.size - 1)
+        values = np.where(inside, beams_of(image)[azimuth[:, None], elevation[:, None], place], 0.0)
+        return np.asarray(reach * self.dr), np.asarray(values * np.exp(-2j * wavenumber * self.range[place]))
+
+    def beside_steps(self, range_: Array) -> Index:
+        """The beam's radius at ranges [m], in steps of the scan."""
+        return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
+
+    def cell(self, range_: Array | float) -> Array:
+        """Diagonal of the resolution cell [m]: range cell and diameter of the beam."""
+        return np.hypot(self.range_cell, 2.0 * self.width(range_))
+
+    def object_depth(self, range_: Array) -> Array:
+        """As deep as the beam is wide."""
+        return OPAQUE_RADII * self.width(range_)
+
+
+def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
+    """What the steps after imaging need to know of a raster volume, (range, azimuth, elevation).
+
+    Attrs: `normalization` done already, `frequency_start`, `frequency_stop`, `spot_radius`, `focus_distance` [m],
+    `wave_speed` [m/s], `radar_position` [m]. The `normalization`, "beam", "r2" or "none", is by default for the beam if
+    it is known, else for range squared.
+
+    Raises
+    ------
+    InputError
+        If the volume cannot be used.
+    """
+    check_samples(volume, ("range", "azimuth", "elevation"))
+    range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
+    angle_table(azimuth)
+    amplitude = magnitudes(beams_of(volume))
+    if not amplitude.any():
+        raise InputError("image: every pixel is zero; there is nothing to fold")
+    attrs = volume.attrs
+    step = float(range_[1] - range_[0])
+    beam, frequency = None, 0.0
+    if all(name in attrs for name in ("spot_radius", "focus_distance", "frequency_start", "frequency_stop")):
+        frequency = 0.5 * (float(attrs["frequency_start"]) + float(attrs["frequency_stop"]))
+        wavelength = float(attrs.get("wave_speed", speed_of_light)) / frequency
+        beam = (float(attrs["spot_radius"]), float(attrs["focus_distance"]), wavelength)
+    chosen = normalization if normalization is not None else ("beam" if beam else "r2")
+    done = spreading(attrs, range_, frequency, str(attrs.get("normalization", "none")), "image")
+    if np.ptp(done) > 0.0:
+        amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
+    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+    range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
+    gain = spreading(attrs, range_, frequency, chosen, "image")
+    taper = str(attrs.get("taper", "hann"))
+    noise = noise_level(amplitude)
+    return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, taper)

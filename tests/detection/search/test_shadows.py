@@ -1,0 +1,86 @@
+"""A wall behind an object goes on where the object's shadow ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import diffuse, radar_image, together
+
+from mirrorfold.detection.finding import find_echoes, see
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.search.shadows import beyond_shadows, joined
+
+START, END = np.array([-0.5, 1.4]), np.array([0.5, 1.3])
+GAP = 0.42, 0.62
+"""The wall, and from which share of its length to which it is hidden."""
+
+
+def at(share):
+    return START + share * (END - START)
+
+
+def seen(end=1.0):
+    """The view and the echoes of the wall, without what is hidden."""
+    parts = diffuse(START, at(GAP[0]), seed=1), diffuse(at(GAP[1]), at(end), seed=2)
+    view = see(radar_image(*together(*parts), np.linspace(-0.9, 0.9, 181), np.linspace(0.8, 1.8, 101)))
+    return view, find_echoes(view)
+
+
+def hidden(view, first=GAP[0], last=GAP[1]):
+    """What tells which echoes are clear: all but those in the directions between two places of the wall."""
+    left, right = (view.column(view.to_polar(at(share)[None])[1])[0] for share in (first, last))
+    return lambda range_, direction, amplitude: (direction < left) | (direction > right)
+
+
+def all_clear(range_, direction, amplitude):
+    return np.ones(np.shape(range_), dtype=bool)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_a_wall_goes_on_behind_an_object(swap):
+    view, echoes = seen()
+    part = LineMirror(at(GAP[0]), START) if swap else LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, hidden(view))
+    assert np.linalg.norm((longer.start if swap else longer.end) - END) < 0.05
+    assert np.abs(longer.beside(part.ends)).max() < 1e-12  # its line stays
+
+
+def test_a_gap_that_nothing_hides_is_the_end_of_a_wall():
+    view, echoes = seen()
+    part = LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, all_clear)
+    assert longer.length == pytest.approx(part.length, abs=0.05)
+
+
+@pytest.mark.parametrize("cells", [3.6, 4.5])
+def test_nor_is_a_narrow_gap_bridged_that_nothing_hides(cells):
+    """Half hidden are cells beside a shadow, of which there is none."""
+    view, _ = seen()
+    along = END - START
+    length = np.linalg.norm(along)
+    gap = cells * view.extent(np.stack([START, at(GAP[0])]), along / length).max() / length
+    parts = diffuse(START, at(GAP[0]), seed=1), diffuse(at(GAP[0] + gap), END, seed=2)
+    view = see(radar_image(*together(*parts), np.linspace(-0.9, 0.9, 181), np.linspace(0.8, 1.8, 101)))
+    part = LineMirror(START, at(GAP[0]))
+    assert beyond_shadows(part, view, find_echoes(view), all_clear).length == pytest.approx(part.length, abs=0.05)
+
+
+def test_a_lone_echo_beyond_the_shadow_is_no_wall():
+    view, echoes = seen(end=GAP[1] + 0.005)
+    part = LineMirror(START, at(GAP[0]))
+    longer = beyond_shadows(part, view, echoes, hidden(view))
+    assert longer.length == pytest.approx(part.length, abs=0.05)
+
+
+def test_two_rows_too_short_alone_are_one_wall():
+    view, echoes = seen()
+    rows = [LineMirror(START, at(GAP[0])), LineMirror(at(GAP[1]), END)]
+    together = sum(row.length for row in rows)
+    (wall,) = joined(rows, view, echoes, hidden(view), 0.9 * together)  # once, whichever row one begins with
+    assert max(np.abs(wall.beside(np.stack([START, END])))) < 5e-3
+    assert wall.length == pytest.approx(np.linalg.norm(END - START), abs=0.1)
+    true = np.degrees(np.arccos(min(1.0, abs(wall.direction @ (END - START)) / np.linalg.norm(END - START))))
+    assert true < 0.3
+    assert true < 3.0 * wall.angle_error
+    assert joined(rows, view, echoes, hidden(view), 1.2 * together) == []
+    assert joined(rows, view, echoes, all_clear, 0.9 * together) == []
