@@ -23,10 +23,14 @@ def unit(vector: ArrayLike) -> Array:
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
+def turned(vector: Array) -> Array:
+    """2D vector(s) (..., 2), turned by +90 degrees."""
+    return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
+
+
 def segment_normal(start: ArrayLike, end: ArrayLike) -> Array:
     """Unit normal of the 2D segment(s) start -> end: the direction turned by +90 degrees, shape (..., 2)."""
-    direction = unit(np.asarray(end, dtype=float) - np.asarray(start, dtype=float))
-    return np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+    return turned(unit(np.asarray(end, dtype=float) - np.asarray(start, dtype=float)))
 
 
 def signed_distance(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array:

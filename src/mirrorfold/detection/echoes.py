@@ -154,6 +154,12 @@ def reference_echo(brightest: Array) -> float:
     return max(found[0], found[1] / DIFFUSE)
 
 
+def strongest_of(group: Index, amplitude: Array) -> Index:
+    """The number of the strongest echo in each group, in the order of the groups' numbers, (groups,)."""
+    order = np.lexsort([-amplitude, group])
+    return order[np.unique(group[order], return_index=True)[1]]
+
+
 def brightest_of(beam: Index, amplitude: Array) -> Array:
     """The largest amplitude in each beam up to the last with an echo, (beams,)."""
     brightest = np.zeros(int(beam.max(initial=-1)) + 1)

@@ -13,10 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from mirrorfold.common.geometry import turned
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.curved import dimming
-from mirrorfold.detection.mirrors.line_mirror import SPACING
+from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -82,7 +83,7 @@ class ArcMirror(Mirror):
     @property
     def tangents(self) -> Array:
         """That in its middle, (1, 2)."""
-        return np.array([[-self.normal[1], self.normal[0]]])
+        return turned(self.normal)[None]
 
     @property
     def sides(self) -> Array:
@@ -180,7 +181,7 @@ class ArcMirror(Mirror):
         """Echoes beside the arc, up to a cell beyond its ends; and the cell's width across it [m]."""
         outward = self.outward(self.along(echoes.position))
         across = view.extent_each(echoes.position, outward)
-        beyond = view.extent_each(echoes.position, np.stack([-outward[:, 1], outward[:, 0]], axis=1))
+        beyond = view.extent_each(echoes.position, turned(outward))
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + beyond
         return beside, beside.copy(), across
 
@@ -206,13 +207,9 @@ class ArcMirror(Mirror):
 
     def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
         """Share of its length within half a resolution cell of one of the echoes."""
-        outward = self.outward(self.along(echoes.position))
-        tangent = np.stack([-outward[:, 1], outward[:, 0]], axis=1)
+        tangent = turned(self.outward(self.along(echoes.position)))
         position, half = self.along(echoes.position), 0.5 * view.extent_each(echoes.position, tangent)
-        first, last = np.clip([position - half, position + half], 0.0, self.length)
-        order = np.argsort(first)
-        covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
-        return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / self.length)
+        return covered_share(position, half, self.length)
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """Its echoes, moved square onto it."""
@@ -233,7 +230,7 @@ class ArcMirror(Mirror):
     def strays(self, places: Array) -> Array:
         """Covariance (n, d, d) [m^2] by which places turned about their own tangents follow the errors of the arc."""
         hit, normal = self.facing(places)
-        tangent, offset = np.stack([-normal[:, 1], normal[:, 0]], axis=1), places - hit
+        tangent, offset = turned(normal), places - hit
         way = self.along(hit) - 0.5 * self.length
         known = [float(np.nan_to_num(error)) for error in (self.offset_error, self.angle_error, self.curvature_error)]
         shift = known[0] ** 2 + (0.5 * way**2 * known[2]) ** 2

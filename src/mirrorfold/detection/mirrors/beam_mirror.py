@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, label
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.mirror import Fold, Mirror
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -111,8 +111,7 @@ class BeamMirror(Mirror):
 
     def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """One echo a beam, the strongest, where the beam's axis meets the mirror."""
-        order = np.lexsort([-echoes.amplitude, echoes.direction])
-        echoes = echoes.take(order[np.unique(echoes.direction[order], return_index=True)[1]])
+        echoes = echoes.take(strongest_of(echoes.direction, echoes.amplitude))
         range_ = self.met(view)[echoes.direction]
         return replace(echoes, position=view.points(range_, echoes.direction), range=range_)
 

@@ -51,8 +51,7 @@ def on_rows(rows: Sequence[Mirror], view: View, echoes: Echoes) -> Mask:
     """Which echoes lie on one of the rows or sheets, (n,)."""
     found = np.zeros(len(echoes), dtype=bool)
     for row in rows:
-        _, own, across = row.near(view, echoes)
-        found |= own & (np.abs(row.beside(echoes.position)) <= across)
+        found |= row.own(view, echoes)
     return found
 
 

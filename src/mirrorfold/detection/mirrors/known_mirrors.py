@@ -199,8 +199,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
             raise InputError(
                 f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
             )
-        _, own, across = mirror.near(view, echoes)
-        on_it = echoes.take(own & (np.abs(mirror.beside(echoes.position)) <= across))
+        on_it = echoes.take(mirror.own(view, echoes))
         strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
         if isinstance(view, ImageView) and not len(on_it):
             strength = float(np.sqrt(np.median(view.power_at(*view.to_polar(mirror.places(view))))))

@@ -128,11 +128,7 @@ class LineMirror(Mirror):
     def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
         """Share of its length within half a resolution cell of one of the echoes."""
         position, half = self.along(echoes.position), 0.5 * view.extent(echoes.position, self.direction)
-        first, last = np.clip([position - half, position + half], 0.0, self.length)
-        order = np.argsort(first)
-        # What each echo covers beyond all before it.
-        covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
-        return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / self.length)
+        return covered_share(position, half, self.length)
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """Its echoes, moved square onto its line."""
@@ -150,3 +146,12 @@ class LineMirror(Mirror):
         parts = [self.part(first, last) for first, last in pairwise(cuts)]
         kept = [part for part in parts if part.length >= smallest]
         return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])
+
+
+def covered_share(position: Array, half: Array, length: float) -> float:
+    """Share of a length [m] that echoes at positions (n,) along it cover, each to `half` (n,) on either side [m]."""
+    first, last = np.clip([position - half, position + half], 0.0, length)
+    order = np.argsort(first)
+    # What each echo covers beyond all before it.
+    covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
+    return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / length)

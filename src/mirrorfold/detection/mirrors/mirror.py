@@ -160,6 +160,11 @@ class Mirror(ABC):
         """The normal that points away from the radar, (d,)."""
         return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
 
+    def own(self, view: View, echoes: Echoes) -> Mask:
+        """Which echoes lie on its face, to within the resolution cell across it, (n,)."""
+        _, face, across = self.near(view, echoes)
+        return np.asarray(face & (np.abs(self.beside(echoes.position)) <= across))
+
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
         return np.asarray((points - self.center) @ self.inward(view))

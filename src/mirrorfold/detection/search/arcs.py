@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.arcs import circle_through
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
@@ -120,7 +120,7 @@ def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
     """Places (n, 2) along the chord of an arc and beside it, (n,) [m] each."""
     chord = unit(arc.ends[1] - arc.ends[0])
     offset = points - arc.ends[0]
-    return offset @ chord, offset @ np.array([-chord[1], chord[0]])
+    return offset @ chord, offset @ turned(chord)
 
 
 @dataclass
@@ -317,8 +317,7 @@ class _Arcs:
             return None
         if np.sum(trust * arc.beside(points) ** 2) > LEFT_OF_KINK * left_of_kink(*_by_chord(arc, points), trust):
             return None
-        _, own, across = arc.near(self.view, self.echoes)
-        on_it = self.echoes.take(own & (np.abs(arc.beside(self.echoes.position)) <= across))
+        on_it = self.echoes.take(arc.own(self.view, self.echoes))
         if not len(on_it):
             return None
         arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))

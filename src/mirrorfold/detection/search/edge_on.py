@@ -13,7 +13,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
@@ -88,9 +88,7 @@ def edge_on(
         ]
         if tried:
             _, best = max(tried, key=itemgetter(0))
-            _, own, across = best.near(view, echoes)
-            on_it = echoes.take(own & (np.abs(best.beside(echoes.position)) <= across))
-            found.append(replace(best, fill=best.filled(view, on_it)))
+            found.append(replace(best, fill=best.filled(view, echoes.take(best.own(view, echoes)))))
     return found
 
 
@@ -105,7 +103,7 @@ def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineM
     found = []
     for sign in (1.0, -1.0):
         along = unit(wall.direction + sign * image.direction)
-        normal = np.array([-along[1], along[0]])
+        normal = turned(along)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (crossing - view.radar) @ normal / (sight @ normal)  # of the way to the image
         in_front = (share > 0.0) & ((1.0 - share) * np.linalg.norm(sight, axis=1) > 2.0 * view.range_cell)

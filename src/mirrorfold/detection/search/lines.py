@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -287,4 +287,4 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
         angle = min(angle + np.linspace(-step, step, turns), key=unlikelihood)
         step *= 2.0 / (turns - 1)
     tilted = mirror.direction + np.tan(angle) * mirror.inward(view)
-    return mirror.moved(unit(np.array([-tilted[1], tilted[0]])), mirror.center)
+    return mirror.moved(unit(turned(tilted)), mirror.center)

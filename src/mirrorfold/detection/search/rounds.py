@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.growing import CLIP, NEAR
@@ -271,8 +271,7 @@ class _Rounds:
     def _off(self, mirror: RoundMirror) -> float:
         """Share of the beams with echoes in which the brightest one lies beside the surface."""
         echoes = self.echoes.take(mirror.beams[self.echoes.direction])
-        order = np.lexsort([-echoes.amplitude, echoes.direction])
-        points = echoes.position[order[np.unique(echoes.direction[order], return_index=True)[1]]]
+        points = echoes.position[strongest_of(echoes.direction, echoes.amplitude)]
         across = self.view.extent_each(points, mirror.shape.outward(points))
         return float(np.mean(np.abs(mirror.shape.beside(points)) > NEAR * across))
 

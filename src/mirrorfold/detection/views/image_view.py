@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array, Complex, Index, Mask
@@ -286,7 +286,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     place = np.append(np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float), 0.0)
     radar, height = place[:2], float(place[2] - image.coords.get("z", 0.0))
     along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
-    broadside = np.array([-along[1], along[0]])
+    broadside = turned(along)
     corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
     broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
 

@@ -11,9 +11,13 @@ from scipy.ndimage import map_coordinates, spline_filter1d
 
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
+from mirrorfold.detection.views.view import in_pieces
 
 if TYPE_CHECKING:
     from mirrorfold.detection.views.image_view import ImageView
+
+ROWS = 64
+"""Rows of an image, or ranges of a view, that are computed at once."""
 
 
 def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], height: float) -> NDArray[Any]:
@@ -30,7 +34,7 @@ def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], hei
         carrier = np.exp(-4j * np.pi / view.wavelength * distance).astype(np.complex64)
         np.multiply(image.values[rows], carrier, out=values[rows])
 
-    for_each(demodulate, _rows(y.size))
+    for_each(demodulate, in_pieces(y.size, ROWS))
     parts = []
     for part in (values.real, values.imag):
         splines = _splines(part)
@@ -51,8 +55,8 @@ def _splines(values: NDArray[Any]) -> Array:
     def along(axis: int, part: Array) -> None:
         spline_filter1d(part, axis=axis, output=part)
 
-    for_each(lambda columns: along(0, coefficients[:, columns]), _rows(values.shape[1]))
-    for_each(lambda rows: along(1, coefficients[rows]), _rows(values.shape[0]))
+    for_each(lambda columns: along(0, coefficients[:, columns]), in_pieces(values.shape[1], ROWS))
+    for_each(lambda rows: along(1, coefficients[rows]), in_pieces(values.shape[0], ROWS))
     return coefficients
 
 
@@ -66,14 +70,5 @@ def interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array
         pixels = [(where[..., 1] - y[0]) / (y[1] - y[0]), (where[..., 0] - x[0]) / (x[1] - x[0])]
         map_coordinates(values, pixels, output=found[rows], **given)
 
-    for_each(interpolate, _rows(view.range.size))
+    for_each(interpolate, in_pieces(view.range.size, ROWS))
     return found
-
-
-ROWS = 64
-"""Rows of an image, or ranges of a view, that are computed at once."""
-
-
-def _rows(count: int) -> list[slice]:
-    """Slices of so many rows, `ROWS` each."""
-    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]

@@ -9,18 +9,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array, Complex, Index, Mask
+from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.errors import InputError
-
-if TYPE_CHECKING:
-    from mirrorfold.detection.echoes import Echoes
-
 
 DEVIATION = 0.3
 """Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
@@ -34,9 +30,9 @@ POINTS_AT_ONCE = 1000
 of directions, so that all pairs would take far more memory than the image."""
 
 
-def in_pieces(points: int) -> list[slice]:
-    """Slices of so many points, `POINTS_AT_ONCE` each."""
-    return [slice(first, first + POINTS_AT_ONCE) for first in range(0, points, POINTS_AT_ONCE)]
+def in_pieces(count: int, size: int = POINTS_AT_ONCE) -> list[slice]:
+    """Slices that cut so many points, or rows, into pieces of that size."""
+    return [slice(first, first + size) for first in range(0, count, size)]
 
 
 class View(ABC):
@@ -186,9 +182,7 @@ class View(ABC):
 
     def brightest(self, points: Array, amplitude: Array) -> Index:
         """The brightest of points (n, d) in each of the resolution cells that they fill, its number, (cells,)."""
-        cell = self.cell_numbers(points)
-        order = np.lexsort([-amplitude, cell])
-        return order[np.unique(cell[order], return_index=True)[1]]
+        return strongest_of(self.cell_numbers(points), amplitude)
 
     @property
     def dimensions(self) -> int:
@@ -242,26 +236,26 @@ class View(ABC):
         return np.where(range_ > 0.0, range_, np.inf)
 
 
-def check_samples(image: xr.DataArray, dims: tuple[str, ...], source: str = "image") -> None:
+def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     """Refuse what is no image of these dimensions, with finite values on a regular grid, 4 or more along each."""
     if not isinstance(image, xr.DataArray) or image.dims != dims:
         found = getattr(image, "dims", type(image).__name__)
         many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
-        raise InputError(f"{source}: has dimensions {found}, expected an image with dimensions {dims}{many}")
+        raise InputError(f"image: has dimensions {found}, expected an image with dimensions {dims}{many}")
     for name in dims:
         if name not in image.coords or image.sizes[name] < 4:
-            raise InputError(f"{source}: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
+            raise InputError(f"image: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
         step = np.diff(image[name].values.astype(float))
         if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
             wrong = f"the coordinate {name} does not rise in equal steps; resample to a regular grid"
-            raise InputError(f"{source}: {wrong}")
+            raise InputError(f"image: {wrong}")
     if image.dtype.kind not in "cfiu":
-        raise InputError(f"{source}: holds values of type {image.dtype}, expected real or complex amplitudes")
+        raise InputError(f"image: holds values of type {image.dtype}, expected real or complex amplitudes")
     if missing := int(np.count_nonzero(~np.isfinite(image.values))):
         wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
-        raise InputError(f"{source}: {wrong}")
+        raise InputError(f"image: {wrong}")
     if image.dtype.kind != "c" and (image.values < 0).sum() > NEGATIVE_SHARE * np.count_nonzero(image.values):
         raise InputError(
-            f"{source}: nearly all values are negative, as levels in dB are, expected amplitudes; import it with "
+            "image: nearly all values are negative, as levels in dB are, expected amplitudes; import it with "
             "--decibel, in Python import_image(file, decibel=True), or take 10 ** (image / 20)"
         )
