@@ -58,7 +58,7 @@ LEFT_OUT = {
     "PIXEL_RADII": "size of the picture; no point depends on it",
     "BORDER_RADII": "size of the picture; no point depends on it",
     "RAYLEIGH_MEDIAN": "follows from a formula",
-    "HALF_AMPLITUDES": "follows from a formula",
+    "SIGMA_PER_MEDIAN": "follows from a formula",
     "HANN_CELL": "follows from a formula",
     "DEVIATION": "follows from a formula",
     "SHORTEST": "checks mirrors that are given; here they are found",
@@ -116,7 +116,7 @@ def concerned(constant: Constant, case: Case) -> bool:
         return False
     part = constant.label
     if case.group == "volumes":
-        return not part.startswith(("image_", "line_mirror.", "lines.", "directions."))
+        return not part.startswith(("image_", "line_mirror.", "lines.", "rows.", "directions."))
     return not part.startswith(("plane_mirror.", "planes.", "volume_"))
 
 
@@ -312,7 +312,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="scenes of each family")
     parser.add_argument("--first", type=int, default=500, help="first seed")
     parser.add_argument("--family", action="append", choices=RAY_FAMILIES)
-    parser.add_argument("--constant", action="append", help="such as lines.GAP_CELLS; all by default")
+    parser.add_argument("--constant", action="append", help="such as rows.GAP_CELLS; all by default")
     parser.add_argument("--volumes", action="store_true", help="raster scenes, too")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--json", type=Path)

@@ -54,7 +54,7 @@ class Constant:
 
     @property
     def label(self) -> str:
-        """The last part of its module and its name, such as ``lines.GAP_CELLS``."""
+        """The last part of its module and its name, such as ``rows.GAP_CELLS``."""
         return f"{self.module.rpartition('.')[2]}.{self.name}"
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import cross2, unit
 from mirrorfold.common.types import Array
 
 POINTS = 49
@@ -27,20 +27,41 @@ def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     return a + middle, np.linalg.norm(middle, axis=1)
 
 
+def in_line(start: Array, middle: Array, end: Array) -> bool:
+    """Whether three points (2,) lie on a line, as far as a drawing can tell."""
+    chord = end - start
+    return bool(abs(2.0 * cross2(middle - start, chord)) <= STRAIGHT * float(chord @ chord))
+
+
+class Arc(NamedTuple):
+    """The arc through three points: center (2,) and radius [m] of its circle, the angles [rad] of its ends, and how far
+    it turns from the first to the last [rad], positive counter-clockwise.
+    """
+
+    center: Array
+    radius: float
+    first: float
+    last: float
+    turn: float
+
+    @classmethod
+    def through(cls, start: Array, middle: Array, end: Array) -> Arc:
+        """The arc from start to end by way of the middle, (2,) [m] each, which are not `in_line`."""
+        (center,), (radius,) = circle_through(start[None], middle[None], end[None])
+        first, half, last = (float(np.arctan2(*(point - center)[::-1])) for point in (start, middle, end))
+        turn = (last - first) % (2.0 * np.pi)
+        if (half - first) % (2.0 * np.pi) > turn:  # the middle lies on the other way around
+            turn -= 2.0 * np.pi
+        return cls(center, float(radius), first, last, turn)
+
+
 def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) -> Array:
     """Points (count, 2) along the arc through three points (2,), or the two ends (2, 2) if these lie on a line."""
-    b, c = middle - start, end - start
-    double = 2.0 * (b[0] * c[1] - b[1] * c[0])
-    if abs(double) <= STRAIGHT * float(c @ c):
+    if in_line(start, middle, end):
         return np.stack([start, end])
-    offset = np.array([c[1] * (b @ b) - b[1] * (c @ c), b[0] * (c @ c) - c[0] * (b @ b)]) / double
-    center, radius = start + offset, float(np.linalg.norm(offset))
-    first, half, last = (float(np.arctan2(*(point - center)[::-1])) for point in (start, middle, end))
-    turn = (last - first) % (2.0 * np.pi)
-    if (half - first) % (2.0 * np.pi) > turn:  # the middle lies on the other way around
-        turn -= 2.0 * np.pi
-    angle = first + turn * np.linspace(0.0, 1.0, count)
-    return np.asarray(center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    arc = Arc.through(start, middle, end)
+    angle = arc.first + arc.turn * np.linspace(0.0, 1.0, count)
+    return np.asarray(arc.center + arc.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def by_three(places: Any) -> Any:

@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.types import Array
 
+HALF_POWER = float(np.sqrt(2.0 * np.log(2.0)))
+"""Width of a Gaussian beam between half powers, which is that between half amplitudes there and back, where the
+amplitude is ``exp(-2 (x/w)^2)``: in units of the radius w, at which the amplitude one way has fallen to 1/e."""
+
 
 def beam_direction(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
     """Unit vectors ``(sin az cos el, cos az cos el, sin el)``, shape (..., 3).

@@ -43,7 +43,7 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
     def column(i: int) -> None:
         counts[i] = _runs_of(
             view.amplitude, i, np.float32(view.floor), np.float32(10.0 ** (RUN_DB / 20.0)),
-            np.float32(10.0 ** (RIDGE_DB / 20.0)), view.side_lobes, cell, MOST_ECHOES, beams[i], found[i],
+            np.float32(10.0 ** (RIDGE_DB / 20.0)), view.side_lobes, cell, beams[i], found[i],
         )  # fmt: skip
 
     for_each(column, range(columns))
@@ -70,16 +70,16 @@ def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy")
-def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, most, beams, found):  # type: ignore[no-untyped-def]
+def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 
     The strongest sample of a beam begins a run that goes on, both ways, as long as no more than `cell` samples lie
     below ``run`` times the peak; the next run begins at the strongest sample that is left and no side lobe of the runs
-    before it. There are at `most` so many in a beam.
+    before it. There are at most `MOST_ECHOES` in a beam.
     """
     rows, size = amplitude.shape[1:]
-    edges = np.zeros((most, 2), dtype=np.int64)
-    brightness = np.zeros(most, dtype=np.float32)
+    edges = np.zeros((MOST_ECHOES, 2), dtype=np.int64)
+    brightness = np.zeros(MOST_ECHOES, dtype=np.float32)
     count = 0
     for j in range(rows):
         profile = amplitude[column, j]
@@ -87,7 +87,7 @@ def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, most, beams, fou
         candidates = np.flatnonzero(profile > floor)
         runs = 0
         for k in candidates[np.argsort(-profile[candidates])]:
-            if runs == most:
+            if runs == MOST_ECHOES:
                 break
             skipped = claimed[k]
             for m in range(runs):

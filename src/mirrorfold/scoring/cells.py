@@ -9,11 +9,8 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.beams import HALF_POWER, beam_radius
 from mirrorfold.common.types import Array
-
-HALF_POWER = np.sqrt(2.0 * np.log(2.0))
-"""Width of a Gaussian beam between half powers, in units of the radius at which its amplitude falls to 1/e."""
 
 
 def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = True) -> Array | None:

@@ -16,7 +16,7 @@ import numpy as np
 from mirrorfold.common.geometry import turned
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.curved import dimming
+from mirrorfold.detection.mirrors.curved import dimming, fit_variances
 from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -232,9 +232,7 @@ class ArcMirror(Mirror):
         hit, normal = self.facing(places)
         tangent, offset = turned(normal), places - hit
         way = self.along(hit) - 0.5 * self.length
-        known = [float(np.nan_to_num(error)) for error in (self.offset_error, self.angle_error, self.curvature_error)]
-        shift = known[0] ** 2 + (0.5 * way**2 * known[2]) ** 2
-        angle = np.radians(known[1]) ** 2 + (way * known[2]) ** 2
+        shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
         turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
         return np.asarray(
             shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)

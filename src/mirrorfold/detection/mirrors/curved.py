@@ -27,6 +27,15 @@ def growth_over(way: Sequence[Mirror], points: Array) -> Array:
     return np.ones((len(points), 1)) if mirror is None else mirror.growth(points)
 
 
+def fit_variances(offset: float, angle: float, curvature: float, way: Array) -> tuple[Array, Array]:
+    """Variances of a fitted surface's place [m^2] and of its direction [rad^2], ways (n,) [m] from its middle, (n,).
+
+    They follow from the standard errors of its offset [m], angle [degree] and curvature [1/m]; NaN counts as zero.
+    """
+    offset, angle, curvature = (float(np.nan_to_num(error)) for error in (offset, angle, curvature))
+    return offset**2 + (0.5 * way**2 * curvature) ** 2, np.radians(angle) ** 2 + (way * curvature) ** 2
+
+
 def dimming(way: Sequence[Mirror], points: Array) -> Array:
     """By how much amplitudes at points (n, d) of the image are weaker than by way of flat mirrors, (n,), at least one.
 

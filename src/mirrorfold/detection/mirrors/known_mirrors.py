@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arcs import arc_through, by_three, circle_through
+from mirrorfold.common.arcs import Arc, by_three, in_line
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.round_surfaces import RoundSurface
@@ -106,7 +106,7 @@ def _check_arc(points: Array, mirror: str) -> None:
     if np.linalg.norm(chord) <= SHORTEST * np.abs(points).max():
         raise InputError(f"{mirror} starts where it ends, and so could be any arc; give a full circle as two arcs")
     along = float((through - start) @ chord / (chord @ chord))
-    if len(arc_through(start, through, end)) == 2 and not 0.0 < along < 1.0:
+    if in_line(start, through, end) and not 0.0 < along < 1.0:
         raise InputError(f"{mirror} goes through a point in line with its ends, but not between them; give one between")
 
 
@@ -211,14 +211,11 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
 def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
     """The line between two points (2, 2) [m], or the arc by way of a third one, (3, 2)."""
     start, end = points[[0, -1]]
-    if len(points) == 2 or len(arc_through(*points)) == 2:
+    if len(points) == 2 or in_line(*points):
         return LineMirror(start, end)
-    middle, radius = (found[0] for found in circle_through(start[None], points[1][None], end[None]))
-    first, through, last = (float(np.arctan2(*(point - middle)[::-1])) for point in points)
-    turn = (last - first) % (2.0 * np.pi)
-    if (through - first) % (2.0 * np.pi) > turn:
-        first, turn = last, 2.0 * np.pi - turn
-    return ArcMirror(middle=middle, radius=float(radius), first=first, span=turn, radar=view.radar)
+    arc = Arc.through(*points)
+    first = arc.first if arc.turn >= 0.0 else arc.last  # counter-clockwise
+    return ArcMirror(middle=arc.center, radius=arc.radius, first=first, span=abs(arc.turn), radar=view.radar)
 
 
 def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:

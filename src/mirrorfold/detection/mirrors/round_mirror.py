@@ -15,6 +15,7 @@ from mirrorfold.common.beams import spread_beam
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
+from mirrorfold.detection.mirrors.curved import fit_variances
 from mirrorfold.detection.mirrors.mirror import Fold
 from mirrorfold.detection.views.volume_view import VolumeView
 
@@ -134,9 +135,7 @@ class RoundMirror(BeamMirror):
         """Covariance (n, 3, 3) [m^2] by which places turned about their own planes follow the errors of the surface."""
         hit, normal = self.facing(places)
         offset, way = places - hit, np.linalg.norm(self.shape.across(hit - self.center), axis=1)
-        known = [float(np.nan_to_num(error)) for error in (self.offset_error, self.angle_error, self.curvature_error)]
-        shift = known[0] ** 2 + (0.5 * way**2 * known[2]) ** 2
-        angle = np.radians(known[1]) ** 2 + (way * known[2]) ** 2
+        shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
         total = shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
         right = np.cross(normal, self.tangents[1])
         right /= np.maximum(np.linalg.norm(right, axis=1), np.finfo(float).tiny)[:, None]

@@ -20,13 +20,14 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import on_rows
-from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink
-from mirrorfold.detection.search.growing import CLIP
-from mirrorfold.detection.search.lines import GAP_CELLS, LOBE
+from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink, trusted
+from mirrorfold.detection.search.growing import CLIP, JUDGES
+from mirrorfold.detection.search.lines import LOBE
+from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
 
-PROPOSALS, JUDGES = 600, 1500
-"""Circles that are proposed for each mirror, and echoes, evenly drawn, that propose and judge."""
+PROPOSALS = 600
+"""Circles that are proposed for each mirror."""
 
 NEAR_CELLS, REACH_CELLS = 2.0, 24.0
 """Echoes that propose a circle lie so many resolution cells apart: closer ones say nothing of the curvature."""
@@ -100,15 +101,14 @@ def find_arcs(view: ImageView, echoes: Echoes, own: Index) -> list[ArcMirror]:
 def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
     """The circle with the least weighted squared distances to points (n, 2), from a first one on.
 
-    Cauchy weights keep out what stands elsewhere (as in `fit.robust`). Returns middle, radius and trust (n,).
+    Cauchy weights keep out what stands elsewhere (see `fit.trusted`). Returns middle, radius and trust (n,).
     """
     trust = weight
     for _ in range(2 * ROUNDS):
         offset = points - middle
         away = np.linalg.norm(offset, axis=1)
         beside = away - radius
-        deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).eps * radius
-        trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
+        _, trust = trusted(beside, weight, np.finfo(float).eps * radius)
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
         root = np.sqrt(trust)
         step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
@@ -265,12 +265,8 @@ class _Arcs:
 
     def _row(self, arc: ArcMirror, points: Array, weight: Array) -> Index:
         """The heaviest unbroken row of points along an arc."""
-        along = arc.along(points)
-        order = np.argsort(along)
-        cell = np.asarray(self.view.cell(np.linalg.norm(points - self.view.radar, axis=1)))[order]
-        gap = np.diff(along[order]) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
-        run = np.concatenate([[0], np.cumsum(gap)])
-        return order[run == np.argmax(np.bincount(run, weights=weight[order]))]
+        cell = np.asarray(self.view.cell(np.linalg.norm(points - self.view.radar, axis=1)))
+        return heaviest_row(arc.along(points), cell, weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:
         """Whether it is long and curved enough, and no less than a part of a circle."""
@@ -284,13 +280,8 @@ class _Arcs:
         along = np.linspace(0.0, arc.length, 181)
         sight = arc.at(along) - self.view.radar
         cosine = -np.sum(sight * arc.outward(along), axis=1) / np.linalg.norm(sight, axis=1)
-        towards = (cosine if arc.convex else -cosine) >= GRAZING
-        runs = np.split(np.arange(along.size), np.flatnonzero(np.diff(towards)) + 1)
-        runs = [run for run in runs if towards[run[0]]]
-        if not runs:
-            return None
-        run = max(runs, key=len)
-        return arc.part(float(along[run[0]]), float(along[run[-1]]))
+        run = longest_run((cosine if arc.convex else -cosine) >= GRAZING)
+        return None if run is None else arc.part(*along[run][[0, -1]].tolist())
 
     def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
         """The arc fitted to the centres of power across it, as far as its row goes on; None if it is none there."""
@@ -347,11 +338,8 @@ class _Arcs:
         # Beyond the end of a row there is no power to speak of.
         bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)
         near = (np.abs(beside) <= CLOSE_CELLS * self.view.range_cell) & (bright >= DARK * np.median(bright))
-        runs = [run for run in np.split(np.arange(near.size), np.flatnonzero(np.diff(near)) + 1) if near[run[0]]]
-        if not runs:
-            return circle.part(first, last)
-        run = max(runs, key=len)
-        return wider.part(float(along[run[0]]), float(along[run[-1]]))
+        run = longest_run(near)
+        return circle.part(first, last) if run is None else wider.part(*along[run][[0, -1]].tolist())
 
     def _as_long(self, arc: ArcMirror, free: Mask) -> ArcMirror:
         """The arc as far as its row of echoes goes on along its circle, faint ones included."""

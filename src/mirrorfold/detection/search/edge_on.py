@@ -18,7 +18,8 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
 from mirrorfold.detection.search.fit import refined
-from mirrorfold.detection.search.lines import GAP_CELLS, LOBE
+from mirrorfold.detection.search.lines import LOBE
+from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
 LARGEST_GRAZING_DEG = 45.0

@@ -54,6 +54,9 @@ def blocks(along: Array, side: float, cells: float, *, fewest: int) -> Index:
     return np.unique(np.ravel_multi_index(tuple(place.T), tuple(count.astype(np.intp))), return_inverse=True)[1]
 
 
+SIGMA_PER_MEDIAN = 1.4826
+"""Standard deviation of normally distributed errors over the median of their sizes."""
+
 KINKS = 13
 """Places that are tried for a kink."""
 
@@ -83,10 +86,18 @@ def robust(points: Array, weight: Array, independent: float) -> Fit:
     for _ in range(ROUNDS):
         normal, center = flat(points, trust)
         beside = (points - center) @ normal
-        deviation = 1.4826 * float(np.median(np.abs(beside))) + np.finfo(float).tiny
-        trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
+        deviation, trust = trusted(beside, weight, np.finfo(float).tiny)
     tangents = np.linalg.svd(normal[None])[2][1:]
     return Fit(normal, center, deviation, *_errors((points - center) @ tangents.T, beside, trust, independent))
+
+
+def trusted(beside: Array, weight: Array, least: float) -> tuple[float, Array]:
+    """Standard deviation [m] of distances (n,) from a fit, by their median, and Cauchy weights of the next fit, (n,).
+
+    The `least` [m] keeps the deviation of a perfect fit above zero.
+    """
+    deviation = SIGMA_PER_MEDIAN * float(np.median(np.abs(beside))) + least
+    return deviation, weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
 
 
 def _errors(along: Array, beside: Array, trust: Array, independent: float) -> tuple[float, float]:

@@ -57,8 +57,6 @@ class Search(ABC, Generic[M]):
         Of a mirror, or its smallest width and height.
     tested : bool
         Whether a mirror must be filled and flat, not only large enough.
-    seed : int
-        Of the random proposals.
     """
 
     fewest: int
@@ -70,13 +68,13 @@ class Search(ABC, Generic[M]):
     strong_share = 1.0
     """Share of its least length that the strong echoes of a mirror must have, where faint ones continue it."""
 
-    def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool, seed: int = 0) -> None:
+    def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
         self.every, self.echoes = echoes, evidence(echoes, view)
         usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
         self.square = view.squares(self.echoes.position)
-        self.random = np.random.default_rng(seed)
+        self.random = np.random.default_rng(0)
 
     @abstractmethod
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[M, Index]:

@@ -15,6 +15,7 @@ from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.fit import FEWEST_PLACES, bowed, broken, centres, flat, refined
 from mirrorfold.detection.search.fronts import find_front
 from mirrorfold.detection.search.growing import NEAR, Search
+from mirrorfold.detection.search.rows import heaviest_row
 from mirrorfold.detection.views.image_view import ImageView
 
 MINIMUM_CELLS = 7.75
@@ -27,9 +28,6 @@ smooth thing, which is bright, a wall may lie half below the threshold."""
 GLINT, GLINT_CELLS = 0.9, 4.0
 """A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
 long: the glint of a bulging thing of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
-
-GAP_CELLS = 3.0
-"""A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
 
 DARK_CELLS, SHINES, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
 """What stands beyond a gap of so many resolution cells is no part of a wall where its power exceeds the wall's by 8 dB,
@@ -117,17 +115,8 @@ class _Lines(Search[LineMirror]):
         """The heaviest unbroken row."""
         line = LineMirror(center, center + np.array([normal[1], -normal[0]]))
         position = line.along(self.echoes.position[near])
-        row = self._row(position, np.sqrt(self.square(line.direction, near)), self.weight[near])
+        row = heaviest_row(position, np.sqrt(self.square(line.direction, near)), self.weight[near])
         return line.part(position[row].min(), position[row].max()), np.sort(near[row])
-
-    @staticmethod
-    def _row(position: Array, cell: Array, weight: Array) -> Index:
-        """The heaviest unbroken row of echoes at positions [m] along a line, where the cell has that width along it."""
-        order = np.argsort(position)
-        position, cell = position[order], cell[order]
-        gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
-        run = np.concatenate([[0], np.cumsum(gap)])
-        return order[run == np.argmax(np.bincount(run, weights=weight[order]))]
 
     def shortest(self, mirror: LineMirror) -> float:
         """As given, or where the mirror faces the radar as long as its glint, if that is told from that of a point."""
@@ -172,7 +161,7 @@ class _Lines(Search[LineMirror]):
         position = mirror.along(near)
         # Its own echoes outweigh any other row on the same line.
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
-        row = self._row(position, self.view.extent(near, mirror.direction), weight)
+        row = heaviest_row(position, self.view.extent(near, mirror.direction), weight)
         longer = mirror.part(min(float(position[row].min()), 0.0), max(float(position[row].max()), mirror.length))
         longer = self._without_shining_ends(longer, self.every.take(np.flatnonzero(self.every.visible)[on_it][row]))
         mirror, stray = refined(longer, self.view, *LOBE)

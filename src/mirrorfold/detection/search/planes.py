@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, label
 
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.search.fit import refined
@@ -41,11 +41,9 @@ PROFILE = 1.7, 0.01, 0.01
 """The same as `LOBE` of lines: all of the footprint counts, and what scatters inside. Bright places lie deeper."""
 
 
-def find_planes(
-    echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True, seed: int = 0
-) -> list[PlaneMirror]:
+def find_planes(echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True) -> list[PlaneMirror]:
     """Plane mirrors among the visible echoes of a volume, from the largest: see `Search`."""
-    found = _Planes(echoes, view, minimum_length, tested, seed).find(enough=0.0)
+    found = _Planes(echoes, view, minimum_length, tested).find(enough=0.0)
     return sorted(found, key=lambda mirror: -float(mirror.beams.sum()))
 
 
@@ -57,15 +55,9 @@ class _Planes(Search[PlaneMirror]):
 
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[PlaneMirror, Index]:
         """The largest connected set of beams that show a plane, its small gaps closed."""
-        beam, shape = self.echoes.direction[near], self.view.shape
-        lit = np.zeros(shape, dtype=bool)
-        lit.ravel()[beam] = True
-        pad = GAP_BEAMS + 1
-        closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
-        # Threads of chance echoes do not join two walls.
-        closed = binary_opening(np.pad(closed, 2, mode="edge"), iterations=2)[2:-2, 2:-2]
-        regions, _ = label(closed)
-        largest = binary_fill_holes(regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:]))
+        beam = self.echoes.direction[near]
+        # Threads of chance echoes, up to four beams wide, do not join two walls.
+        largest = binary_fill_holes(largest_sheet(beam, self.view.shape, thinnest=2))
         beams = largest.ravel() & (self.view.meets(normal, center) <= self.view.range[-1])
         towards = normal * -np.sign((center - self.view.radar) @ normal)
         mirror = PlaneMirror(center, towards, np.empty((0, 3)), beams)
@@ -89,3 +81,17 @@ class _Planes(Search[PlaneMirror]):
         turned = np.degrees(DEPTH_CHANGE * face.depth / mirror.size)
         angle, offset = np.hypot([mirror.angle_error, mirror.offset_error], [turned, front.error]).tolist()
         return replace(face, angle_error=angle, offset_error=offset).shown(view, mirror.beams)
+
+
+def largest_sheet(beam: Index, shape: tuple[int, ...], *, thinnest: int) -> Mask:
+    """The largest connected set of beams with echoes, its gaps of up to `GAP_BEAMS` closed, in the shape of the scan.
+
+    Parts that are not so many beams wide to either side of their middle, the `thinnest`, do not join others.
+    """
+    lit = np.zeros(shape, dtype=bool)
+    lit.ravel()[beam] = True
+    pad = GAP_BEAMS + 1
+    closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
+    opened = binary_opening(np.pad(closed, thinnest, mode="edge"), iterations=thinnest)
+    regions, _ = label(opened[thinnest:-thinnest, thinnest:-thinnest])
+    return np.asarray(regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:]))

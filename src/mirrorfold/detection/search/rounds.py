@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_closing, binary_opening, label
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
@@ -20,16 +19,18 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
-from mirrorfold.detection.search.growing import CLIP, NEAR
-from mirrorfold.detection.search.planes import GAP_BEAMS, SMALLEST_FILL
+from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
+from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, trusted
+from mirrorfold.detection.search.growing import CLIP, JUDGES, NEAR
+from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
-PROPOSALS, JUDGES = 300, 1500
-"""Pairs of echoes that propose a surface, each of either kind, and echoes, evenly drawn, that propose and judge."""
+PROPOSALS = 300
+"""Pairs of echoes that propose a surface, each of either kind."""
 
-NEAR_CELLS, REACH_CELLS = 1.5, 24.0
-"""Echoes that propose a surface lie so many resolution cells apart: closer ones say nothing of the curvature."""
+NEAR_CELLS = 1.5
+"""Echoes that propose a surface lie so many resolution cells apart, or more: closer ones say nothing of its curve."""
 
 NEIGHBOURS = 24
 """Echoes around each that tell in which direction the surface faces: of beams half a cell apart those of two cells."""
@@ -40,17 +41,8 @@ TURNED = np.cos(np.radians(25.0))
 SMALLEST_TURN = np.radians(10.0)
 """Two echoes that face within this angle of each other propose no surface: their own errors are a few degrees."""
 
-SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
-"""Radii, in resolution cells, as of arcs."""
-
 SHORTEST_CELLS = 3.5
 """Least width and height, in resolution cells: of a sphere whose radius is two cells the radar sees some four."""
-
-BULGE_CELLS = 0.3
-"""A sheet that bulges by less, in resolution cells, may be flat."""
-
-SIGNIFICANT = 5.0
-"""Standard errors by which the curvature must differ from zero."""
 
 LARGEST_DEVIATION, MOST_OFF = 0.6, 0.05
 """Deviation of a sheet's echoes from the surface, relative to that of power in the resolution cell: pillars and balls
@@ -88,7 +80,7 @@ def find_rounds(view: VolumeView, echoes: Echoes, own: Index) -> list[RoundMirro
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
     """The surface of the same kind with the least weighted squared distances to points (n, 3), from a first one on.
 
-    Gauss and Newton's steps, with Cauchy weights against what stands elsewhere (as in `fit.robust`). Returns trust
+    Gauss and Newton's steps, with Cauchy weights against what stands elsewhere (see `fit.trusted`). Returns trust
     (n,), and the derivatives (n, p) of the distances by what was fitted: the middle, in the plane across the axis, the
     radius, and for a cylinder the tilt of its axis, along both directions of that plane.
     """
@@ -99,8 +91,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
     for _ in range(FITS):
         base = shape.base
         normal, beside = shape.outward(points), shape.beside(points)
-        deviation = 1.4826 * float(np.median(np.abs(beside))) + 1e-9 * shape.radius
-        trust = weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
+        _, trust = trusted(beside, weight, 1e-9 * shape.radius)
         flat = normal @ base.T
         design = np.column_stack([flat, np.ones(len(points))])
         if cylinder:
@@ -218,14 +209,8 @@ class _Rounds:
 
     def _patch(self, mirror: RoundMirror, near: Index) -> tuple[RoundMirror, Index]:
         """The largest connected set of beams that show the surface, its small gaps closed."""
-        beam, shape = self.echoes.direction[near], self.view.shape
-        lit = np.zeros(shape, dtype=bool)
-        lit.ravel()[beam] = True
-        pad = GAP_BEAMS + 1
-        closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
-        closed = binary_opening(np.pad(closed, 1, mode="edge"))[1:-1, 1:-1]
-        regions, _ = label(closed)
-        beams = (regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:])).ravel()
+        beam = self.echoes.direction[near]
+        beams = largest_sheet(beam, self.view.shape, thinnest=1).ravel()
         if not beams.any():
             return mirror, near[:0]
         return mirror.shown(self.view, beams), near[beams[beam]]
@@ -243,7 +228,10 @@ class _Rounds:
         points, on_it = echoes.position[member], echoes.take(member)
         beside = shape.beside(points)
         footprint = DEVIATION * view.extent_each(points, shape.outward(points))
-        if 1.4826 * float(np.median(np.abs(beside) / footprint)) > LARGEST_DEVIATION or self._off(mirror) > MOST_OFF:
+        if (
+            SIGMA_PER_MEDIAN * float(np.median(np.abs(beside) / footprint)) > LARGEST_DEVIATION
+            or self._off(mirror) > MOST_OFF
+        ):
             return None
         # Echoes of one resolution cell stray together.
         share = len(member) / max(view.cell_numbers(points).max() + 1.0, 1.0)

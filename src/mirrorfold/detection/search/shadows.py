@@ -16,7 +16,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.growing import NEAR, lies_on
-from mirrorfold.detection.search.lines import GAP_CELLS
+from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
 FEWEST, SHORTEST_CELLS = 3, 1.75

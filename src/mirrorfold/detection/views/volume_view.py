@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
+from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.views.view import View, check_samples, in_pieces
@@ -26,9 +26,6 @@ cleaner."""
 
 STEPS_A_BEAM = 2.0
 """Radius of a beam of which nothing is known, in steps of the scan: beams of a useful scan overlap."""
-
-HALF_AMPLITUDES = float(np.sqrt(2.0 * np.log(2.0)))
-"""Where a beam has half its amplitude there and back, ``exp(-2 (x/w)^2)``: from side to side, in beam radii w."""
 
 OPAQUE_RADII = 5.7
 """Depth of an object in radii of the beam: how far the footprint of a beam reaches to either side along a surface that
@@ -122,7 +119,7 @@ class VolumeView(View):
 
     def cross_cell(self, points: Array) -> Array:
         """Width of the beam there and back [m]."""
-        return HALF_AMPLITUDES * self.width(np.linalg.norm(points - self.radar, axis=-1))
+        return HALF_POWER * self.width(np.linalg.norm(points - self.radar, axis=-1))
 
     def beam_power(self, aside: Array) -> Array:
         """Of a Gaussian beam, there and back."""
