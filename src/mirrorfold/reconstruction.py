@@ -1,14 +1,14 @@
-"""The six steps of the algorithm, one call each: from a raw sweep to the corrected scene.
+"""The six steps of the algorithm: from a raw sweep to the corrected scene.
 
 1. `mirrorfold.focus`: the image, or of a raster scan the volume.
-2. `mirrorfold.detection.find_mirrors`: the echoes in it, and the mirrors among them.
+2. `mirrorfold.detection.find_mirrors`: the mirrors among the echoes of the image.
 3. `mirrorfold.tree.order_mirrors`: which mirror is seen through which.
 4. `mirrorfold.tree.assign_echoes`: which echo is seen through which chain of mirrors.
-5. `mirrorfold.folding.points`: every echo back to where it stands.
+5. `mirrorfold.folding.fold_back`: every echo back to where it stands.
 6. `mirrorfold.folding.collect`: the corrected scene.
 
-Mirrors, their order, and what can be seen at all depend on each other; steps 2 and 3 are taken in turn until nothing
-changes, in `find_tree`.
+Steps 2 to 4 are one call here, `find_every_kind`: mirrors, their order, and what can be seen at all depend on each
+other, so that these steps are taken in turn until nothing changes.
 """
 
 from __future__ import annotations
@@ -180,13 +180,13 @@ class FoldPlan:
             told_before(image) if isinstance(image, xr.DataTree) and sweep is None else nothing_measured
         )
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
-        # One antenna hears an echo from where it sent it to.
+        # A single antenna that sends and hears cannot tell echoes that left one way and came back another.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
         if self._sweep is not None:
             check_origin(self.image, self._sweep)
             self._told = told_by_sweep(self._sweep)
-        # Given mirrors are moved more often than settings are changed: what the latest ones have led to is kept.
+        # Users move given mirrors more often than they change settings: what the latest settings led to is kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
         self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
@@ -251,7 +251,7 @@ class FoldPlan:
         view = self._view(normalization=chosen.normalization)
         echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
-        if self._sweep is None:  # an image of unknown origin shows no pulse
+        if self._sweep is None:  # without the sweep, the tail of the pulse is not known
             settings = replace(settings, copies=False)
         report(1, 3)
         by_hand, walls = mirrors is not None, None
@@ -259,7 +259,7 @@ class FoldPlan:
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
         if settings.generations == 0 and not by_hand:
-            mirrors = check_mirrors([])  # no mirror is used, and none of their ghosts may be taken away
+            mirrors = check_mirrors([])  # no mirror is used, and no echo taken for the ghost of one
         if mirrors is not None and settings.opaque:
             echoes, walls = self._shown_walls(chosen, settings)
         told = self._told if not settings.published else nothing_measured

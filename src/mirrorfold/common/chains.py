@@ -1,4 +1,4 @@
-"""Names of the ways by which something was seen."""
+"""Names of the chains of mirrors by which echoes were seen."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Lines and planes as mirrors: reflection, isometries, crossings.
 
-Everything that is linear algebra works in any number of dimensions: a mirror is a point on it and its unit
-normal, and the last axis of every array of points holds the coordinates. What needs a left and a right
-(crossing segments, visibility) is two-dimensional and says so.
+A mirror is a point on it and its unit normal, and the last axis of every array of points holds the coordinates:
+distances, reflections and isometries have any number of dimensions, and what has only two says so.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Ar
 def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
     """Distance [m] by which a ray leaves a slab beside its own line, ``d sin t (1 - cos t / Re q)``.
 
-    The derivative of `delay` by the angle: for an array that looks through the slab, things are moved aside by as much.
+    The derivative of `delay` by the angle: an array that looks through the slab sees objects moved aside by as much.
     """
     within = np.maximum(inside(permittivity, angle).real, np.finfo(float).tiny)
     return np.asarray(np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within))

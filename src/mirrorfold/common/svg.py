@@ -25,7 +25,7 @@ LARGEST_CLOUD = 1500
 
 @dataclass(frozen=True, eq=False)
 class Stroke:
-    """A polyline, a set of dots or a circle.
+    """A polyline or a set of dots.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def card(title: str, drawing: str, facts: Sequence[tuple[str, str]]) -> str:
 
 
 def tree_card(root: Any) -> str:
-    """A `mirrorfold.tree.tree.MirrorTree`: mirrors and objects in the unfolded image, and who is seen through whom."""
+    """A `MirrorTree`: mirrors and objects in the unfolded image, and who is seen through whom."""
     strokes, facts, position, range_ = [], [], [], []
     for node in root.walk():
         colours = [COLOURS[max(node.generation - 1 + k, 0) % len(COLOURS)] for k in (0, 1)]

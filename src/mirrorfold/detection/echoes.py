@@ -1,4 +1,4 @@
-"""Echoes: the places of an image or a volume where something sent the waves back."""
+"""Echoes: the places of an image or a volume where an object or a wall sent the waves back."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ RAYLEIGH_MEDIAN = 1.177
 """Median of a Rayleigh amplitude over the standard deviation of its real part, ``sqrt(2 ln 2)``."""
 
 NOISE_SAMPLES = 400_000
-"""From as many samples, evenly chosen, the noise is estimated: the median is then good to 0.2 %."""
+"""The noise is estimated from so many samples, evenly chosen: their median then errs by 0.2 %."""
 
 CUT, CUT_SHARE = 1.5, 0.01
-"""Where some samples are zero, and more than this share of the others is within this factor of the faintest, all
-fainter ones were set to zero: of N samples of noise about one is as faint."""
+"""All that is faint was set to zero before, where some samples are zero and more than the share `CUT_SHARE` of the
+others lies within the factor `CUT` of the faintest: of N samples of noise about one does."""
 
 FALSE_ALARMS = 1e-3
 """Expected number of noise samples in a whole image or volume that are taken for echoes."""
 
 SIDE_LOBE_MARGIN_DB = 6.0
-"""An echo must exceed what may be a side lobe of a brighter one by this much: two side lobes in phase double."""
+"""An echo must exceed what may be a side lobe of a brighter one by this much: two side lobes in phase add up."""
 
 REFERENCE_WEIGHT = 0.5
-"""Power of amplitude that a direction weighs with in the reference. With 0, many directions that hold only weak
+"""A direction weighs in the reference with its amplitude to this power. With 0, many directions that hold only weak
 multiple scattering would lower it; with 1, a few specular glints, 35 dB brighter than the rest, would raise it."""
 
 GLINT, DIFFUSE = 10.0, 20.0
-"""No direction weighs with more than this many times the median amplitude: diffuse echoes spread over 20 dB, and where
-the beam is wide, glints fill so many of the few directions that they would set the reference alone. They are up to
-26 dB brighter than what is diffuse; what is weaker still are side lobes of a few bright things."""
+"""No direction weighs with more than `GLINT` times the median amplitude: diffuse echoes spread over 20 dB, and where a
+beam is wide, glints fill so many of the few directions that they alone would set the reference. But the reference is at
+least the one without that limit over `DIFFUSE`: glints are up to 26 dB brighter than diffuse echoes, and weaker ones
+are side lobes of a few bright objects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +53,15 @@ class Echoes:
     length : (n,) array
         Length of ridge [m] that each echo of an image stands for; one for each echo of a volume.
     strong : (n,) bool array
-        Above the threshold of what it is seen through; the others are faint.
+        Above its `limit`; the others are faint.
     visible : (n,) bool array
         No object stands in front of it.
     noise : (n,) array
         Amplitude that noise and side lobes stay below at its place.
     limit : (n,) array
-        Amplitude that the echo had to exceed to be strong: the threshold, lowered where a lossy mirror dims all.
+        Amplitude that the echo had to exceed to be strong: the threshold, lowered where a mirror dims what it shows.
     threshold : float
-        That of what is in line of sight.
+        Amplitude that echoes in line of sight must exceed to be strong.
     reference : float
         Amplitude of the robust reference echo.
     """
@@ -88,7 +89,7 @@ class Echoes:
     def pixels(
         cls, position: Array, range_: Array, direction: Index, area: Array, brightest: float, threshold: float
     ) -> Echoes:
-        """Echoes as published, all strong and of amplitude one: that transform counts pixels, by their area."""
+        """Echoes of the published algorithm, all strong and of amplitude one: it counts pixels, by their area."""
         one = np.ones(range_.size)
         found = cls.found(position, range_, direction, one, area, 0.0 * one, threshold, brightest)
         return replace(found, strong=one > 0.0)
@@ -106,7 +107,7 @@ class Echoes:
         return replace(self, **{name: getattr(self, name)[which] for name in _OF_EACH})
 
     def joined(self, *others: Echoes) -> Echoes:
-        """With those of other nodes of the same tree after them."""
+        """These echoes, and after them those of other nodes of the same tree."""
         every: dict[str, Any] = {
             name: np.concatenate([getattr(one, name) for one in (self, *others)]) for name in _OF_EACH
         }
@@ -119,8 +120,8 @@ _OF_EACH = "position", "range", "direction", "amplitude", "length", "strong", "v
 def noise_level(values: NDArray[Any]) -> float:
     """Standard deviation of the real part of the noise that most of an image or a volume holds.
 
-    Zeros do not count, for they are where nothing was measured. None is left where all below some amplitude was set to
-    zero, as other programs do.
+    Zeros do not count, for they are where nothing was measured. The level is zero where all below some amplitude was
+    set to zero, as other programs do.
     """
     few = values.ravel()[:: max(1, values.size // NOISE_SAMPLES) | 1]  # an odd stride visits all rows alike
     whole = few.dtype.kind in "iu"

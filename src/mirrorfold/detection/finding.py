@@ -1,6 +1,6 @@
 """Step 2 of the algorithm: the radar's own view, the echoes in it, and the mirrors among them.
 
-Here alone it is decided what serves an image and what a volume.
+Only this file decides which functions serve an image and which a volume.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from mirrorfold.detection.views.volume_view import VolumeView, to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
-"""Shares of the strong echoes up to the range at which the resolution cell of a scene is taken."""
+"""Share of the strong echoes up to the range at which the resolution cell of a scene is taken: in an image, and in a
+volume."""
 
 VOLUME = ("range", "azimuth", "elevation")
 
@@ -142,7 +143,7 @@ def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
 
 
 def example_mirror(dimensions: int) -> Mirror:
-    """A mirror of unit size at the origin: what is said of every mirror can be asked of it."""
+    """A mirror of unit size at the origin, which has the columns of a table without any mirror."""
     if dimensions == 2:
         return LineMirror(np.zeros(2), np.array([1.0, 0.0]))
     square = np.array([[-0.5, 0.0, -0.5], [0.5, 0.0, -0.5], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])

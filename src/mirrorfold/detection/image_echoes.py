@@ -20,8 +20,8 @@ THRESHOLD_DB = -18.0
 some 15-20 dB below them."""
 
 FAINT_DB = -8.0
-"""Echoes down to this far below the threshold are kept as faint: not evidence of anything by themselves, but a wall
-that is known goes on where its echoes fade."""
+"""Echoes down to this far below the threshold are kept as faint: they prove no mirror, but continue a known wall where
+its echoes fade."""
 
 RIDGE_DB = -12.0
 """A ridge pixel is at most this far below the brightest one within a resolution cell: speckle fades by as much
@@ -32,8 +32,8 @@ def noise_floor(view: ImageView) -> Array:
     """Amplitude that noise stays below, (nr,).
 
     Noise has the same strength in the whole image before the range normalisation, and most of an image is empty: its
-    median tells the noise. Where there is no noise this is the level of far side lobes, and harmless; where all that is
-    faint was set to zero, there is no limit.
+    median tells the noise. Of an image without noise that is the level of far side lobes, and harmless; where all that
+    is faint was set to zero, it is zero.
     """
     spreading = view.range**view.power
     held = view.amplitude > 0.0

@@ -22,11 +22,11 @@ RUN_DB = -12.0
 """An echo's run of samples ends where its amplitude falls this far below its peak: speckle fades by as much."""
 
 RIDGE_DB = -9.0
-"""An echo this far below the one that a neighbouring beam sees at the same range is the edge of that beam's: at 0.7
-beam radii the two-way pattern has fallen by as much."""
+"""An echo this far below the one that a neighbouring beam sees at the same range is the same echo at the edge of this
+beam: at 0.7 beam radii the two-way pattern has fallen by as much."""
 
 MOST_ECHOES = 24
-"""In one beam; the strongest count."""
+"""Most echoes of one beam: the strongest are kept."""
 
 
 def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:

@@ -1,4 +1,4 @@
-"""Blocks of pixels, and how bright anything in them can be: most of a grid shows nothing, and is not looked at."""
+"""Blocks of pixels, and how bright their pixels can be: most of a grid shows nothing, and is not looked at."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ of a block."""
 
 
 class Blocks(NamedTuple):
-    """Blocks of pixels, and how bright each mirror may make anything in them.
+    """Blocks of pixels, and how bright each mirror may make their pixels.
 
     Attributes
     ----------
     size : tuple of int
         Pixels of a block along y, x and z.
     bound : (y, maps, x, z) array
-        In each block, no amplitude that a map shows there is larger; zero where it shows nothing.
+        The largest amplitude that each map may show in each block; zero where it shows nothing.
     order : (y, maps, x, z) array of int
         Indices of the blocks along z, from the one with the largest bound on.
     """
@@ -60,7 +60,7 @@ def blocks(
     view : View
         The image by direction and range.
     maps : dict of int to Isometry
-        By the number of each mirror, the way from where the image shows a thing to where it stands.
+        By the number of each mirror, the map from where the image shows an object to where it stands.
     grid : tuple of (n,) arrays [m]
         Coordinates x, y and z of the pixels.
     blobs : (directions, ranges) array of int

@@ -49,7 +49,7 @@ def collect(
         What these steps were told.
     grid : tuple of 1D arrays [m], optional
         Coordinates x and y of the pictures' pixels, and of a volume z, too. By default those of the image, continued as
-        far as something folds to outside of it; of a volume, pixels around all points.
+        far as points fold to outside of it; of a volume, pixels around all points.
     given : int, optional
         How many mirrors, or walls of a plan, were given; None where mirrors were looked for.
 
@@ -135,7 +135,7 @@ def _objects(points: Points) -> xr.Dataset:
         "surface": ("point", surface, {"long_name": "object, or face of a mirror"}),
         "confidence": ("point", points.confidence.astype(np.float32), {"long_name": confidence}),
         "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
-        "explanation": ("point", points.explanation, {"long_name": "why the echo is no thing where it is seen"}),
+        "explanation": ("point", points.explanation, {"long_name": "why no object stands where the echo is seen"}),
         "interpolated": ("point", points.interpolated, {"long_name": "no echo, but a gap between two of them"}),
     }
     if (points.growth != 1.0).any():

@@ -1,4 +1,4 @@
-"""How likely it is that something stands where a point says, and how well its place is known.
+"""How likely it is that a surface stands where a point says, and how well its place is known.
 
 An echo that was scattered more than once is weak and has few others beside it; it is dimmer than the face of the mirror
 that seems to show it, and part of its energy comes back another way than it went. What was folded by mirrors that are
@@ -26,7 +26,7 @@ from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree, led_astray
 
 TRUE_CELLS = 1.5
-"""A point is true where something stands this close to it, in resolution cells."""
+"""A point is true where a surface stands this close to it, in resolution cells."""
 
 NEIGHBOUR_CELLS = 2.5
 """Echoes of one surface follow each other within this many resolution cells: speckle tears gaps of one cell."""

@@ -38,7 +38,7 @@ def _shown(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """The amplitude of the image at sample a, e, k, if a mirror shows there what stands at x, y, z [m].
 
-    Zero if the radar does not see by way of that mirror there, if something in front hides it, if the echo there is
+    Zero if the radar does not see by way of that mirror there, if an object in front hides it, if the echo there is
     doubted or folded by another mirror, or if the amplitude does not exceed the `least`.
     """
     columns, rows = shape

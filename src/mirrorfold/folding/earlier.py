@@ -43,7 +43,9 @@ def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
 
 
 def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
-    """Where it was measured how much of the energy of echoes came back the way it went, (n, 2) [m], and the shares."""
+    """Where echoes of a Reconstruction stood whose `confocal` was measured, the share of their energy that came back
+    the way it went, (n, 2) [m], and these shares, (n,); None if the Reconstruction has no such column.
+    """
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "confocal" not in objects:
         return None
@@ -57,7 +59,7 @@ def known_hems(reconstruction: xr.DataTree) -> Hems:
     if any(name not in mirrors for name in HEMS):
         return Hems.nothing()
     ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
-    # Of a recording, frames that tell of none have no number.
+    # In a recording, mirrors of frames without hems have NaN.
     return Hems(np.concatenate(ends), np.nan_to_num(np.concatenate([mirrors[name].values for name in HEMS])))
 
 

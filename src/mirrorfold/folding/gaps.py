@@ -1,7 +1,7 @@
-"""Step 5, last: surfaces go on through gaps that the radar cannot see.
+"""Step 5, last: points are added where a surface goes on through a gap between its echoes.
 
-Beside a bright echo weaker ones drown for a resolution cell to either side, and speckle fades for as long. That no
-echo stands there tells nothing, as long as the image is not dark: a dark gap is one.
+A bright echo outshines weaker ones for a resolution cell to either side, and speckle fades over as much. So a surface
+may go on where no echo stands, unless the image is dark there, too: only then it has a gap.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ GAP_CELLS = 3.0
 """Widest gap that is closed, in resolution cells: one to the side of each of two bright echoes, and one that fades."""
 
 STEP_CELLS = 0.5
-"""No farther apart, in resolution cells, do points of a surface stand: closer ones tell nothing new."""
+"""Largest distance of the points in a closed gap, in resolution cells: closer ones would tell nothing new."""
 
 FIT_CELLS = 1.5
-"""Distance, in resolution cells, at which an echo weighs ``exp(-1/2)`` in the place of what is between others: that
-from the middle of the widest gap to its ends."""
+"""Distance, in resolution cells, at which an echo weighs ``exp(-1/2)`` in the place of a new point: from the middle of
+the widest gap to its ends."""
 
 SAMPLES = 12
 """Places in a gap at which the image is looked at, four in a resolution cell of the widest."""
@@ -41,7 +41,7 @@ SPECK_CELLS = 0.25
 
 
 def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
-    """The points, and after them some in each gap between neighbours that the image does not show to be empty.
+    """The points, and after them new ones in each gap between neighbours in which the image is not dark.
 
     Neighbours are joined by the shortest tree that joins all echoes of the image (Kruskal, Proc. AMS 7, 1956), by
     distances in resolution cells, whatever they were seen by: so a gap is the same before folding and after. It is
@@ -59,8 +59,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     Returns
     -------
     Points
-        The new ones hold what the image holds there, and are as certain as the less certain end of their gap. What is
-        measured of echoes is not known of them.
+        New points have the amplitude of the image there, and the confidence of the less certain end of their gap. What
+        the sweep tells of echoes alone, such as `confocal`, is NaN.
     """
     if len(points.initial) < 2:
         return points

@@ -1,4 +1,4 @@
-"""What steps 2 to 6 take of the memory: the arrays that are as large as the image, the view or the volume."""
+"""How much memory steps 2 to 6 take: that of arrays as large as the image, the view or the volume."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Points:
         By which chain of mirrors it was seen, such as "0/1", and the chain of the mirror on whose face it lies; empty
         for objects.
     confidence : (n,) array
-        Probability that something stands there, see `mirrorfold.folding.confidence`; one until it is judged.
+        Probability that a surface stands there, see `mirrorfold.folding.confidence`; one until it is judged.
     error : (n, d) array [m]
         Standard errors of the position; zero until it is judged.
     explanation : (n,) array of str
@@ -67,7 +67,7 @@ class Points:
     decided : (n,) array of str
         By what `passed` was found, "polarization" or "geometry", which is a guess; empty where it was not asked.
     interpolated : (n,) bool array
-        No echo of its own, but a gap in a surface, see `mirrorfold.folding.gaps`.
+        Whether it has no echo of its own, but closes a gap in a surface, see `mirrorfold.folding.gaps`.
     """
 
     position: Array

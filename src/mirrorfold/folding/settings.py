@@ -79,7 +79,7 @@ class FoldSettings(Settings):
     rough_walls: bool = setting(
         True,
         "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
-        "another wall, or a bright thing, and back; or to a bright thing that sends it back by mirrors.",
+        "another wall, or a bright object, and back; or to a bright object that sends it back by mirrors.",
         kind="bool",
         label="twice scattered echoes are left out",
     )
@@ -93,7 +93,7 @@ class FoldSettings(Settings):
     curved: bool = setting(
         True,
         "Whether arcs, in volumes cylinders and spheres, are mirrors where the image shows behind them what an opaque "
-        "thing cannot.",
+        "object cannot.",
         kind="bool",
         label="curved mirrors",
     )

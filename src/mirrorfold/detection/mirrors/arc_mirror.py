@@ -1,8 +1,8 @@
 """A curved mirror in the floor plan: an arc, with a tangent of its own for every line of sight.
 
 What a line of sight shows behind the arc is reflected by the tangent where it crosses the arc. That is exact for an
-array small against its depth of focus: its image shows each thing where the central ray leaves the radar, at the range
-of the whole way.
+array small against its depth of focus: its image shows each object in the direction in which the central ray leaves the
+radar, at the length of the whole way.
 """
 
 from __future__ import annotations

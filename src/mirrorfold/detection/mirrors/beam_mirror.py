@@ -78,7 +78,7 @@ class BeamMirror(Mirror):
         return np.where(self.beams, self.met(view), np.inf)
 
     def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes in beams that reach over to the mirror, in those that meet it; and how far they stray [m]."""
+        """Echoes in beams that reach over its edge, or meet it; those in beams that meet it; how far they stray [m]."""
         distance = float(np.linalg.norm(self.center - view.radar))
         steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
         wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()

@@ -13,7 +13,8 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
 
 LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
-"""What is dimmed by more than 30 dB cannot be told from multiple scattering, which starts 15 dB below what scatters."""
+"""Mirrors that dim by more than 30 dB are taken to dim by 30 dB: weaker echoes cannot be told from multiple scattering,
+which starts 15 dB below echoes that were scattered once."""
 
 
 def last_curved(way: Sequence[Mirror]) -> Mirror | None:

@@ -37,13 +37,13 @@ from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.errors import InputError
 
 SHORTEST = 1e-9
-"""Of the coordinates of its ends: a given mirror that is shorter has no direction but that of rounding errors."""
+"""Least length, as a share of the coordinates of the ends: below it rounding errors decide a mirror's direction."""
 
 FLATTEST = 0.01
 """How far the corners of a given plane may lie off it, as a share of its size."""
 
 LONGEST = 1000.0
-"""Of the reach of the image: a given mirror that is longer was given in another unit."""
+"""Largest length, in multiples of the image's reach: longer mirrors were given in another unit."""
 
 LARGEST_COUNT = 1000
 """More mirrors than this are no room but a mistake."""
@@ -54,9 +54,9 @@ EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
 
-    They may be a list of dicts, too, as in the file. Where some are arcs, of first, third and last points,
-    (mirrors, 3, 2): those of a line lie on it. A cylinder in space is both ends of its axis, three times its
-    radius, and NaN; a sphere twice its middle, and the same.
+    They may be a list of dicts, too, as in the file. Where some are arcs, all have a point between their
+    ends, too, (mirrors, 3, 2): that of a line lies on it. A cylinder in space has in the place of corners both ends of
+    its axis, three times its radius, and NaN; a sphere twice its middle, and the same.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
 
 
 def _check_arc(points: Array, mirror: str) -> None:
-    """Refuse a first, a third and a last point of an arc (3, 2) through which there is none."""
+    """Refuse a start, a point between and an end (3, 2) through which there is no arc."""
     start, through, end = points
     chord = end - start
     if np.linalg.norm(chord) <= SHORTEST * np.abs(points).max():
@@ -121,7 +121,7 @@ def read_mirrors(path: str | Path) -> Array:
     Raises
     ------
     InputError
-        If the file is missing, is not JSON, or holds something else.
+        If the file is missing, is not JSON, or holds no mirrors.
     """
     text = read_text(path, "give a JSON file of mirrors")
     content = parsed(text, "JSON", str(path), f"expected {EXAMPLE}")
@@ -147,7 +147,7 @@ def _rows(mirrors: Any, source: str) -> Any:
     Raises
     ------
     InputError
-        If one has other entries than a mirror has, or something else stands among them.
+        If one has other entries than a mirror has, or is no dict.
     """
     if not isinstance(mirrors, list | tuple) or not any(isinstance(mirror, dict) for mirror in mirrors):
         return mirrors
@@ -187,8 +187,8 @@ def _plainly(points: Array) -> dict[str, Any]:
 def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     """Given mirrors, as `check_mirrors` returns them, with what the image or volume says of each.
 
-    Strength is the median amplitude of the echoes on it, where there are none that of an image along it, and in a
-    volume zero. Errors are not known: NaN.
+    Strength is the median amplitude of the echoes on a mirror; where there are none, that of an image along it, and in
+    a volume zero. Errors are not known: NaN.
     """
     mirrors: list[Mirror] = []
     for number, points in enumerate(places):

@@ -33,7 +33,7 @@ class LineMirror(Mirror):
     direction : (2,) array
         Unit vector from start to end.
     hem : tuple of two floats [m]
-        How far beyond start and end lines of sight meet it, see `mirrorfold.tree.half_shadows`.
+        How far beyond its start and end lines of sight still meet it, see `mirrorfold.tree.half_shadows`.
     """
 
     start: Array
@@ -120,7 +120,7 @@ class LineMirror(Mirror):
         return float(self.length / section.mean())
 
     def moved(self, normal: Array, center: Array) -> LineMirror:
-        """The same length about where its middle is nearest."""
+        """As long as it is, its middle moved square onto the new line."""
         middle = self.center - ((self.center - center) @ normal) * normal
         half = 0.5 * self.length * unit(self.direction - (self.direction @ normal) * normal)
         return replace(self, start=middle - half, end=middle + half)

@@ -38,7 +38,7 @@ class Mirror(ABC):
     fill : float
         Share of its extent that its echoes fill.
     depth : float [m]
-        How deep the centroid of its echoes lies behind its face.
+        How deep the centre of power of its echoes lies behind its face.
     """
 
     center: Array = field(init=False)
@@ -57,15 +57,15 @@ class Mirror(ABC):
     @property
     @abstractmethod
     def sides(self) -> Array:
-        """Where the mirror begins and ends along each of them, seen from its center, (d - 1, 2) [m]."""
+        """Where it begins and ends along each of its `tangents`, seen from its center, (d - 1, 2) [m]."""
 
     @abstractmethod
     def crossing(self, view: View) -> Array:
-        """Range [m] at which each line of sight meets the mirror, (n,); infinite where it passes it by."""
+        """Range [m] at which each line of sight meets the mirror, (n,); infinite where it misses it."""
 
     @abstractmethod
     def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
-        """Which echoes may belong to its wall, which to its face, by direction; and its cell's width across [m]."""
+        """Which echoes lie in the directions of its wall, which of its face; and the cell's width across it [m]."""
 
     @abstractmethod
     def places(self, view: View) -> Array:
@@ -73,11 +73,11 @@ class Mirror(ABC):
 
     @abstractmethod
     def profiles(self, view: View, places: Array, depth: Array) -> tuple[Array, Array]:
-        """The way inwards at places (n, d), a metre behind the face, and the power at depths (n, m) [m] along it."""
+        """Vectors from places (n, d) to 1 m behind the face, (n, d), and the power at depths (n, m) [m] along them."""
 
     @abstractmethod
     def independent(self, view: View) -> float:
-        """Resolution cells along it, each with a speckle of its own."""
+        """Number of resolution cells along it, each with a speckle of its own."""
 
     @abstractmethod
     def moved(self, normal: Array, center: Array) -> Self:
@@ -93,7 +93,7 @@ class Mirror(ABC):
 
     @abstractmethod
     def pieces(self, view: View, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
-        """Cut it where `before`, what each of its lines of sight met last, changes: mirrors, and remains too small."""
+        """Cut it where `before`, the mirror that lines of sight met last, changes: mirrors, and what is too small."""
 
     @property
     def ends(self) -> Array:
@@ -112,7 +112,7 @@ class Mirror(ABC):
 
     @property
     def curved(self) -> bool:
-        """Whether lines of sight meet tangents of their own."""
+        """Whether it is curved: each line of sight meets a tangent of its own."""
         return False
 
     @property
@@ -140,9 +140,9 @@ class Mirror(ABC):
         return Isometry.reflection(self.center, self.normal)
 
     def strays(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] by which places (n, d) on the mirror, or turned with it, follow its own errors.
+        """Covariance (n, d, d) [m^2] of places (n, d) that move and turn with the mirror, from the errors of its fit.
 
-        Images of places move by twice as much. A mirror that was given is taken to stand where it was drawn.
+        Images in the mirror move by twice as much. A mirror that was given is taken to stand where it was drawn.
         """
         offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
         square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
@@ -171,7 +171,7 @@ class Mirror(ABC):
 
 
 class WayFold:
-    """The map from the image to the true place for what is seen by way of mirrors of which one is curved.
+    """The map from the image to the true place for what is seen by way of mirrors, at least one of them curved.
 
     Each line of sight has an isometry of its own: it is reflected by the tangents that this same line of sight meets in
     the image, the deepest first. Flat mirrors are the special case in which all lines of sight meet the same.
@@ -179,7 +179,7 @@ class WayFold:
     Parameters
     ----------
     way : sequence of Mirror
-        The one that the radar looks into first.
+        The mirrors, first the one that the radar looks into.
     """
 
     STEP = 1e-5
@@ -232,7 +232,7 @@ def faces(
 ) -> Index:
     """The mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
 
-    Echoes up to `wall_margin` [m] behind a mirror belong to its wall, or to twice the depth that was measured.
+    Echoes behind a mirror belong to its wall up to the `wall_margin` [m], or to twice its own `depth` if that is more.
     """
     face = np.full(len(echoes), root, dtype=np.intp)
     nearest = np.full(len(echoes), np.inf)

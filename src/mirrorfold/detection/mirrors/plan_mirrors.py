@@ -17,7 +17,7 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.errors import InputError
 
 LONGEST_CHAIN = 4
-"""Walls on the way: each takes some decibels, and more are not seen."""
+"""Most walls on a way: each takes some decibels, so that longer ways show nothing."""
 
 FEWEST_DIRECTIONS = 2 * SAMPLES_PER_CELL
 """A wall seen in fewer lines of sight, two resolution cells, is no mirror to speak of."""
@@ -77,7 +77,7 @@ def _follow(
     nearest, distance = range_.argmin(axis=0), range_.min(axis=0)
     for number in np.unique(nearest[np.isfinite(distance)]):
         wall, hit = walls[number], np.flatnonzero((nearest == number) & np.isfinite(distance))
-        # Columns in a row; where something stands in between, the wall is seen in parts.
+        # Columns in a row; where another wall stands in between, this one is seen in parts.
         for part in np.split(hit, np.flatnonzero(np.diff(columns[hit]) > 1) + 1):
             if part.size < FEWEST_DIRECTIONS:
                 continue

@@ -2,7 +2,7 @@
 
 Three echoes of a neighbourhood propose a circle, all echoes vote, and the best proposal grows to the unbroken row
 about it, as for lines (`growing`). A row is curved if its curvature stands out of its own standard error and it bulges
-by more than a straight mirror may. Whether it is a mirror, what is seen behind it tells: round objects stay objects.
+by more than a straight mirror may. What is seen behind it tells whether it is a mirror, or a round object.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ SMALLEST_FILL = 0.7
 """Share of its length that an arc's echoes must fill, between that of long and of short straight mirrors."""
 
 NEAR = 0.35
-"""Echoes of a row lie within this part of the resolution cell across it: less than for lines, whose rows do not leave
-them bit by bit as the two halves of an S leave each other's circles."""
+"""Echoes of a row lie within this part of the resolution cell across it: less than for lines, for the
+two halves of an S leave each other's circles bit by bit."""
 
 BULGE_CELLS = 0.3
 """A row that bulges by less, in resolution cells, is a straight mirror; that is where straight ones end."""
@@ -62,7 +62,7 @@ kink leaves: two flat walls that touch in the image are no curved one. It was 0.
 1.1 for two walls of a full-wave one."""
 
 GRAZING = 0.12
-"""Cosine to the line of sight, 83 degrees, from which on an arc turns away from the radar."""
+"""Cosine of the angle of incidence, 83 degrees, below which an arc is turned away from the radar."""
 
 CLOSE_CELLS, SMOOTH_CELLS, EXTENDED_CELLS = 0.12, 2.0, 3.0
 """An arc ends where the centres of power, averaged over so many resolution cells, stray from it by more than this share
@@ -72,13 +72,13 @@ DARK = 0.1
 """An arc ends where its mean amplitude falls below this share of its median."""
 
 FEWEST, PASSES = 6, 3
-"""Echoes that make an arc, at least; and searches, each among the echoes that the one before has left."""
+"""Fewest echoes of an arc; and most searches, each among the echoes that lie on no arc yet."""
 
 REFINEMENTS = 10
-"""Fits, each to the part that the one before has left."""
+"""Most fits of an arc, each to the part of its row that lay close to the fit before."""
 
 MISSES, MOST_ARCS, ROUNDS = 30, 8, 4
-"""Proposals in a row that are no arcs before the search ends; arcs that are found; and fits to the echoes of one."""
+"""A search ends after so many proposals in a row that are no arcs, or with so many arcs; fits to the echoes of one."""
 
 
 def find_arcs(view: ImageView, echoes: Echoes, own: Index) -> list[ArcMirror]:
@@ -185,7 +185,7 @@ class _Arcs:
         return arcs
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
-        """The arc between about these ends, on the circle that fits best; None if that is none."""
+        """The arc on the circle that fits best to the centres of power, as long as before; None if it is no arc."""
         ends = arc.ends
         for _ in range(ROUNDS):
             measured = self._centres(arc)
@@ -284,7 +284,7 @@ class _Arcs:
         return None if run is None else arc.part(*along[run][[0, -1]].tolist())
 
     def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
-        """The arc fitted to the centres of power across it, as far as its row goes on; None if it is none there."""
+        """The arc fitted to the centres of power across it, as far as its row goes on; None if it is no arc."""
         arc = self._as_long(arc, free)
         for _ in range(REFINEMENTS):
             facing = self._facing(arc)

@@ -1,8 +1,8 @@
 """Step 2 in the floor plan, once more: mirrors that the radar sees edge-on.
 
-A wall along which the radar looks sends little back, and its echoes make no row; but no wall reflects more. What it
-shows of another wall passes for a wall of its own. The two are mirror images of each other, so that the mirror between
-them lies on one of the two lines that halve their angle, and there the image holds a faint line.
+A wall along which the radar looks sends little back, and its echoes make no row; but no wall reflects more. The
+image of another wall in it looks like one more wall. That wall and its image are symmetric about the mirror, which lies
+on one of the two lines that halve their angle, and there the radar's image holds a faint line.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ ASTRAY, STEPS = 3.0, 8
 steps a cell: where these are nearly parallel, their crossing is known to a cell or so."""
 
 BEYOND = 0.5
-"""How far towards the radar the line is followed beyond what the image tells, in such lengths."""
+"""How far towards the radar the line is followed beyond the part that the image tells, in lengths of that part."""
 
 SAMPLES = 32
-"""Lines of sight to a mirror."""
+"""Lines of sight that are followed to an image."""
 
 
 def edge_on(

@@ -1,4 +1,4 @@
-"""Step 2, between its halves: the line or plane of a mirror, fitted to the image itself, not to single echoes.
+"""Step 2, within the search: the line or plane of a mirror, fitted to the image itself, not to single echoes.
 
 A tenth of a degree is what folding asks for. The centre of power across the mirror, place by place, gives it, where
 single echoes stray by speckle. Where a wall scatters from inside, `mirrorfold.detection.search.fronts` tells its face.
@@ -19,10 +19,10 @@ PROFILE_SAMPLES = 61
 """Samples of a profile across a mirror."""
 
 FEWEST_PLACES = 4
-"""Of a fit to places along a mirror."""
+"""Fewest places along a mirror that a line is fitted to."""
 
 ROUNDS = 3
-"""Of a fit: each begins where the one before has led."""
+"""Rounds of a fit: each begins where the one before has led."""
 
 BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
 """Resolution cells to a block of a mirror, whose speckle hardly depends on that of the next; and how many at least tell
@@ -122,7 +122,7 @@ def block_covariance(design: Array, beside: Array, trust: Array, along: Array, i
 
 
 def left_of_kink(along: Array, beside: Array, weight: Array) -> float:
-    """What the best line with one kink leaves of places (n,) beside a line, as a weighted sum of squares [m^2].
+    """Weighted sum of squares [m^2] by which places (n,) beside a line miss the best line with one kink.
 
     Two straight walls that touch are such a line. A kink nearer to an end than a fifth of the row is none.
     """

@@ -2,8 +2,8 @@
 
 A wall is a slab. It scatters on its face; inside, where waves decay; and at its back, which is dimmer than what stands
 before it. How much of each is not known, nor how thick the slab is. So every slab is tried at every place in front of
-the centres of power, and each is as likely as its mean power across, as the resolution cell shows it, agrees with the
-image. The face is where they have it in the mean, and as uncertain as they disagree.
+the centres of power. It is as likely as the profile that it would show, blurred by the resolution cell, agrees with the
+image. The face is at the mean of these places by their likelihood, and as uncertain as they differ.
 
 The logarithm of the mean power of N independent speckles errs by ``1 / sqrt(N)`` (Goodman, Speckle Phenomena in Optics,
 2007), and so slowly along the depth as the cell is wide; that of a face alone, which all depths see, more slowly still.
@@ -51,7 +51,7 @@ LARGEST_BACK = 0.4
 """Share of the power that the back of a slab scatters: it is dimmed by all that stands before it."""
 
 FLOOR = 0.01
-"""Power relative to the profile's peak that may be of something else: side lobes of brighter echoes, 20 dB down."""
+"""Power relative to the profile's peak that may come from elsewhere: side lobes of brighter echoes, 20 dB down."""
 
 INEXACT = 0.05
 """Relative error of profiles by interpolation and by the change of the cell along a wall."""
@@ -68,11 +68,11 @@ BLOCK_CELLS = 6.0
 weighs no more than others."""
 
 STRAY = 4.0
-"""A block that differs from most by more than so many times the variance of speckle shows something else beside."""
+"""A block that differs from most by more than so many times the variance of speckle shows another object, too."""
 
 TAIL = 0.2
-"""What a wall shows behind its middle counts down to this power, relative to the peak: farther behind anything may be,
-and it says nothing of the face."""
+"""Behind its peak, a profile counts down to this power, relative to the peak: what is deeper may be of other objects,
+and says nothing of the face."""
 
 END_CELLS = 1.5
 """This many cells at the ends of a wall may show the side of what adjoins it."""

@@ -30,7 +30,7 @@ PROPOSALS = 200
 the chance that none of all these does is ``0.9^200``."""
 
 JUDGES = 1500
-"""Echoes, evenly drawn, that propose and judge."""
+"""So many echoes, evenly drawn, propose and vote."""
 
 REACH_CELLS = 8.0
 """How far the other echoes of a group are away, in resolution cells: within one wall."""
@@ -114,7 +114,7 @@ class Search(ABC, Generic[M]):
             if votes < enough:
                 break
             mirror, taken = self._grown(normal, center, free)
-            # What side lobes of a glint leave beside a wall is the wall once more.
+            # A row that side lobes of a glint make beside a wall is the wall once more.
             if mirror is not None and not any(lies_on(mirror, other, self.view) for other in found):
                 found.append(mirror)
             missed = 0 if mirror is not None else missed + 1

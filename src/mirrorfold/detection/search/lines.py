@@ -23,16 +23,16 @@ MINIMUM_CELLS = 7.75
 
 STRONG_SHARE = 0.65
 """Share of that length, five cells, that its strong echoes must cover where faint ones continue them: beside a
-smooth thing, which is bright, a wall may lie half below the threshold."""
+smooth object, which is bright, half of a wall may lie below the threshold."""
 
 GLINT, GLINT_CELLS = 0.9, 4.0
 """A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
-long: the glint of a bulging thing of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
+long: the glint of a bulging wall of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
 
 DARK_CELLS, SHINES, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
-"""What stands beyond a gap of so many resolution cells is no part of a wall where its power exceeds the wall's by 8 dB,
-each in the mean of the echoes within so many cells of the gap: a wall fades slowly, and the mean of four speckles
-strays by 2 dB. Of 595 rough walls 8 had such an end. Where it faces the radar, a wall may shine itself."""
+"""Beyond a gap of `DARK_CELLS` resolution cells, echoes are no part of a wall where their power exceeds the wall's by
+8 dB, each in the mean over `BESIDE_CELLS` beside the gap: a wall fades slowly, and the mean of four speckles strays by
+2 dB. Of 595 rough walls 8 had such an end. Where it faces the radar, a wall itself may be as bright."""
 
 SMALLEST_FILL = 0.55
 """Share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
@@ -53,34 +53,34 @@ LOBE = 0.75, 0.5, 4.0
 their main lobe is taken, the cell's own definition; and the power, over the median, up to which they weigh with it."""
 
 DEEP = 0.1
-"""A line this many range cells behind the face of its wall runs along speckle, not through the centres of a face."""
+"""A line that was fitted this many range cells behind the face of its wall is turned by speckle inside the wall."""
 
 STRAY = 0.2
-"""The centres of power of a wall that scatters inside, or at its back, stray from speckle to speckle by half its depth
-in the median, and less than 0.25 of it in two of 160. Where they stray by less than this share of it, the echo is drawn
-out alike all along: the pulse rings, and not the wall."""
+"""Where the centres of power stray by less than this share of their depth behind the face, the pulse rings, and the
+wall is not thick: its echo is drawn out alike all along. In walls that scatter inside, or at their back, the centres
+stray from speckle to speckle by half the depth in the median, and by less than 0.25 of it in two of 160."""
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
 """How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
 that are tried: over all of it, and between the neighbours of the best."""
 
 BREAK = 10.0
-"""A row is two if two lines that need not touch are likelier than one by this much, twice the logarithm of the ratio:
-``n ln(squares that one leaves / squares that two leave)``, of n places each with a speckle of its own. Of 700 rough
-walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of a hundred."""
+"""A row is two if two lines that need not touch are likelier than one by this much, in twice the logarithm of the
+likelihoods' ratio: ``n ln(s_1 / s_2)``, with s the squares that one line and two leave of n places, each with a speckle
+of its own. Of 700 rough walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of a hundred."""
 
 LOBE_SPREAD, SPREAD_CELLS = 0.08, 1.25
-"""Variance of the power of one lobe about its centre, in squared cells, up to so many cells to either side: 0.07 to
-0.09 on thin walls. Where it is larger in the median, as on walls that scatter from inside, 0.1 to 0.4, `BREAK` is
-larger by as much, for their centres stray by the depth: one in ten such walls, a metre long, would be two by more
-than 10. That is so in line of sight; behind other things, wide rows are mostly multiple scattering."""
+"""Variance of the power across a thin wall about its centre, in square cells, up to `SPREAD_CELLS` to either side: 0.07
+to 0.09. Walls that scatter from inside have 0.1 to 0.4, and their centres stray by their depth, so that one in ten, a
+metre long, would exceed `BREAK`. Hence `BREAK` grows with the median variance of a row over that of a thin wall. But
+only in line of sight: behind objects, wide rows are mostly multiple scattering."""
 
 SPREAD_SAMPLES = 21
-"""Places of such a profile."""
+"""Samples of such a profile."""
 
 NO_BOW = 0.9
-"""A row that bulges is a wall and something at its end if two lines leave less than this share of the squares that a
-bow leaves. Of rows of arcs they leave 0.96 and more, of the row of a wall between two round things they left 0.82."""
+"""A row that bulges is a wall with an object at its end if two lines leave less than this share of the squares that a
+bow leaves. Of rows of arcs they leave 0.96 and more, of the row of a wall between two round objects they left 0.82."""
 
 BEHIND = 2.0
 """Half-length, in cells across the wall, of the profiles that show what scatters behind its front."""
@@ -119,14 +119,14 @@ class _Lines(Search[LineMirror]):
         return line.part(position[row].min(), position[row].max()), np.sort(near[row])
 
     def shortest(self, mirror: LineMirror) -> float:
-        """As given, or where the mirror faces the radar as long as its glint, if that is told from that of a point."""
+        """As given; of a mirror that faces the radar its glint, if that is shorter and can be told from a point's."""
         glint, foot = GLINT * self.view.glint, float(mirror.along(self.view.radar))
         told = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
         return min(self.minimum_length, glint) if told and 0.0 <= foot <= mirror.length else self.minimum_length
 
     def straight_part(self, mirror: LineMirror, member: Index) -> tuple[LineMirror, Index] | None:
-        """A wall, at whose ends something stands almost on the same line; no part of a bow."""
-        for _ in range(2):  # something may stand at either end
+        """The wall in a row that bulges because objects stand at its ends; None if the row is a bow."""
+        for _ in range(2):  # an object may stand at either end
             points = self.echoes.position[member]
             along, beside = mirror.along(points), mirror.beside(points)
             weight = self.weight[member] / self.square(mirror.normal, member)
@@ -165,7 +165,7 @@ class _Lines(Search[LineMirror]):
         longer = mirror.part(min(float(position[row].min()), 0.0), max(float(position[row].max()), mirror.length))
         longer = self._without_shining_ends(longer, self.every.take(np.flatnonzero(self.every.visible)[on_it][row]))
         mirror, stray = refined(longer, self.view, *LOBE)
-        for _ in range(2):  # something may stand at either end
+        for _ in range(2):  # an object may stand at either end
             whole = self._unbroken(mirror)
             if whole is mirror:
                 break
@@ -178,7 +178,7 @@ class _Lines(Search[LineMirror]):
         return _parallel_to_speckle(face, self.view) if front.depth > DEEP * self.view.range_cell else face
 
     def _without_shining_ends(self, mirror: LineMirror, own: Echoes) -> LineMirror:
-        """The mirror without things that shine at its ends, beyond gaps of its row of echoes, all in line of sight."""
+        """The mirror without bright objects at its ends, beyond gaps of its row; all of them in line of sight."""
         own = own.take(np.argsort(mirror.along(own.position)))
         place, power = mirror.along(own.position), own.amplitude**2
         cell, foot = self.view.extent(own.position, mirror.direction), float(mirror.along(self.view.radar))
@@ -220,9 +220,9 @@ class _Lines(Search[LineMirror]):
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""
-        points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # what shines says no more than the rest
+        points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # bright places say no more than others
         along, beside = mirror.along(points), mirror.beside(points)
-        # The last cell at either end shows what stands beside it, too, as in the corner of a room.
+        # The last cell at either end shows the neighbouring wall, too, as in the corner of a room.
         first, last = self.view.extent(mirror.ends, mirror.direction)
         inside = (along >= first) & (along <= mirror.length - last)
         if np.count_nonzero(inside) < FEWEST_PLACES:

@@ -38,7 +38,8 @@ DEPTH_CHANGE = 0.15
 and more askew: what scatters inside turns the plane."""
 
 PROFILE = 1.7, 0.01, 0.01
-"""The same as `LOBE` of lines: all of the footprint counts, and what scatters inside. Bright places lie deeper."""
+"""As `LOBE` of lines, but with all of the footprint and what scatters inside. All places weigh alike: bright ones lie
+deeper."""
 
 
 def find_planes(echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True) -> list[PlaneMirror]:

@@ -1,8 +1,8 @@
 """Step 2 in space, for curved mirrors: sheets of echoes that follow a cylinder or a sphere.
 
 Two echoes of a neighbourhood and the directions in which their surroundings face propose a cylinder and a sphere, all
-echoes vote, and the best proposal grows to the unbroken sheet about it, as for planes (`growing`). Whether it is a
-mirror, what is seen behind it tells: round objects stay objects.
+echoes vote, and the best proposal grows to the unbroken sheet about it, as for planes (`growing`). What is seen
+behind it tells whether it is a mirror, or a round object.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ NEIGHBOURS = 24
 """Echoes around each that tell in which direction the surface faces: of beams half a cell apart those of two cells."""
 
 TURNED = np.cos(np.radians(25.0))
-"""Votes count of echoes that face within this angle as the surface does: range cells and speckle tilt them."""
+"""An echo votes for a surface if its surroundings face as that does within this angle: speckle and range cells tilt
+them."""
 
 SMALLEST_TURN = np.radians(10.0)
 """Two echoes that face within this angle of each other propose no surface: their own errors are a few degrees."""
@@ -47,10 +48,10 @@ SHORTEST_CELLS = 3.5
 LARGEST_DEVIATION, MOST_OFF = 0.6, 0.05
 """Deviation of a sheet's echoes from the surface, relative to that of power in the resolution cell: pillars and balls
 show 0.32 to 0.45, for an echo is the mean of its cell, bodies 0.7 and more. And share of its beams whose brightest echo
-lies off it: 0.01 at most against 0.09 and more."""
+lies off it: of pillars and balls 0.01 at most, of bodies 0.09 and more."""
 
 GLINT = 10.0 ** (12.0 / 20.0)
-"""What is smooth enough to show things returns a glint from where it faces the radar, brighter than the median of its
+"""A surface smooth enough to be a mirror returns a glint from where it faces the radar, brighter than the median of its
 face by more than that: the brightest of a thousand speckles exceeds it by 10 dB, and a pillar's glint by 30."""
 
 GRAZING = 0.3

@@ -31,7 +31,7 @@ SAMPLES = 64
 
 
 class Clear(Protocol):
-    """Which echoes at ranges [m], directions and amplitudes nothing in front hides."""
+    """Tells which echoes, at ranges [m], directions and amplitudes, no object in front hides."""
 
     def __call__(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask: ...  # noqa: D102
 

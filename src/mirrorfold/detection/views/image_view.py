@@ -31,11 +31,11 @@ SAMPLE_BYTES = 64
 """Memory that a polar sample takes while it is looked up: its place, the pixel there, real and imaginary part."""
 
 COVERED_CELLS = 0.75
-"""Directions to either side of an object, in resolution cells, that it hides: there its beam has fallen by 14 dB. With
-a whole cell, up to the nulls, two small objects side by side would each hide a half of what the radar shows of both."""
+"""An object hides what is behind it so many resolution cells to either side: there the beam has fallen by 14 dB. With a
+whole cell, up to the nulls, two small objects side by side would each hide a half of what the radar shows of both."""
 
 EDGE_CELLS = 2
-"""Directions this far from the edge of what a mirror shows, in cells: the main lobe of a beam there reaches over it."""
+"""A beam this close to the edge of what a mirror shows, in cells, reaches over that edge with its main lobe."""
 
 OPAQUE_CELLS = 2.5
 """Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
@@ -61,10 +61,11 @@ class ImageView(View):
     u_cell : float
         Width of the resolution cells in u between half-amplitude points.
     aperture_tx, aperture_rx : float
-        Lengths of the arrays in mean wavelengths; what makes the side lobes in u. Of one antenna that both sends and
-        hears, twice its way, and zero.
+        Lengths of the arrays in mean wavelengths, which make the side lobes in u. Where one antenna both sends and
+        hears, twice the length of its path, and zero.
     ambiguous : float [m]
-        Range from which on echoes stand nearer by as much; infinite where that is not known, and far away.
+        Echoes from beyond this range appear nearer by as much; infinite where that is not known, and for scenes that
+        lie beyond it.
     noisy : bool
         Whether noise can be told from the image, see `noise_level`.
     radar, range, range_cell, normalization, wavelength
@@ -135,7 +136,7 @@ class ImageView(View):
     @property
     def glint(self) -> float:
         """Length [m] of the row that a smooth wall facing the array shows: as long as the array, for each transmitter
-        and receiver see the wall halfway between them; infinite where the array is not known.
+        and receiver see the wall at the middle between the two; infinite where the array is not known.
         """
         return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
 
@@ -307,8 +308,8 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
             aperture = np.array([aperture.sum(), 0.0])
         # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
         u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
-        # Far away, ranges count from that of the scene on. The main lobe of what stands at the radar itself reaches a
-        # cell below the ambiguous range.
+        # Ranges of a scene beyond the ambiguous range count from the scene on. What stands at the radar itself appears
+        # at the ambiguous range, too, and its main lobe reaches a cell below.
         ambiguous = float(attrs.get("ambiguous_range", np.inf))
         farthest = min(farthest, ambiguous - range_cell if nearest < ambiguous else nearest + ambiguous)
         # On the ground, what is seen from above is resolved as far as the slanting range grows.

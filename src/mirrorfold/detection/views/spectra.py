@@ -20,7 +20,7 @@ WHOLE_CELLS = 4.0
 behind it; half as far nothing is taken off."""
 
 SAMPLES_PER_CELL = 6
-"""Of the line of sight there."""
+"""Samples of the line of sight there, in a range cell."""
 
 BAND_SHARE, FREQUENCIES = 0.42, 15
 """Frequencies lie so far to either side of the middle, in bandwidths, and are so many: the taper ends the band."""
@@ -35,7 +35,7 @@ def offsets(image: xr.DataArray) -> Array:
 
 
 def independent(view: View, image: xr.DataArray) -> float:
-    """How many values of a spectrum are independent: the span of the frequencies over the width of the window's own."""
+    """How many values of a spectrum are independent: the frequencies span so many widths of the window's spectrum."""
     return float(np.ptp(offsets(image)) / np.pi * GATE_CELLS * view.range_cell)
 
 

@@ -23,11 +23,12 @@ DEVIATION = 0.3
 lobe of the Hann window, and of a Gaussian beam there and back."""
 
 NEGATIVE_SHARE = 0.9
-"""Real parts of waves are negative at half of all pixels, levels in dB below a peak of 0 dB at all others."""
+"""An image with more negative pixels than this share holds levels in dB, which are negative but at the peak; real parts
+of waves are negative at half of all pixels."""
 
 POINTS_AT_ONCE = 1000
-"""Points that `View.within` is asked for at once, where the answer is needed piece by piece: each may be near hundreds
-of directions, so that all pairs would take far more memory than the image."""
+"""Points that are given to `View.within` at once: each may be near hundreds of directions, so that the pairs of all
+points would take far more memory than the image."""
 
 
 def in_pieces(count: int, size: int = POINTS_AT_ONCE) -> list[slice]:
@@ -91,15 +92,15 @@ class View(ABC):
 
     @abstractmethod
     def beam_power(self, aside: Array) -> Array:
-        """Power of an echo that stands `aside`, in widths of that cell, of the line of sight, relative to one on it."""
+        """Power of an echo `aside` of a line of sight, in widths of its `cross_cell`, relative to one on that line."""
 
     @abstractmethod
     def object_depth(self, range_: Array) -> Array:
-        """How far [m] behind the first echo of an object others may be the object's own, at that range."""
+        """How far [m] behind its first echo, at ranges [m], an object may have others of its own."""
 
     @abstractmethod
     def beside_steps(self, range_: Array) -> Index:
-        """How many directions away, at ranges [m], a beam still reaches over."""
+        """How many directions aside, at ranges [m], a beam still shows an object."""
 
     @abstractmethod
     def held_along(
@@ -161,7 +162,7 @@ class View(ABC):
         return row, direction
 
     def beside(self, range_: Array, direction: Index, share: float = 1.0) -> tuple[Index, ...]:
-        """Directions to all sides of each point, so far away that its beam still reaches over; or a share of that."""
+        """Directions to all sides of each point, as many aside as `beside_steps` says, or a share of that."""
         at = np.array(np.unravel_index(direction, self.shape))
         step = np.rint(share * self.beside_steps(range_)).astype(np.intp)
         axes = np.eye(len(self.shape), dtype=np.intp)
@@ -175,13 +176,13 @@ class View(ABC):
         return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
 
     def cell_numbers(self, points: Array) -> Index:
-        """In which of the resolution cells that they fill points (n, d) stand, (n,), from zero."""
+        """Number of the resolution cell of each of points (n, d), (n,), from zero; cells without points have none."""
         if not len(points):
             return np.zeros(0, dtype=np.intp)
         return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
 
     def brightest(self, points: Array, amplitude: Array) -> Index:
-        """The brightest of points (n, d) in each of the resolution cells that they fill, its number, (cells,)."""
+        """Number of the brightest point (n, d) in each resolution cell that is not empty, (cells,)."""
         return strongest_of(self.cell_numbers(points), amplitude)
 
     @property
@@ -203,7 +204,7 @@ class View(ABC):
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
     def squares(self, points: Array) -> Callable[..., Array]:
-        """What tells the square of the `extent` at points (n, d), or at some of them, along any unit vectors."""
+        """A function for the square of the `extent` at points (n, d), or at some of them, along unit vectors."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2
         sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
 
@@ -218,7 +219,7 @@ class View(ABC):
         return np.asarray(np.sqrt(self.squares(points)(along)))
 
     def extent_each(self, points: Array, along: Array) -> Array:
-        """The same along a unit vector for each of the points, (n, d), (n,)."""
+        """The `extent` at points (n, d) along a unit vector of its own for each, (n, d); (n,)."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2
         sight = offset / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)[:, None]
         cosine = np.sum(sight * along, axis=1)

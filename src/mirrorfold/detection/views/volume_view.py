@@ -42,7 +42,7 @@ class VolumeView(View):
         Single precision, without any normalisation.
     azimuth, elevation : 1D arrays [degree]
     gain : (ranges,) array
-        What normalises the amplitude.
+        Factor that normalises the amplitude at each range.
     noise : float
         Standard deviation of the real part of the noise in `amplitude`.
     beam : tuple of float [m], optional
@@ -139,7 +139,7 @@ class VolumeView(View):
     def held_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
-        """The samples of the nearest beam about the nearest of them, whose own step is half a range resolution."""
+        """The samples of the beam nearest to each point, which are half a range resolution apart."""
         range_, direction, _ = self.locate(points)
         reach = np.arange(-int(half / self.dr), int(half / self.dr) + 1)
         sample = self.row(range_)
@@ -159,7 +159,7 @@ class VolumeView(View):
         return np.hypot(self.range_cell, 2.0 * self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
-        """As deep as the beam is wide."""
+        """As deep as `OPAQUE_RADII` says."""
         return OPAQUE_RADII * self.width(range_)
 
 
