@@ -50,7 +50,7 @@ def held_by(places, others):
 
 @pytest.fixture(scope="module")
 def plan():
-    """Two walls, of which the second is lossy; by way of each a thing; one in line of sight with speckle behind it."""
+    """Two walls, of which the second is lossy; by each an object; one in line of sight with speckle behind it."""
     parts = [diffuse(*WALLS[0], seed=0), diffuse(*WALLS[1], seed=1)]
     for i, strength in enumerate((1.0, 0.4)):
         thing = reflect(OBJECTS[i], WALLS[i][0], segment_normal(*WALLS[i]))

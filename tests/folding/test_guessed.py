@@ -60,7 +60,7 @@ def test_what_is_seen_directly_where_it_folds_to_was_reflected(points):
 
 
 def test_what_the_radar_sees_nowhere_else_is_taken_for_reflected():
-    """A smooth thing may be seen in a mirror alone: that nothing is seen at its place is no reason to doubt."""
+    """A smooth object may be seen in a mirror alone: that nothing is seen at its place is no reason to doubt."""
     assert "passed" not in folded(DOOR, ARC)
 
 

@@ -47,7 +47,7 @@ def as_plain_python(monkeypatch):
 
 
 def volume():
-    """An oblique wall before a raster scan, and behind it what it shows of a thing that stands aside."""
+    """An oblique wall before a raster scan, and behind it what it shows of an object that stands aside."""
     azimuth, elevation = np.linspace(-10, 10, 11), np.linspace(-6, 6, 7)
     distance = np.arange(0.8, 1.6, 0.02)[:, None, None]
     wall = 1.1 + 0.01 * azimuth[:, None] + 0.0 * elevation
@@ -77,7 +77,7 @@ def test_a_plan_with_a_ghost_is_drawn_the_same(as_plain_python):
     as_plain_python()
     found = plan.fold(grid=grid)
     same(found, expected)
-    # The thing stands at its true place, where the unfolded image has nothing.
+    # The object stands at its true place, where the unfolded image has nothing.
     x, y = THING.mean(axis=0)
     assert found["intensity"].sel(x=x, y=y, method="nearest") > 3 * found["initial/initial"].sel(
         x=x, y=y, method="nearest"

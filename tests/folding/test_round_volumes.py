@@ -146,7 +146,7 @@ def test_a_plane_is_no_round_sheet():
     view = see(volume_of(world_of(panel("board", (0.0, 2.0, 0.0), (-0.5, -1.0, 0.0)))))
     echoes = find_echoes(view)
     assert len(echoes) > 500
-    assert not find_rounds(view, echoes, np.full(len(echoes), -1))
+    assert not find_rounds(view, echoes)
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "ball"])

@@ -252,8 +252,8 @@ def test_no_mirror_no_folding():
     assert np.abs(np.linalg.norm(points_of(result) - [0.1, 2.5, 0.0], axis=1) - 0.2).mean() < 0.008
 
 
-def test_what_stands_behind_an_object_is_not_a_thing():
-    """Objects are opaque: in the beams of a thing in front, later echoes are dropped."""
+def test_what_stands_behind_an_object_is_no_object():
+    """Objects are opaque: in the beams of one in front, later echoes are dropped."""
     sweep = point_sweep((0.0, 1.2, 0.0), (0.0, 1.5, 0.0), (0.06, 1.5, 0.0), noise=0.003)
     points = points_of(mf.reconstruct(sweep))
     ranges = np.linalg.norm(points[np.abs(points[:, 0]) < 0.008], axis=1)

@@ -11,7 +11,7 @@ from mirrorfold.common.geometry import cross2, unit
 from mirrorfold.common.types import Array
 
 POINTS = 49
-"""Of an arc that is drawn: of a half circle each chord spans less than four degrees."""
+"""Points of an arc that is drawn: the chords of a half circle span less than four degrees each."""
 
 STRAIGHT = 1e-6
 """Bulge, as a share of the chord, up to which three points lie on a line."""

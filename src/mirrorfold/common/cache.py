@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 KEY_BYTES = 32
-"""Of the key, as many as those of the digest that is made with it."""
+"""Length of the key, that of the digest that is made with it."""
 
 
 def cache_folder() -> Path:

@@ -13,7 +13,7 @@ def chain_name(chain: Chain) -> str:
 
 
 def mirror_chains(mirrors: xr.Dataset) -> list[str]:
-    """The chain of every mirror of a table, such as "1/0": its own number among those seen by the same way last.
+    """The chain of every mirror of a table, such as "1/0"; the last number is its own among those seen by the same way.
 
     Parameters
     ----------

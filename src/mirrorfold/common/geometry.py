@@ -22,6 +22,11 @@ def unit(vector: ArrayLike) -> Array:
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
+def unit_or_zero(vector: Array) -> Array:
+    """Vector(s) (..., d) scaled to length one; those of length zero stay as they are."""
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), np.finfo(float).tiny)
+
+
 def turned(vector: Array) -> Array:
     """2D vector(s) (..., 2), turned by +90 degrees."""
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)

@@ -1,4 +1,4 @@
-"""Compiled loops: Numba's `njit` with a cache on disk that does without a place of its own, and mends itself."""
+"""Compiled loops: Numba's `njit` with a cache on disk, wherever it may write, that mends itself."""
 
 from __future__ import annotations
 

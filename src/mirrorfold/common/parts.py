@@ -21,7 +21,7 @@ from mirrorfold.errors import InputError
 DIGEST_BYTES = hashlib.sha256().digest_size
 
 BLOCK_BYTES = 1 << 20
-"""Read at a time."""
+"""Bytes that are read at a time."""
 
 UNFINISHED = ".part"
 """Suffix of parts that are being written; a run that was killed leaves them."""

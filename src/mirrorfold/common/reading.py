@@ -20,7 +20,7 @@ LARGEST_TEXT = 64 << 20
 """A file that a person writes, or a script writes for a person, is smaller [bytes]."""
 
 MOST_PARTS = 100
-"""Of a name in TOML such as ``a.b.c``: the time and the memory that reading one takes grow with their square."""
+"""Most parts of a name in TOML such as ``a.b.c``: time and memory to read it grow with the square of their number."""
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 

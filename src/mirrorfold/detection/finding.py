@@ -6,7 +6,6 @@ Only this file decides which functions serve an image and which a volume.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import numpy as np
 import xarray as xr
@@ -26,7 +25,7 @@ from mirrorfold.detection.search.arcs import find_arcs
 from mirrorfold.detection.search.rounds import find_rounds
 from mirrorfold.detection.views.image_view import ImageView, to_image_view
 from mirrorfold.detection.views.view import View
-from mirrorfold.detection.views.volume_view import VolumeView, to_volume_view
+from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
@@ -119,12 +118,12 @@ def find_mirrors(
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:
     """What may be curved mirrors: arcs of an image; cylinders and spheres of a volume.
 
-    `own` (n,) says by which way each echo is seen, see `arcs.find_arcs`.
+    `own` (n,) is the number of the way by which each echo is seen, -1 in line of sight. Each mirror is sought among the
+    echoes of one way; those with other negative numbers are left out.
     """
+    find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_rounds
     with one_thread():
-        if isinstance(view, ImageView):
-            return find_arcs(view, echoes, own)
-        return find_rounds(cast(VolumeView, view), echoes, own)
+        return [row for way in np.unique(own[own >= -1]) for row in find(view, echoes.take(own == way))]
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:

@@ -43,8 +43,8 @@ def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
 
 
 def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
-    """Where echoes of a Reconstruction stood whose `confocal` was measured, the share of their energy that came back
-    the way it went, (n, 2) [m], and these shares, (n,); None if the Reconstruction has no such column.
+    """Where echoes stood of which the share of energy that came back the way it went was measured, (n, 2) [m], and this
+    share, (n,); None if the Reconstruction holds no shares.
     """
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "confocal" not in objects:

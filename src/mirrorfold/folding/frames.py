@@ -84,7 +84,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
 
 
 def _moved(table: xr.Dataset, by: int) -> xr.Dataset:
-    """A table with so much added to its column `parent`, if it has one: numbers of rows, of which -1, none, stays."""
+    """A table with the row numbers in its column `parent`, if it has one, raised by so many; -1, for none, stays."""
     if "parent" not in table:
         return table
     parent = table["parent"]

@@ -142,7 +142,7 @@ def test_rough_arcs_are_found_with_their_radius(seed: int) -> None:
     angle = towards + np.linspace(-half, half, int(2 * half * radius / 2e-3))
     points = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     view, echoes = speckled([points], empty_view(), seed)
-    arcs = find_arcs(view, echoes, np.full(len(echoes), -1))
+    arcs = find_arcs(view, echoes)
     assert len(arcs) == 1
     assert arcs[0].convex == convex
     assert abs(arcs[0].radius / radius - 1.0) < 0.03
@@ -157,7 +157,7 @@ def test_straight_walls_are_no_arcs(seed: int) -> None:
     half = 0.5 * random.uniform(0.6, 1.3) * np.array([np.cos(direction), np.sin(direction)])
     points = middle + np.linspace(-1.0, 1.0, 600)[:, None] * half
     view, echoes = speckled([points], empty_view(), seed)
-    assert not find_arcs(view, echoes, np.full(len(echoes), -1))
+    assert not find_arcs(view, echoes)
 
 
 @pytest.mark.parametrize("degrees", [8.0, 15.0, 25.0])
@@ -168,7 +168,7 @@ def test_two_walls_that_touch_are_no_arc(degrees: float) -> None:
         ways = (np.radians(side * degrees) * np.array([0.5, -0.5]) + [0.0, np.pi]) - 0.3
         legs = [corner + along * [np.cos(way), np.sin(way)] for way in ways]
         view, echoes = speckled(legs, empty_view(), 3)
-        assert not find_arcs(view, echoes, np.full(len(echoes), -1))
+        assert not find_arcs(view, echoes)
 
 
 def test_drawn_arc_passes_its_three_points() -> None:

@@ -130,7 +130,7 @@ def test_a_wall_that_scatters_from_inside_is_one(inside, monkeypatch):
                          ids=["shines", "as the wall", "behind something"])  # fmt: skip
 @pytest.mark.parametrize("seed", range(2))
 def test_what_shines_beyond_a_gap_at_the_end_of_a_wall_is_no_part_of_it(seed, level, before, whole):
-    """It may be a curved wall there; behind other things, gaps are the shadows of those."""
+    """It may be a curved wall there; behind other objects, gaps are the shadows of those."""
     start, end = wall_at(np.array([-0.1, 1.4]), 60.0, 1.0)
     direction = end - start
     beyond = diffuse(end + 0.06 * direction, end + 0.2 * direction, 7 + seed, strength=level)

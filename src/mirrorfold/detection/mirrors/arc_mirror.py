@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import turned
+from mirrorfold.common.geometry import turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.curved import dimming, fit_variances
@@ -144,8 +144,7 @@ class ArcMirror(Mirror):
 
         A line of sight that misses it is taken to meet its nearer end.
         """
-        sight = points - self.radar
-        sight = sight / np.maximum(np.linalg.norm(sight, axis=-1), np.finfo(float).tiny)[..., None]
+        sight = unit_or_zero(points - self.radar)
         range_ = self.met(sight)
         missed = ~np.isfinite(range_)
         nearest = (self.middle - self.radar) @ sight.T

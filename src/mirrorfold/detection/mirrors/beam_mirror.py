@@ -48,7 +48,7 @@ class BeamMirror(Mirror):
 
     @abstractmethod
     def shown(self, view: VolumeView, beams: Mask) -> Self:
-        """As much of its surface as some of the beams show."""
+        """The part of its surface that these beams show."""
 
     @property
     @abstractmethod

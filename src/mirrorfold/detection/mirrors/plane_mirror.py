@@ -44,6 +44,6 @@ class PlaneMirror(BeamMirror):
         return replace(self, center=middle, normal=normal * np.sign(normal @ self.normal))
 
     def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
-        """As much of its plane as some of the beams show."""
+        """The part of its plane that these beams show."""
         points = replace(self, beams=beams).places(view)
         return replace(self, center=points.mean(axis=0), outline=points, beams=beams)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mirrorfold.common.beams import spread_beam
+from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
@@ -88,8 +89,7 @@ class RoundMirror(BeamMirror):
 
         A line of sight that misses it is taken to meet it where it passes nearest.
         """
-        sight = points - self.radar
-        sight = sight / np.maximum(np.linalg.norm(sight, axis=-1), np.finfo(float).tiny)[..., None]
+        sight = unit_or_zero(points - self.radar)
         range_ = self.shape.met(self.radar, sight)
         range_ = np.where(np.isfinite(range_), range_, self.shape.passed(self.radar, sight))
         hit = self.shape.nearest(self.radar + range_[..., None] * sight)
@@ -126,7 +126,7 @@ class RoundMirror(BeamMirror):
         return replace(self, shape=replace(self.shape, middle=self.shape.middle + shift), outline=self.outline + shift)
 
     def shown(self, view: VolumeView, beams: Mask) -> RoundMirror:
-        """As much of its surface as some of the beams show."""
+        """The part of its surface that these beams show."""
         range_ = self.met(view)
         beams = beams & np.isfinite(range_)
         return replace(self, beams=beams, outline=view.points(range_[beams], np.flatnonzero(beams)))
@@ -137,8 +137,7 @@ class RoundMirror(BeamMirror):
         offset, way = places - hit, np.linalg.norm(self.shape.across(hit - self.center), axis=1)
         shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
         total = shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
-        right = np.cross(normal, self.tangents[1])
-        right /= np.maximum(np.linalg.norm(right, axis=1), np.finfo(float).tiny)[:, None]
+        right = unit_or_zero(np.cross(normal, self.tangents[1]))
         for tangent in (right, np.cross(normal, right)):
             turn = (
                 np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent

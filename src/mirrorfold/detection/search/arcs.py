@@ -21,7 +21,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink, trusted
-from mirrorfold.detection.search.growing import CLIP, JUDGES
+from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
@@ -77,25 +77,16 @@ FEWEST, PASSES = 6, 3
 REFINEMENTS = 10
 """Most fits of an arc, each to the part of its row that lay close to the fit before."""
 
+SAMPLES = 181
+"""Places along an arc at which its neighbours and its direction to the radar are looked at."""
+
 MISSES, MOST_ARCS, ROUNDS = 30, 8, 4
 """A search ends after so many proposals in a row that are no arcs, or with so many arcs; fits to the echoes of one."""
 
 
-def find_arcs(view: ImageView, echoes: Echoes, own: Index) -> list[ArcMirror]:
-    """Curved rows among strong visible echoes, each of echoes that are seen by one way; the longest votes first.
-
-    Parameters
-    ----------
-    view : ImageView
-    echoes : Echoes
-    own : (n,) array of int
-        By which way each echo is seen; negative numbers but -1, line of sight, are left out.
-    """
-    found: list[ArcMirror] = []
-    for way in np.unique(own[own >= -1]):
-        seen = echoes.take((own == way) & echoes.visible)
-        found += _Arcs(seen, view).find()
-    return found
+def find_arcs(view: ImageView, echoes: Echoes) -> list[ArcMirror]:
+    """Curved rows among the strong visible of some echoes that are seen by one way; those with the most votes first."""
+    return _Arcs(echoes.take(echoes.visible), view).find()
 
 
 def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
@@ -170,7 +161,7 @@ class _Arcs:
             cell = self.view.cell_at(arcs[i].center)
             cut = []
             for one, other in ((arcs[i], arcs[j]), (arcs[j], arcs[i])):
-                along = np.linspace(0.0, one.length, 181)
+                along = np.linspace(0.0, one.length, SAMPLES)
                 place = one.at(along)
                 on = other.along(place)
                 shared = (np.abs(other.beside(place)) <= 0.5 * cell) & (on >= -cell) & (on <= other.length + cell)
@@ -217,7 +208,7 @@ class _Arcs:
 
     def _proposed(self, free: Index) -> ArcMirror | None:
         """The circle near most echoes of a neighbourhood, by their weight."""
-        judge = free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
+        judge = drawn(free)
         points, weight = self.echoes.position[judge], self.weight[judge]
         cell = float(np.median(self.view.cell(self.echoes.range[judge])))
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
@@ -230,7 +221,7 @@ class _Arcs:
         chord = np.linalg.norm(points[a] - points[b], axis=1)
         chord = np.maximum(chord, np.maximum(distance[np.arange(seeds.size), a], distance[np.arange(seeds.size), b]))
         sound &= np.linalg.norm(points[a] - points[b], axis=1) > NEAR_CELLS * cell
-        # Of points that are farther apart than the circle is wide any two may be its ends.
+        # A chord c bulges by c^2 / (8 R); one that is longer than R by c / 8 or more.
         sound &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
         if not sound.any():
             return None
@@ -269,7 +260,7 @@ class _Arcs:
         return heaviest_row(arc.along(points), cell, weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:
-        """Whether it is long and curved enough, and no less than a part of a circle."""
+        """Whether its radius, length and bulge are large enough, and it is less than three quarters of a circle."""
         cell = self.view.cell_at(arc.center)
         bulge = arc.radius * (1.0 - np.cos(0.5 * min(arc.span, np.pi)))
         sizes = SMALLEST_CELLS * cell <= arc.radius <= LARGEST_CELLS * cell and arc.length >= SHORTEST_CELLS * cell
@@ -277,7 +268,7 @@ class _Arcs:
 
     def _facing(self, arc: ArcMirror) -> ArcMirror | None:
         """The part of an arc that is turned towards the radar."""
-        along = np.linspace(0.0, arc.length, 181)
+        along = np.linspace(0.0, arc.length, SAMPLES)
         sight = arc.at(along) - self.view.radar
         cosine = -np.sum(sight * arc.outward(along), axis=1) / np.linalg.norm(sight, axis=1)
         run = longest_run((cosine if arc.convex else -cosine) >= GRAZING)
@@ -295,7 +286,7 @@ class _Arcs:
                 return None
             points, weight = measured
             middle, radius, trust = fitted_circle(points, weight, facing.middle, facing.radius)
-            # What has become straight, or has turned its bulge, is no arc of this kind.
+            # A circle that has become straight, or bulges to the other side, is no arc of this row.
             largest = LARGEST_CELLS * self.view.cell_at(facing.center)
             if not 0.0 < radius < largest or (middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
                 return None
@@ -320,7 +311,7 @@ class _Arcs:
         return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
 
     def _close(self, circle: ArcMirror, ends: Array) -> ArcMirror:
-        """The part of a circle between about these ends along which the centres of power stay close to it.
+        """The part of a circle, between about these ends, along which the centres of power stay close to it.
 
         An S-shaped row leaves the circle of either half at its joint.
         """

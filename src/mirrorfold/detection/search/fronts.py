@@ -42,7 +42,7 @@ THINNEST, THICKEST, THICKNESSES = 0.5, 5.0, 8
 """Of slabs, in standard deviations of the cell: thinner ones look like a face alone, thicker ones like the thickest."""
 
 DECAYS = 1.0, 3.0
-"""Inside a slab the power does not decay, or to so many powers of 1/e at its back."""
+"""Inside a slab the power does not decay, or decays to ``exp(-x)`` at its back, with these x."""
 
 SHARES = 5
 """Shares of face, inside and back are tried in steps of one in so many."""

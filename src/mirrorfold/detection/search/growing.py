@@ -33,14 +33,14 @@ JUDGES = 1500
 """So many echoes, evenly drawn, propose and vote."""
 
 REACH_CELLS = 8.0
-"""How far the other echoes of a group are away, in resolution cells: within one wall."""
+"""Largest distance of the others of a group from its first echo, in resolution cells: they lie within one wall."""
 
 NEAR = 0.6
 """Echoes of a row or sheet lie within this part of the resolution cell across it: half a cell to either side is its
 own, and the first proposal is not yet the best."""
 
 ROUNDS = 4
-"""Fits of a proposal to its echoes; it no longer moves then."""
+"""A proposal is fitted to its echoes so many times; then it no longer moves."""
 
 M = TypeVar("M", bound=Mirror)
 
@@ -102,7 +102,7 @@ class Search(ABC, Generic[M]):
 
     @abstractmethod
     def refined(self, mirror: M) -> M | None:
-        """The mirror fitted to the image or volume itself; None if it is no mirror there."""
+        """The mirror fitted to the image or volume itself; None if that shows no mirror."""
 
     def find(self, enough: float) -> list[M]:
         """Mirrors from the one with the most votes on; proposals with less than `enough` are none."""
@@ -125,7 +125,7 @@ class Search(ABC, Generic[M]):
 
     def _proposed(self, free: Index) -> tuple[Array, Array, float]:
         """Normal, a point and the votes of the line or plane near most echoes, by their weight."""
-        judge = free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
+        judge = drawn(free)
         points, weight = self.echoes.position[judge], self.weight[judge]
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
         cell = np.median(self.view.cell(self.echoes.range[judge]))
@@ -171,6 +171,11 @@ class Search(ABC, Generic[M]):
         own &= np.abs(mirror.beside(points)) <= across + mirror.depth
         mirror = replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own)))
         return mirror, np.union1d(member, np.flatnonzero(own))
+
+
+def drawn(free: Index) -> Index:
+    """As many as `JUDGES` of the numbers of echoes that are free, (n,), evenly drawn."""
+    return free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
 
 
 def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:

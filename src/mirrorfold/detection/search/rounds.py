@@ -21,7 +21,7 @@ from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
 from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, trusted
-from mirrorfold.detection.search.growing import CLIP, JUDGES, NEAR
+from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -62,20 +62,9 @@ FEWEST, MISSES, MOST, ROUNDS, FITS = 30, 6, 8, 4, 6
 growth, and steps of each fit."""
 
 
-def find_rounds(view: VolumeView, echoes: Echoes, own: Index) -> list[RoundMirror]:
-    """Round sheets among visible echoes, each of echoes that are seen by one way; the most votes first.
-
-    Parameters
-    ----------
-    view : VolumeView
-    echoes : Echoes
-    own : (n,) array of int
-        By which way each echo is seen; negative numbers but -1, line of sight, are left out.
-    """
-    found: list[RoundMirror] = []
-    for way in np.unique(own[own >= -1]):
-        found += _Rounds(echoes.take((own == way) & echoes.visible), view).find()
-    return found
+def find_rounds(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
+    """Round sheets among the visible of some echoes that are seen by one way; those with the most votes first."""
+    return _Rounds(echoes.take(echoes.visible), view).find()
 
 
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
@@ -155,7 +144,7 @@ class _Rounds:
 
     def _proposed(self, free: Index) -> RoundSurface | None:
         """The surface near most echoes, by their weight."""
-        judge = free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
+        judge = drawn(free)
         points, weight, normal = self.echoes.position[judge], self.weight[judge], self.normal[judge]
         cell = float(np.median(self.view.cell(self.echoes.range[judge])))
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())

@@ -11,7 +11,7 @@ GAP_CELLS = 3.0
 
 
 def heaviest_row(position: Array, cell: Array, weight: Array) -> Index:
-    """The unbroken row with the most weight, of echoes at positions [m] along a line, as wide as a `cell` [m] each."""
+    """The unbroken row with the most weight, of echoes at positions [m] along a line, each with its cell there [m]."""
     order = np.argsort(position)
     position, cell = position[order], cell[order]
     gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.errors import InputError
@@ -220,9 +221,8 @@ class View(ABC):
 
     def extent_each(self, points: Array, along: Array) -> Array:
         """The `extent` at points (n, d) along a unit vector of its own for each, (n, d); (n,)."""
-        offset, cross = points - self.radar, self.cross_cell(points) ** 2
-        sight = offset / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)[:, None]
-        cosine = np.sum(sight * along, axis=1)
+        cross = self.cross_cell(points) ** 2
+        cosine = np.sum(unit_or_zero(points - self.radar) * along, axis=1)
         return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
 
     def points(self, range_: Array, direction: Index) -> Array:

@@ -46,8 +46,8 @@ class VolumeView(View):
     noise : float
         Standard deviation of the real part of the noise in `amplitude`.
     beam : tuple of float [m], optional
-        Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to be as
-        wide as the step from one to the next.
+        Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to have a
+        radius of `STEPS_A_BEAM` steps from one to the next.
     taper : str
         Window over frequency.
     radar, range, range_cell, normalization
