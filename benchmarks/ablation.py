@@ -29,9 +29,10 @@ from mirrorfold.detection.search import lines
 from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion, doubted, kinds, measured, ordering, rounds
+from mirrorfold.tree import completion, kinds, measured, ordering, rounds
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.half_shadows import Hems
+from mirrorfold.tree.explaining import doubted
+from mirrorfold.tree.explaining.half_shadows import Hems
 
 Instead = dict[ModuleType | type, dict[str, Any]]
 """Functions that do nothing, by the modules or classes that call them and their names there."""
@@ -70,7 +71,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
     "late edges": ({doubted: {"late_edges": nobody}}, {}),
     "what would stand behind walls": ({doubted: {"behind_walls": nobody}}, {}),
-    "what would stand behind things": ({doubted: {"behind_things": nobody_at_all}}, {}),
+    "what would stand behind objects": ({doubted: {"behind_objects": nobody_at_all}}, {}),
     "what goes to and fro": ({doubted: {"to_and_fro": nobody_at_all}}, {}),
     "short cuts": ({rounds: {"short_cuts": nobody}}, {}),
     "curved mirrors": ({}, {"curved": False}),

@@ -1,7 +1,7 @@
 """Change one operator or number of a module at a time: do its tests notice?
 
     python benchmarks/mutants.py src/mirrorfold/common/geometry.py --tests tests/common/test_geometry.py
-    python benchmarks/mutants.py src/mirrorfold/tree/copies.py --tests tests/tree/test_copies.py --sample 40 --seed 1
+    python benchmarks/mutants.py src/mirrorfold/tree/curved.py --tests tests/tree/test_curved_evidence.py --sample 40
 
 A mutant that all tests accept has survived: either a test is missing, or the change makes no difference. Each mutant is
 a fork of one process that has imported all libraries, so that it costs no more than the tests; slow ones are left out,

@@ -15,7 +15,7 @@ from mirrorfold.folding.earlier import initial_image, known_places, known_shares
 from mirrorfold.folding.frames import _joined, each_frame, frame_count, join_frames, pick_frame
 from mirrorfold.folding.shown import confident, shown_points
 from mirrorfold.tree.assignment import ITSELF
-from mirrorfold.tree.misplaced import LATE, MIXED
+from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 
 
 def changed(tree, **groups):

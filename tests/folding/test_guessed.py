@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mirrorfold as mf
-from mirrorfold.tree.guessed import GUESS, UNDECIDED
+from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,8 @@ from mirrorfold.detection.search.fit import PROFILE_SAMPLES
 from mirrorfold.detection.views.image_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.folding.memory import DRAWING_ARRAYS, RIDGE_ARRAYS, fold_parts
-from mirrorfold.tree import directions
-from mirrorfold.tree.directions import CHUNK
+from mirrorfold.tree.explaining import directions
+from mirrorfold.tree.explaining.directions import CHUNK
 
 AXES = {"z": np.linspace(-0.1, 0.1, 5), "y": np.linspace(0.5, 2.5, 201), "x": np.linspace(-1.0, 1.0, 201)}
 PIXELS = 201 * 201

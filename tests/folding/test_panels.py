@@ -9,7 +9,7 @@ import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles
 from mirrorfold.scenes.families import draw
 from mirrorfold.scenes.families.raster_studs import SCANNER
-from mirrorfold.tree.panes import Pairs, find_pane
+from mirrorfold.tree.half_transparent.panes import Pairs, find_pane
 
 EDGE = SCANNER.scanner["azimuth"]["stop"]
 

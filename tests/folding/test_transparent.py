@@ -12,7 +12,8 @@ import xarray as xr
 import mirrorfold as mf
 from mirrorfold.detection.search import lines
 from mirrorfold.scoring.transparent import NEEDED
-from mirrorfold.tree import short_rows, transparent
+from mirrorfold.tree import short_rows
+from mirrorfold.tree.half_transparent import transparent
 
 pytestmark = pytest.mark.slow
 

@@ -53,6 +53,14 @@ def test_a_mirror_behind_another_is_seen_through_it(view):
     assert order.way(ROOT) == order.way(NOBODY) == ()
 
 
+def test_a_face_is_shown_by_what_shows_its_mirror(view):
+    order, echoes = ordered(view, [NEAR, FAR], [(0.0, y) for y in (0.5, 1.0, 1.5, 2.0, 2.5)], opaque=False)
+    assert_array_equal(order.face, [ROOT, 0, ROOT, 1, ROOT])
+    assert_array_equal(order.shown_by(echoes), [ROOT, ROOT, 0, 0, 1])
+    inside = replace(order, face=np.full(5, NOBODY))
+    assert_array_equal(inside.shown_by(echoes), np.full(5, NOBODY))
+
+
 def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
     last = line([1.5, 1.0], [1.6, 1.5])
     order, _ = ordered(view, [WIDE, NEAR, last], opaque=False)

@@ -1,4 +1,4 @@
-"""Which short rows are mirrors: a piece of a wall, with things of several strengths behind it."""
+"""Which short rows are mirrors: a piece of a wall, with objects of several strengths behind it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def wall(cells, seed=1):
     return diffuse(MIDDLE - 0.5 * cells * CELL * ALONG, MIDDLE + 0.5 * cells * CELL * ALONG, seed)
 
 
-def things(level, count=4, half=0.03):
+def objects(level, count=4, half=0.03):
     """Diffuse rows behind the wall, in a line of sight through its middle, so much [dB] above it; half their width."""
     sight = MIDDLE / np.linalg.norm(MIDDLE)
     places = [sight * distance for distance in np.linspace(1.4, 2.3, count)]
@@ -56,9 +56,9 @@ def mirrors_of(found):
 
 
 def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
-    """Six cells of wall: too short by itself; a thing if what stands behind it is weaker, or one point."""
+    """Six cells of wall: too short by itself; an object if what stands behind it is weaker, or one point."""
     for level, count, half, is_mirror in ((12.0, 4, 0.03, True), (-12.0, 4, 0.03, False), (9.0, 1, 0.001, False)):
-        first, found, *_ = steps_2_to_4(wall(6.0), *things(level, count, half))
+        first, found, *_ = steps_2_to_4(wall(6.0), *objects(level, count, half))
         assert not mirrors_of(first)
         assert len(mirrors_of(found)) == is_mirror
         assert (found is first) == (not is_mirror)
@@ -70,14 +70,14 @@ def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
 
 
 def test_a_row_that_is_shorter_still_is_none():
-    _, found, view, settings, _ = steps_2_to_4(wall(3.5), *things(12.0))
+    _, found, view, settings, _ = steps_2_to_4(wall(3.5), *objects(12.0))
     assert not mirrors_of(found)
     assert_allclose(settings.minimum_length, MINIMUM_CELLS * CELL, rtol=0.02)
     assert not short_rows(found, view, SHORTEST_CELLS * CELL)
 
 
 def test_a_long_wall_is_no_short_row_and_what_curved_mirrors_show_neither():
-    first, found, view, *_ = steps_2_to_4(wall(14.0), *things(12.0))
+    first, found, view, *_ = steps_2_to_4(wall(14.0), *objects(12.0))
     assert found is first
     assert not short_rows(found, view, SHORTEST_CELLS * CELL)
     pillar = ArcMirror(middle=np.array([0.0, 0.8]), radius=0.2, first=np.pi, span=np.pi, radar=np.zeros(2))
@@ -120,5 +120,5 @@ def test_short_mirrors_stay_when_steps_2_to_4_are_done_again(hidden_behind_short
 def hidden_behind_short_wall():
     from synthetic import radar_image
 
-    places, amplitude = together(wall(6.0), *things(12.0))
+    places, amplitude = together(wall(6.0), *objects(12.0))
     return radar_image(places, amplitude, np.arange(-1.2, 1.2, 0.01), np.arange(0.5, 2.8, 0.01))

@@ -74,15 +74,15 @@ def test_three_bounces_fold_in_an_image(periscope):
             assert angle < 0.06
             assert offset < 1.5
     places = np.stack([objects["x"].values, objects["y"].values], axis=-1)
-    thing = objects["surface"].values == "object"
-    assert set(objects["chain"].values[thing]) == {"0/0/0"}
-    assert set(objects["bounces"].values[thing]) == {3}
-    assert nearest(places[thing], TARGETS).max() < 0.032
+    is_object = objects["surface"].values == "object"
+    assert set(objects["chain"].values[is_object]) == {"0/0/0"}
+    assert set(objects["bounces"].values[is_object]) == {3}
+    assert nearest(places[is_object], TARGETS).max() < 0.032
     initial = np.stack([objects["x_initial"].values, objects["y_initial"].values], axis=-1)
-    assert nearest(initial[thing], seen_by([A, B, C], TARGETS)).max() < 0.032
+    assert nearest(initial[is_object], seen_by([A, B, C], TARGETS)).max() < 0.032
     # The face of a mirror is seen by way of the mirrors in front of it only.
     for bounces, line in enumerate((A, B, C)):
-        face = ~thing & (objects["bounces"].values == bounces)
+        face = ~is_object & (objects["bounces"].values == bounces)
         assert face.sum() > 50
         along = (places[face] - line[0]) @ (line[1] - line[0]) / np.sum((line[1] - line[0]) ** 2)
         beside = cross2(line[1] - line[0], places[face] - line[0]) / np.linalg.norm(line[1] - line[0])
@@ -255,7 +255,7 @@ def test_mirror_worlds_open_only_through_their_parents():
 
 
 def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_radars_own():
-    """Two bright things behind a wall, on whose right the view goes on: one deep in its shadow, one at the edge."""
+    """Two bright objects behind a wall, on whose right the view goes on: one deep in its shadow, one at the edge."""
     wall_ = wall((-0.3, 1.5), 0.0, 0.6)
     inside, edge = np.array([[-0.3, 2.2]]), np.array([[-0.012, 2.2]])
     far = np.array([[0.9, 1.2]])

@@ -51,7 +51,7 @@ def test_transparent_objects_hide_nothing(clutter_behind_an_object):
 
 
 @pytest.mark.parametrize(("decibel", "kept"), [(14.0, False), (26.0, True)])
-def test_what_is_much_stronger_than_all_before_it_is_a_thing_all_the_same(decibel, kept):
+def test_what_is_much_stronger_than_all_before_it_is_an_object_all_the_same(decibel, kept):
     glint = behind(2.15, 0.0, number=1)
     tree, *_ = tree_of(
         diffuse(*MIRROR, 3), (behind(1.8, 0.12), np.full(7, 5.0)), (glint, np.array([5.0 * 10.0 ** (decibel / 20.0)]))

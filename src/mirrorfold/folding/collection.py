@@ -18,9 +18,9 @@ from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
-from mirrorfold.tree.half_shadows import HEMS
+from mirrorfold.tree.explaining.half_shadows import HEMS
+from mirrorfold.tree.half_transparent.transparent import Window
 from mirrorfold.tree.mirror_tree import MirrorTree
-from mirrorfold.tree.transparent import Window
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
 """Names of a mirror's standard errors at its true place, which hold those of the mirrors on its way."""

@@ -11,9 +11,9 @@ from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
-from mirrorfold.tree.half_shadows import HEMS, Hems
+from mirrorfold.tree.explaining.half_shadows import HEMS, Hems
+from mirrorfold.tree.explaining.misplaced import MIXED, known_confocal, known_ghosts
 from mirrorfold.tree.measured import Measured, Teller
-from mirrorfold.tree.misplaced import MIXED, known_confocal, known_ghosts
 
 
 def told_before(reconstruction: xr.DataTree) -> Teller:

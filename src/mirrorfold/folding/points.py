@@ -19,9 +19,9 @@ from mirrorfold.common.types import Array, Chain, Index, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
+from mirrorfold.tree.half_transparent.transparent import Window
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
-from mirrorfold.tree.transparent import Window
 
 BLOB_CELLS = 1.5
 """What the image shows this close to an echo, in resolution cells, is that echo; its main lobe reaches one cell."""
@@ -53,7 +53,7 @@ class Points:
     explanation : (n,) array of str
         Why the echo does not come from where the image shows it; empty for those that do.
     confocal : (n,) array
-        Share of its energy that came back the way it went, see `mirrorfold.tree.directions.confocal_share`; NaN where
+        Share of its energy that came back the way it went, see `tree.explaining.directions.confocal_share`; NaN where
         that is not known.
     growth : (n,) array
         By how much the resolution cell across is wider than by way of flat mirrors; one for these.

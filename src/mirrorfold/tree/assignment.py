@@ -10,13 +10,13 @@ import numpy as np
 from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
-from mirrorfold.tree.edges import beyond_ends
+from mirrorfold.tree.explaining.edges import beyond_ends
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
 if TYPE_CHECKING:
-    from mirrorfold.tree.transparent import Window
+    from mirrorfold.tree.half_transparent.transparent import Window
 
 ITSELF = "is the radar itself, seen in a mirror"
 
@@ -29,15 +29,15 @@ class Found(NamedTuple):
     echoes : Echoes
         Without those that come from elsewhere.
     tree : MirrorTree
-        Its root.
+        The root of the tree of mirrors.
     sight : LinesOfSight
         With the chains of the mirrors.
     elsewhere : Echoes
-        Those that are no things where the image shows them, and were left out.
+        Those that were left out, as no object stands where the image shows them.
     explanation : (n,) array of str
-        Why each of them was.
+        Why each of them was left out.
     windows : tuple of Window
-        Half-transparent walls with what is seen through them, see `mirrorfold.tree.transparent`.
+        Half-transparent walls with what is seen through them, see `mirrorfold.tree.half_transparent.transparent`.
     """
 
     echoes: Echoes

@@ -1,4 +1,4 @@
-"""Mirrors told by the order of the others: what objects hide of them, and those that the radar sees edge-on."""
+"""Mirrors told once the order is known: what objects hide of them, and walls that the radar sees edge-on."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 def completed(
     mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, settings: FoldSettings
 ) -> list[Mirror]:
-    """The mirrors with what objects hide of them, and with those that the radar sees edge-on."""
+    """The mirrors, each with what objects hide of it, and walls that the radar sees edge-on."""
     clear = order.sight.cover.clear
-    loose = echoes.take(order.face == ROOT)  # rows of their own stay such
+    loose = echoes.take(order.face == ROOT)  # no mirror grows over another one's echoes
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
     shortest = settings.minimum_length or 0.0
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)

@@ -1,8 +1,8 @@
-"""Which curved rows of echoes are mirrors: those behind which the image shows what an opaque thing cannot.
+"""Which curved rows of echoes are mirrors: those behind which the image shows what is behind no opaque object.
 
-A row is a mirror if enough echoes stand behind it, strong for what the arc leaves of them, most of them fold to where
-something may stand, and some show what is not known without: of what is seen directly or in flat mirrors, a convex one
-shows a coarser picture at best, and multiple scattering behind round objects folds to the objects.
+A row is a mirror if enough echoes stand behind it, strong enough for how the arc spreads them; if most of them fold to
+where an object may stand; and if some show places that are not known otherwise. Of what is seen directly or in flat
+mirrors, a convex one shows a coarser picture at best, and multiple scattering behind round objects folds to these.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ FEWEST_CELLS = 3
 """Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one."""
 
 FEWEST_NEW, NEW_SHARE = 2, 0.23
-"""Fewest cells, and least share of the cells behind a mirror, that show what is not known: ways over it and further
-mirrors, which fold to wrong places, fill fewer of the cells behind a pillar that shows known things. The share was 0.25
-and more behind true mirrors of random scenes, 0.17 at most behind others, and 0.21 behind an arc of full waves."""
+"""Fewest cells, and least share of the cells behind a mirror, that show what is not known. Behind a pillar that shows
+known objects, echoes by way of it and further mirrors, which fold to wrong places, fill fewer. The share was 0.25 and
+more behind true mirrors of random scenes, 0.17 at most behind others, and 0.21 behind an arc of full waves."""
 
 
 def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:

@@ -1,4 +1,4 @@
-"""Steps 2 to 4 for mirrors of every kind: those told by themselves first, then those told by what they show.
+"""Steps 2 to 4 for mirrors of every kind: those told by their own echoes first, then those told by what they show.
 
 Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. That a wall lets waves pass, that a
 curved or a short row of echoes is a mirror, is told by what stands behind it; then steps 2 to 4 are done once more.
@@ -21,13 +21,13 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
-from mirrorfold.tree.doubted import without_doubted
-from mirrorfold.tree.guessed import guess_transparent
+from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.half_transparent.guessed import guess_transparent
+from mirrorfold.tree.half_transparent.transparent import find_transparent
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import find_short
 from mirrorfold.tree.showing import Steps
-from mirrorfold.tree.transparent import find_transparent
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -49,16 +49,16 @@ def find_every_kind(
     Parameters
     ----------
     view : View
-        By the published algorithm all mirrors are opaque and flat.
     echoes : Echoes
     settings : FoldSettings
+        By the published algorithm all mirrors are opaque and flat.
     measured : Measured
     known, walls : optional
         Mirrors in the place of those found, see `find_tree`.
     polarizations : mapping of str to DataArray, optional
         Complex images by polarization, "TE" and "TM", which tell what passed through walls.
     short : bool
-        Whether mirrors may be shorter than what tells them by themselves.
+        Whether mirrors may be shorter than those that their own echoes tell.
     """
     again = partial(find_tree, view, settings=settings, measured=measured)
     found, rows, bent = again(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
@@ -79,7 +79,7 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             found, rows, _ = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        # Walls that only what stands behind them has told are transparent as often.
+        # Short and curved walls are half-transparent as often as others.
         if both and rows:
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations:

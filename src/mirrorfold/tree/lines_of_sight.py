@@ -24,6 +24,9 @@ CLEAR_DB = 20.0
 and multiple scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by
 40 dB."""
 
+OUTSHINES_DB = 6.0
+"""An echo this much stronger than speckle is none: the brightest of ten speckles exceeds their median by 5 dB."""
+
 OPEN_CELLS = 3.0
 """The radar's own view is taken to be open up to this many resolution cells before and beside each echo in it: an
 object that shows its edge may show its face by way of a mirror only."""
@@ -42,7 +45,8 @@ class Cover(NamedTuple):
     """What objects hide: along each line of sight, the amplitude that an echo must exceed to be more than an object's
     multiple scattering.
 
-    It grows at ranges, (depth, n) [m], rising, infinite where there are fewer steps, to levels (depth, n).
+    It rises in steps along each line of sight, at `range` (depth, n) [m], the nearest first, to `level` (depth, n).
+    Where a line of sight has fewer steps, the ranges of the others are infinite.
     """
 
     range: Array

@@ -11,14 +11,14 @@ import xarray as xr
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.tree.half_shadows import Hems, half_shadows
-from mirrorfold.tree.misplaced import Known, confocal, misplaced
+from mirrorfold.tree.explaining.half_shadows import Hems, half_shadows
+from mirrorfold.tree.explaining.misplaced import Known, confocal, misplaced
 from mirrorfold.tree.ordering import Order
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What is told of the echoes of a view; each None where nothing tells it.
+    """What is told of the echoes of a view; each function is None where nothing tells.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ Teller = Callable[[ImageView], Measured]
 
 
 def nothing_measured(view: ImageView) -> Measured:
-    """Of an image of unknown origin."""
+    """What is told of an image whose sweep is not at hand."""
     return Measured()
 
 

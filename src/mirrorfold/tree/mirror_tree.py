@@ -113,9 +113,9 @@ class MirrorTree:
 
 
 def led_astray(places: Array, way: Sequence[Mirror]) -> Array:
-    """Covariance (n, d, d) [m^2] of where mirrors, the first on the way first, show places (n, d) of the image to be.
+    """Covariance (n, d, d) [m^2] of where places (n, d) of the image truly are, by the errors of mirrors on the way.
 
-    Each mirror is a ghost by way of those before it, and takes its own away first.
+    The first mirror on the way comes first. The last one, a ghost by way of those before it, is folded away first.
     """
     covariance, seen = np.zeros((*places.shape, places.shape[1])), places
     for mirror in reversed(way):

@@ -15,8 +15,8 @@ from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.views.view import View
+from mirrorfold.tree.explaining.shadowless import without_shadow
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
-from mirrorfold.tree.shadowless import without_shadow
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -32,7 +32,7 @@ class Order:
     Attributes
     ----------
     mirrors : sequence of Mirror
-        Cut where they pass from the view by way of one mirror into that by way of another; those that are seen.
+        Those that are seen, cut where one part is seen by way of another mirror than the next.
     sight : LinesOfSight
         With the parent of each mirror.
     face : (n,) array of int
@@ -57,6 +57,12 @@ class Order:
         while index >= 0:
             way, index = (self.mirrors[index], *way), int(self.sight.parent[index])
         return way
+
+    def shown_by(self, echoes: Echoes) -> Index:
+        """The mirror by way of which each of the echoes is seen, those of mirrors' own faces, too: its number, (n,)."""
+        parent = np.append(self.sight.parent, [NOBODY, ROOT])
+        through = self.sight.seen_through(echoes.range, echoes.direction)
+        return np.where(self.face == ROOT, through, parent[self.face])
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong` as they follow from this order."""
@@ -142,7 +148,7 @@ def _ordered(
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
-    # The mirror through which most of each is seen.
+    # A mirror's parent is the one through which most of it is seen.
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
     parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
     seen = np.flatnonzero([b.size for b in before])

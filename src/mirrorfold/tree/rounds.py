@@ -18,16 +18,16 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
-from mirrorfold.tree.copies import COPY, copies
 from mirrorfold.tree.curved import without_bent
-from mirrorfold.tree.half_shadows import Hems
-from mirrorfold.tree.late_walls import from_late_walls
+from mirrorfold.tree.explaining.copies import COPY, copies
+from mirrorfold.tree.explaining.half_shadows import Hems
+from mirrorfold.tree.explaining.late_walls import from_late_walls
+from mirrorfold.tree.explaining.misplaced import LATE
+from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
+from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 from mirrorfold.tree.measured import Measured
-from mirrorfold.tree.misplaced import LATE
 from mirrorfold.tree.ordering import Order, order_mirrors
-from mirrorfold.tree.rough_walls import SCATTERED, scattered
-from mirrorfold.tree.short_cuts import SHORT_CUT, short_cuts
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -80,7 +80,7 @@ def find_tree(
             account.put(clear & copies(order, seen), COPY)
         twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
-            # A row that is no wall shows nothing behind it.
+            # Scattered echoes that pass for a wall go at once: nothing is seen by way of that wall.
             account.put(twice & (order.face != ROOT), SCATTERED)
             account.put(clear & short_cuts(order, seen), SHORT_CUT)
             account.put(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
@@ -90,7 +90,7 @@ def find_tree(
             break
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
-    # Neither what was scattered twice nor the radar's own image is a thing, but each hides what is behind it.
+    # Neither what was scattered twice nor the radar's own image is an object, but each hides what is behind it.
     if twice.any():
         account.put(twice, SCATTERED)
         order = replace(order, face=np.where(twice, NOBODY, order.face))
@@ -124,7 +124,7 @@ class _Account:
         self._why[self._index[which]] = why
 
     def ask(self, explain: Callable[[Echoes], Names], clear: Mask) -> None:
-        """Have those explained that are in sight, (n,), each once."""
+        """Have the `echoes` explained that are in `clear` sight, (n,), each once."""
         new = ~self._trusted & clear & self.stays
         if new.any():
             self.put(new, explain(self.echoes.take(new)))

@@ -1,8 +1,8 @@
-"""Which rows of echoes are mirrors that are too short to be told by themselves.
+"""Which rows of echoes are mirrors although they are too short to be told by themselves.
 
 Half of a wall is often hidden, by what stands before it or by the end of the mirror that shows it. What is left says
-less about its direction than a wall must, and flat sides of things are as long. But a mirror is smoother than what it
-shows: echoes behind it outshine those of its own face, which multiple scattering behind a thing never does.
+too little about the wall's direction, and flat sides of objects are as long. But a mirror is smoother than what it
+shows: echoes behind it outshine those of its own face, which multiple scattering behind an object never does.
 """
 
 from __future__ import annotations
@@ -19,18 +19,14 @@ from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import NOBODY, OUTSHINES_DB, ROOT
 from mirrorfold.tree.showing import Steps, behind, with_rows
 
 SHORTEST_CELLS = 5.0
-"""Of such a row, in resolution cells, about as of an arc: where `MINIMUM_CELLS` are asked of others."""
+"""Least length of such a row, in resolution cells, about that of an arc; others must have `MINIMUM_CELLS`."""
 
 FEWEST = 2
-"""Echoes that outshine a row, farther apart than a resolution cell: one may stand beside it, and show past its end."""
-
-OUTSHINES = 10.0 ** (6.0 / 20.0)
-"""By how much echoes must exceed the median of a row to outshine it: the brightest of ten speckles exceeds their
-median by 5 dB."""
+"""Echoes that must outshine a row, a resolution cell apart: a single one may be seen past the end of the row."""
 
 
 def find_short(
@@ -61,8 +57,9 @@ def find_short(
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
-    """Echoes behind a row that outshine it, the brightest of those in a resolution cell to all sides of it, (n,)."""
-    which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > OUTSHINES * row.strength))
+    """Echoes behind a row that outshine its median, of those within a resolution cell the brightest alone, (n,)."""
+    level = 10.0 ** (OUTSHINES_DB / 20.0) * row.strength
+    which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > level))
     which = which[np.argsort(-echoes.amplitude[which])]
     place, found = view.in_cells(echoes.position[which]), np.zeros(len(echoes), dtype=bool)
     while which.size:
@@ -73,7 +70,7 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
 
 
 def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
-    """Straight rows, each of echoes that are seen by one way and lie on no mirror that is known."""
+    """Straight rows of echoes that are seen by the same mirrors and lie on none that is known."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     known = [ways[chain][-1] for chain in sight.chain if chain]

@@ -1,8 +1,8 @@
 """Rows of echoes that are mirrors by what the image shows behind them, and by nothing else: curved and short ones.
 
-Behind an opaque thing a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and each
-echo of it folds to a place that the radar does not see to be empty. So a row, in space a sheet, is tried as a mirror,
-and what is then seen by way of it is the evidence. Which rows are tried, and what is enough, is told by
+Behind an opaque object a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and no echo
+of the scene folds to where the radar sees that nothing stands. So a row, in space a sheet, is tried as a mirror, and
+what is then seen by way of it is the evidence. Which rows are tried, and what evidence is enough, is told by
 `mirrorfold.tree.curved` and `mirrorfold.tree.short_rows`.
 """
 
@@ -24,18 +24,18 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 
 KNOWN_CELLS = 1.5
-"""What folds so close, in resolution cells as wide as the mirror leaves them, to a place that is known shows that.
-Range alone would tell it more sharply, but then multiple scattering behind round objects shows as much that is new."""
+"""An echo that folds so close to a known place, in resolution cells as wide as the mirror makes them, shows that place.
+By range alone fewer would, but then multiple scattering behind round objects would seem to show as much that is new."""
 
 SAMPLES, PIECE = 9, 0.4
-"""Places along a flat mirror, and the share of them that lie on an arc if it is a piece of it: of an S-shaped wall that
-was taken for straight, half of it lies on either arc."""
+"""Places that are looked at along a flat mirror, and the least share of them on an arc if the mirror is a piece of it:
+of an S-shaped wall that was taken for straight, half lies on either arc."""
 
 ROUNDING = 1e-9
-"""What lies no farther beside a row, in its lengths, is a part of it."""
+"""A mirror that lies no farther beside a row, in lengths of the row, is a part of it."""
 
 MOST_EMPTY = 0.3
-"""Share of these cells that may fold to where the radar sees nothing."""
+"""Largest share of the cells behind a mirror that may fold to where the radar sees nothing."""
 
 
 Shown = Callable[[View, Echoes, Mirror], Mask]
@@ -43,7 +43,7 @@ Shown = Callable[[View, Echoes, Mirror], Mask]
 
 
 class Heard(Protocol):
-    """The echoes of the image; where known mirrors dim what they show, down to thresholds lower by so much."""
+    """The echoes of the image; behind mirrors that dim what they show, the threshold is lower by as much."""
 
     def __call__(self, *, through: Sequence[Mirror]) -> Echoes: ...  # noqa: D102
 
@@ -55,7 +55,7 @@ class Again(Protocol):
 
 
 class ShownNew(NamedTuple):
-    """Echoes by one way over a row, (n,), the places they fold to (n, d) [m], and how uncertain these are, (n,) [m]."""
+    """New echoes by one way over a row, (n,), where they fold to, (n, d) [m], and how uncertain that is, (n,) [m]."""
 
     echoes: Echoes
     place: Array
@@ -94,7 +94,7 @@ class Evidence:
 
     @property
     def possible(self) -> bool:
-        """Whether little of it cannot be."""
+        """Whether few enough of its cells fold to where the radar sees nothing."""
         return self.empty <= MOST_EMPTY
 
 
@@ -106,8 +106,8 @@ class Steps:
     ----------
     heard, glance, again : callable
         See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere, and takes a tenth of
-        the time. As these seem new behind an arc, one that shows too little new at a glance is no mirror: of 70 arcs of
-        random scenes 16 were, and none of them had turned out to be one.
+        the time. These, too, seem new behind an arc: if even so too little is new at a glance, the arc is no mirror.
+        That settled 16 of 70 arcs of random scenes, none of which had been a mirror in the end.
     """
 
     heard: Heard
@@ -143,7 +143,7 @@ def with_rows(
     shown : callable, optional
         Which echoes count, `behind` by default.
     tells : callable
-        Whether so many are evidence enough.
+        Whether the evidence is enough.
     besides : sequence of Mirror
         Rows that are known to be mirrors.
 
@@ -192,7 +192,7 @@ def filled_cells(view: View, echoes: Echoes) -> int:
 
 
 def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
-    """Where all stands that was found without flat pieces along those rows, (n, d) [m]: they place it wrongly."""
+    """Where all stands that was found, (n, d) [m], but what flat pieces of these rows show, which is misplaced."""
     folds, ways = found.tree.folds(), found.tree.ways()
     parts = [np.empty((0, view.dimensions))]
     for node in found.tree.walk():
@@ -236,11 +236,11 @@ def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown =
 
 
 def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
-    """The evidence of rows, each with what others show at the same new places: only true mirrors agree."""
+    """The evidence of each row, and with it what other rows show at the same new places: only true mirrors agree."""
     together = []
-    for one in seen:
-        more = sum(shows.cells_at(one.shown, view) for other in seen if other is not one for shows in other.shown)
-        together.append(replace(one, cells=one.cells + more, new=one.new + more))
+    for own in seen:
+        more = sum(shows.cells_at(own.shown, view) for other in seen if other is not own for shows in other.shown)
+        together.append(replace(own, cells=own.cells + more, new=own.new + more))
     return together
 
 

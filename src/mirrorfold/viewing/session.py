@@ -33,7 +33,7 @@ from mirrorfold.io.files import check_output, directory_written_whole
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
-from mirrorfold.tree.transparent import BY_POLARIZATION
+from mirrorfold.tree.half_transparent.transparent import BY_POLARIZATION
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
 from mirrorfold.viewing.lines import line_of, plainest
 

@@ -19,8 +19,8 @@ from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.reconstruction import FoldPlan
+from mirrorfold.tree.explaining.misplaced import MIXED
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
-from mirrorfold.tree.misplaced import MIXED
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
 """A wall in line of sight, and what it shows of the object."""

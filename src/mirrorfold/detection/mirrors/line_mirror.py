@@ -33,7 +33,7 @@ class LineMirror(Mirror):
     direction : (2,) array
         Unit vector from start to end.
     hem : tuple of two floats [m]
-        How far beyond its start and end lines of sight still meet it, see `mirrorfold.tree.half_shadows`.
+        How far beyond its start and end lines of sight still meet it, see `mirrorfold.tree.explaining.half_shadows`.
     """
 
     start: Array

@@ -1,0 +1,126 @@
+"""Echoes that a mirror would have to show through an object that is known.
+
+In a line of sight, an object hides what is behind it. But what a mirror shows of the object may be faint, where a face
+throws the wave to the side, while the object is bright in line of sight or in another mirror; and multiple scattering
+behind it, as between the object and a wall, may be brighter. The true places of both tell: the last part of the way to
+an echo, from the last mirror on, would pass between neighbouring echoes of an opaque object, well inside of it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.behind_walls import last_leg
+from mirrorfold.tree.grouping import connected
+
+BEHIND_AN_OBJECT = "would stand behind another thing"
+
+NEIGHBOURS_CELLS = 0.75
+"""Echoes at most so many resolution cells apart are those of one surface, which goes on from one to the other."""
+
+EDGE_CELLS = 0.5
+"""A way passes through a surface if that reaches at least so many resolution cells to either side of the way: echoes of
+an edge lie up to half a cell beyond it, and the edge bends waves around it."""
+
+BEYOND_CELLS = 1.0
+"""An object hides only what is more resolution cells behind it, for the rest may be its own; and it hides nothing from
+a mirror that is closer to it."""
+
+AT_ONCE = 1_000_000
+"""Pairs, of an echo and of two neighbouring ones, that are looked at together; bounds the memory."""
+
+
+def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
+    """Which objects of each chain of mirrors would stand behind known ones, (n,) each.
+
+    An object hides what is seen by way of as many mirrors or more, for with each mirror places are less certain, and
+    what is no brighter than its own brightest echo, for else it may be a side lobe. In a volume nothing is hidden, nor
+    is what curved mirrors show, nor what is seen without any, of which the lines of sight tell.
+
+    Parameters
+    ----------
+    found : Found
+    view : View
+    """
+    ways, folds = found.tree.ways(), found.tree.folds()
+    behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
+    if not isinstance(view, ImageView):
+        return behind
+    flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in ways[node.chain])]
+    for generation in {node.generation for node in flat if node.chain and len(node.objects)}:
+        before = [node for node in flat if node.generation <= generation]
+        surfaces = _surfaces(
+            np.concatenate([folds[node.chain](node.objects.position) for node in before]),
+            np.concatenate([node.objects.amplitude for node in before]),
+            np.concatenate([view.cell(node.objects.range) for node in before]),
+        )
+        for node in (node for node in before if node.generation == generation):
+            legs, objects = last_leg(node.objects, ways[node.chain], view), node.objects
+            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, np.asarray(view.cell(objects.range)))
+    return behind
+
+
+class _Surface(NamedTuple):
+    """Echoes of one surface.
+
+    Attributes
+    ----------
+    places : (n, 2) array [m]
+        Where they stand.
+    neighbours : (k, 2) array of int
+        Pairs of them.
+    brightest : float
+        Their largest amplitude.
+    """
+
+    places: Array
+    neighbours: Index
+    brightest: float
+
+
+def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
+    """The surfaces that echoes at places (n, 2) [m] make up; `amplitude` and resolution `cell` [m] are (n,)."""
+    pairs = cKDTree(places).query_pairs(NEIGHBOURS_CELLS * cell.max(initial=0.0), output_type="ndarray")
+    apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    pairs = pairs[apart <= NEIGHBOURS_CELLS * cell[pairs].min(axis=1, initial=np.inf)]
+    surface, found = connected(pairs, len(places)), []
+    for number in np.unique(surface[pairs]):
+        own = np.flatnonzero(surface == number)
+        neighbours = np.searchsorted(own, pairs[surface[pairs[:, 0]] == number])
+        found.append(_Surface(places[own], neighbours, float(amplitude[own].max())))
+    return found
+
+
+def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: Array, cell: Array) -> Mask:
+    """Whether straight ways pass through one of the surfaces well before they end, (n,).
+
+    Parameters
+    ----------
+    surfaces : list of _Surface
+    leaves, stands : (n, 2) arrays [m]
+        Where the ways begin and end.
+    amplitude, cell : (n,) arrays
+        Of the echo at the end of each, and its resolution cell [m].
+    """
+    way, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
+    length = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
+    ahead = way / length[:, None]
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    for places, neighbours, brightest in surfaces:
+        for some in np.array_split(
+            np.flatnonzero(amplitude <= brightest), 1 + len(stands) * len(neighbours) // AT_ONCE
+        ):
+            margin, edge = (share * cell[some, None] for share in (BEYOND_CELLS, EDGE_CELLS))
+            along, beside = (axis[some] @ places.T - np.sum(axis[some] * leaves[some], axis=1)[:, None]
+                             for axis in (ahead, aside))  # fmt: skip
+            beside[(along < margin) | (along > length[some, None] - margin)] = np.nan
+            between = np.prod(beside[:, neighbours], axis=2) < 0.0
+            passed[some] |= (beside >= edge).any(axis=1) & (beside <= -edge).any(axis=1) & between.any(axis=1)
+    return passed

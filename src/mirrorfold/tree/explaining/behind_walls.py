@@ -1,0 +1,155 @@
+"""Echoes that would stand behind a wall that is known, where no wave comes.
+
+A line of sight ends at the next wall that it meets: what the image shows farther on went by way of that wall, too.
+Where the image shows that wall as a mirror, it is folded by the wall. But the image of a wall in another mirror may be
+too faint to be found, where the wall is half hidden or lies askew, while the wall itself is known from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.finding import NEAREST
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.search.lines import find_lines
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.true_walls import BEYOND
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.short_rows import SHORTEST_CELLS
+
+BEHIND = "would stand behind a wall"
+
+BEHIND_CELLS = 1.5
+"""A wall is met by ways that begin and end more resolution cells away from it: an echo closer to it may be its own, and
+a mirror closer to it is the other leg of a corner."""
+
+INSIDE_CELLS = 1.0
+"""A wall is met by ways that pass at least so many resolution cells inside of its ends."""
+
+HIDDEN_CELLS = 1.5
+"""Where the radar sees a place so many resolution cells beyond the end of a wall, the wall does end; where objects hide
+that place, the wall may go on."""
+
+
+def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+    """`MirrorTree.ways`, in which straight mirrors go on beyond their ends as far as objects hide that."""
+    sight, ways = found.sight, found.tree.ways()
+    for index, chain in enumerate(sight.chain):
+        if chain and isinstance(last := ways[chain][-1], LineMirror):
+            first, end = (_hidden(last, side, sight, int(sight.parent[index])) for side in (-1.0, 1.0))
+            ways[chain] = (*ways[chain][:-1], last.part(-first, last.length + end))
+    return ways
+
+
+def flat_objects(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+    """Straight rows of object echoes in line of sight, each as if it were a mirror, under a chain that no mirror has.
+
+    A flat object that is too short for a mirror lets no wave pass, either. In a volume, none are looked for.
+    """
+    objects, view = found.tree.objects, found.sight.view
+    if not isinstance(view, ImageView):
+        return {}
+    shortest = SHORTEST_CELLS * float(view.cell(objects.range_up_to(NEAREST)))
+    return {(-1 - i,): (row,) for i, row in enumerate(find_lines(objects, view, minimum_length=shortest))}
+
+
+def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> float:
+    """How far [m] a wall that is seen by way of `parent` may go on, hidden, beyond its start (-1) or its end (1)."""
+    view = sight.view
+    end = wall.center + 0.5 * side * wall.length * wall.direction
+    cell = view.cell_at(end)
+    steps = np.arange(HIDDEN_CELLS * cell, BEYOND * wall.length, 0.5 * cell)
+    range_, direction, inside = view.locate(end + side * steps[:, None] * wall.direction)
+    seen = inside & (sight.seen_through(range_ - view.range_cell, direction) == parent)
+    seen &= sight.cover.clear(range_, direction, wall.strength)
+    first = int(np.argmax(seen)) if seen.any() else len(seen)
+    return float(steps[first - 1]) if first else 0.0
+
+
+def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
+    """Which echoes that are seen through a chain of mirrors would stand behind another known wall, (n,).
+
+    Parameters
+    ----------
+    echoes : Echoes
+    chain : tuple of int
+    ways : mapping of chain to tuple of Mirror
+        The mirrors on the way to what each chain shows, as `as_far_as_hidden` tells. Of curved ones nothing is said.
+    view : View
+    """
+    behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]
+    if not len(echoes) or any(mirror.curved for mirror in way):
+        return behind
+    others = [other for name, other in ways.items() if name != chain]
+    return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
+
+
+def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
+    """Which objects in line of sight would stand behind curved rows that are no mirrors, (n,).
+
+    Rows are unbroken, and let no wave pass: what is behind is an image of what is known, or multiple scattering.
+    """
+    view, behind = sight.view, np.zeros(len(objects), dtype=bool)
+    if not isinstance(view, ImageView):
+        return behind
+    for row in rows:
+        cell = INSIDE_CELLS * view.cell_at(row.center)
+        range_, direction, _ = view.locate(row.center[None])
+        if isinstance(row, ArcMirror) and row.length > 3.0 * cell and sight.seen_through(range_, direction) == ROOT:
+            crossing = row.part(cell, row.length - cell).crossing(view)[objects.direction]
+            behind |= objects.range > crossing + view.object_depth(objects.range)
+    return behind
+
+
+def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, Array]:
+    """Where the last straight part of the way to each echo begins and ends, (n, d) [m] each, by way of flat mirrors."""
+    leaves, sight = np.broadcast_to(view.radar, echoes.position.shape), echoes.position - view.radar
+    if way:
+        *before, last = way
+        share = ((last.center - view.radar) @ last.normal) / (sight @ last.normal)
+        leaves = fold_of(before, view.dimensions)(view.radar + share[:, None] * sight)
+    return leaves, fold_of(way, view.dimensions)(echoes.position)
+
+
+def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array) -> Mask:
+    """Whether one of the walls is met well before the end of straight ways, (n,).
+
+    Parameters
+    ----------
+    walls : iterable of sequences of Mirror
+        Each wall, as the last of the mirrors by way of which it is seen. Of curved ones nothing is said.
+    leaves, stands : (n, d) arrays [m]
+        Where the ways begin and end.
+    cell : (n,) array [m]
+        Resolution cell at the end of each.
+    """
+    met = np.zeros(len(stands), dtype=bool)
+    for way in walls:
+        if way and not any(mirror.curved for mirror in way):
+            met |= _met(way[-1], way[:-1], leaves, stands, cell)
+    return met
+
+
+def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array) -> Mask:
+    """Whether a wall, where it truly stands, is met well before the end of ways (n, d) [m], (n,)."""
+    fold = fold_of(to_it, leaves.shape[1])
+    center = fold(wall.center)
+    normal, tangents = fold(wall.center + wall.normal) - center, fold(wall.center + wall.tangents) - center
+    way = stands - leaves
+    length = np.linalg.norm(way, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = ((center - leaves) @ normal) / (way @ normal)
+        offset = leaves + share[:, None] * way - center
+        met = np.minimum(share, 1.0 - share) * length > BEHIND_CELLS * cell
+        for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
+            along = offset @ tangent
+            met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * cell
+    return np.asarray(met)

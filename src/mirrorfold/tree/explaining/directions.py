@@ -1,0 +1,387 @@
+"""Mixed-path echoes, told by the directions in which they leave and arrive.
+
+An echo that leaves by one chain of mirrors and is received by another (out in line of sight, back by way of a wall, or
+the reverse) has the mean of two path lengths, and focuses where nothing stands. A sweep of several transmitters and
+receivers gives such an echo away: with the transmitters focused on the point, the receivers hear the echo arrive from
+another direction than that of the point.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from mirrorfold.common.kernels import njit
+from mirrorfold.common.phasor import unit_phasor
+from mirrorfold.common.threads import cpu_count, for_each, one_thread
+from mirrorfold.common.types import Array
+from mirrorfold.common.windows import hann
+from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
+from mirrorfold.errors import InputError
+from mirrorfold.focusing.echoes.range_windows import RangeWindows
+from mirrorfold.sweep import antenna_positions, wavenumber
+
+PHASE_SPREAD = 0.5
+"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]."""
+
+SAME_PLACE = 1e-3
+"""Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
+
+MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
+"""Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another lobe must be
+that it cannot be told from the main one."""
+
+BAND_SAMPLES, ABOVE_FULL = 9, 2.0
+"""Frequencies at which lobes are computed; and how many times higher than the side lobes of a full aperture, which are
+never taken for echoes, a lobe must be to count."""
+
+OFFSETS = np.arange(-3, 4)
+"""Directions around an echo in which its energy leaves and arrives, in resolution cells."""
+
+_BETWEEN, _MIDDLE = np.abs(np.subtract.outer(OFFSETS, OFFSETS)), np.abs(np.add.outer(OFFSETS, OFFSETS)) / 2.0
+SAME, APART = (_MIDDLE <= 2.0) & (_BETWEEN == 0), (_MIDDLE <= 2.0) & (_BETWEEN >= 1) & (_BETWEEN <= 3)
+"""Pairs of a direction of leaving and one of arriving, with their middle near the echo: the same, and one to three
+cells apart."""
+
+NEAREST_LENGTHS = 4.0
+"""Nearer than so many lengths of the aperture, its two ends look at an echo from directions 14 degrees apart,
+and what is a little out of focus seems to arrive from elsewhere."""
+
+SAMPLES_A_CELL = 8
+"""Samples of a beam in one resolution cell."""
+
+LARGEST_OWN = 0.6
+"""If beams share more than this with beams a cell or more away, they do not tell where an echo comes back from."""
+
+CHUNK, LOBE_SAMPLES = 64, 1_000_000
+"""Points, and phases of lobes, treated at once; bounds the memory."""
+
+WORTH_WINDOWS = 32
+"""Points from which on it pays to cut the sweep into windows of range: profiles over range take as long as ten or
+twenty points take without."""
+
+
+def _phasors(phase: Array) -> NDArray[np.complex64]:
+    """``exp(j phase)`` in single precision; whole turns are taken away before."""
+    phase = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))).astype(np.float32)
+    out = np.empty(phase.shape, dtype=np.complex64)
+    np.cos(phase, out=out.real)
+    np.sin(phase, out=out.imag)
+    return out
+
+
+class _Aperture(NamedTuple):
+    """The transmitters, or the receivers, weighted against the side lobes of bright glints.
+
+    The `weight` (n,) of elements at `position` (n, 3) [m] is a Hann window along the aperture's principal axis; those
+    at the same place share its weight. `places` counts the different places, and `centre` (3,) [m] is their mean.
+    """
+
+    position: Array
+    weight: Array
+    centre: Array
+    places: int
+
+    @classmethod
+    def of(cls, position: Array, wavelength: float) -> _Aperture:
+        """The aperture of elements at positions (n, 3) [m]; `wavelength` [m] says which of them coincide."""
+        distance = SAME_PLACE * wavelength
+        rounded, place, count = np.unique(np.rint(position / distance), axis=0, return_inverse=True, return_counts=True)
+        place, places = place.ravel(), rounded * distance
+        centre = places.mean(axis=0)
+        # Sorted places have one principal axis, whatever the order of the elements.
+        along = (places - centre) @ _axis(places - centre)
+        # The aperture reaches half a mean pitch beyond its outermost places: the window gives none the weight zero.
+        length = max(float(np.ptp(along)), distance)
+        margin = 0.5 * length / np.unique(np.rint(along / distance)).size
+        share = (along - along.min() + margin) / (np.ptp(along) + 2.0 * margin)
+        return cls(position, (np.sin(np.pi * share) ** 2 / count)[place], centre, count.size)
+
+    @property
+    def along(self) -> Array:
+        """Places of the elements along the principal axis, from the centre, (n,) [m]."""
+        offset = self.position - self.centre
+        return np.asarray(offset @ _axis(offset))
+
+    def beam(self, k: float, sine: Array) -> Array:
+        """Amplitude of the beam, relative to its peak, where u differs from its own direction by `sine`, (m,)."""
+        along = self.along
+        parts = np.array_split(sine, 1 + sine.size * along.size // LOBE_SAMPLES)  # bounds the memory
+        level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ self.weight) for part in parts])
+        return np.asarray(level / self.weight.sum())
+
+
+def _axis(offset: Array) -> Array:
+    """The principal axis of positions (n, 3) about their centre, a unit vector."""
+    return np.asarray(np.linalg.svd(offset, full_matrices=False)[2][0])
+
+
+def _apertures(sweep: xr.Dataset) -> list[_Aperture]:
+    """The transmitters and the receivers of a sweep."""
+    shortest = 2.0 * np.pi / float(wavenumber(sweep)[-1])
+    return [_Aperture.of(position, shortest) for position in antenna_positions(sweep)]
+
+
+def grating_lobe(sweep: xr.Dataset) -> float:
+    """The largest lobe of the receivers that is told from the main one, relative to it; zero where there is none.
+
+    A ghost that stands where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main
+    one, as of antennas more than a wavelength apart, cannot be told from it.
+    """
+    aperture = _apertures(sweep)[1]
+    k = float(wavenumber(sweep).mean())
+    length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
+    if length < 1.0:
+        return 0.0
+    level = aperture.beam(k, np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length))
+    lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
+    return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
+
+
+def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
+    """Amplitude, relative to an echo, at which an image repeats it where u differs from its direction by `sine`, (n,).
+
+    All antennas count alike in an image, so that this is the product of the beams of both apertures. The largest over
+    the band counts, for grating lobes wander with the wavelength; zero where it is not well above the side lobes of
+    full apertures of the same lengths L, ``1 / (pi L u)`` of each, L in wavelengths.
+    """
+    sides, k = [side._replace(weight=np.ones(len(side.position))) for side in _apertures(sweep)], wavenumber(sweep)
+    some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
+    level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
+    lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]
+    full = np.prod([1.0 / np.maximum(np.pi * length * np.abs(sine), 1.0) for length in lengths], axis=0)
+    return np.where(level > ABOVE_FULL * full, level, 0.0)
+
+
+def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """How much of an echo at ranges [m] and u, (n,) each, arrives from the direction in which it left: 0 to 1, (n,).
+
+    Let ``B(u, u')`` be the sum over transmitters, focused on a point at range r in direction u, and over receivers,
+    focused at the same range in direction u'. The ratio is ``|B(u, u)| / max over u' of |B(u, u')|``: near one for an
+    echo that came back the way it went out, small for one that arrives from elsewhere. The points are taken at the
+    height of the radar, the mean of the heights of its two apertures. Where all transmitters, or all receivers, stand
+    at one place, directions cannot be told, and all ratios are one.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
+    if min(aperture.places for aperture in _apertures(sweep)) < 2:
+        return np.ones(range_.size)
+    # Steps of half the beam width of the receivers.
+    beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
+    ring = np.broadcast_to(np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1), (range_.size, 2 * beams + 1))
+    level = _bistatic(sweep, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
+    return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
+
+
+def heard_by(
+    sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], heard: NDArray[np.bool_]
+) -> Array:
+    """Mean amplitude of echoes at ranges [m] and u, (n,) each, that some antennas hear of what some have sent, (n,).
+
+    `sent` (n, tx) and `heard` (n, rx) choose the antennas for each echo, whose signals are focused on it.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
+    level = _bistatic(sweep, view, range_, u[:, None], u[:, None], (sent, heard))[:, 0, 0]
+    tx, rx = (aperture.weight for aperture in _apertures(sweep))
+    return np.asarray(level / ((sent @ tx) * (heard @ rx)))
+
+
+def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """Share of the energy about echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
+
+    What scatters once, at one place, returns from the direction in which it was sent; what scatters at several objects
+    on its way leaves towards one of them and arrives from another. With B as in `direction_ratio` and its intensity
+    taken over the directions around an echo, let D be the mean where both directions are the same, and A that where
+    they are one to three resolution cells apart. A radar's own beams give A = h D to what scatters once, with h < 1,
+    and A = D to what leaves and arrives anyhow, so that of the two the first has the share ``(1 - A / D) / (1 - h)``.
+    This is the common-midpoint profile of the focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys.
+    Rev. X 10, 021048, 2020). NaN where the apertures cannot tell, or an echo is too near.
+
+    Raises
+    ------
+    InputError
+        As `direction_ratio`.
+    """
+    sides, share = _apertures(sweep), np.full(range_.size, np.nan)
+    own = _beams_alone(sides, float(wavenumber(sweep).mean()), view.u_cell)
+    length = max(float(np.linalg.norm(np.ptp(aperture.position, axis=0))) for aperture in sides)
+    far = range_ >= NEAREST_LENGTHS * length
+    if own > LARGEST_OWN or not far.any():
+        return share
+    most = LARGEST_SINE - OFFSETS[-1] * view.u_cell
+    around = np.clip(u[far], -most, most)[:, None] + OFFSETS * view.u_cell
+    power = _bistatic(sweep, view, range_[far], around, around) ** 2
+    same, apart = power[:, SAME].mean(axis=1), power[:, APART].mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share[far] = np.clip((1.0 - apart / same) / (1.0 - own), 0.0, 1.0)
+    return share
+
+
+def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
+    """How much of the echo of a rough surface beams some cells apart still share: h of `confocal_share`, at most one.
+
+    The surface sends each direction back with a random phase of its own, so that intensities add.
+    """
+    if min(aperture.places for aperture in sides) < 2:
+        return 1.0
+    step, most = u_cell / SAMPLES_A_CELL, 2 * int(OFFSETS[-1]) * SAMPLES_A_CELL
+    sine = step * np.arange(-most, most + 1, dtype=float)
+    tx, rx = (aperture.beam(k, sine) ** 2 for aperture in sides)
+    shared = np.convolve(tx, rx)
+    apart = np.abs(np.subtract.outer(OFFSETS, OFFSETS))[APART] * SAMPLES_A_CELL
+    middle = shared.size // 2
+    return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
+
+
+def _group_size(k: Array, spread: float) -> int:
+    """Frequencies of a group, by wavenumbers [1/m] and the largest distance of a receiver from the radar [m]."""
+    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
+    return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
+
+
+def _windows(sweep: xr.Dataset) -> RangeWindows:
+    """The samples of a sweep (frequency, tx, rx), to be gated to the ranges of echoes under a Hann taper."""
+    k = wavenumber(sweep)
+    return RangeWindows(k, sweep["s"].values, hann(k.size))
+
+
+def bytes_at_once(sweep: xr.Dataset) -> float:
+    """Memory [bytes] that this module takes for a sweep.
+
+    That is for profiles over range, and for what all cores together work on: windows of the profiles, phasors of the
+    transmitters, what the receivers hear.
+    """
+    k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
+    radar, windows = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), _windows(sweep)
+    reach = [float(np.linalg.norm(side - radar, axis=1).max()) for side in (tx, rx)]
+    groups = np.ceil(k.size / _group_size(k, reach[1]))
+    count = windows.frequencies(0.0, 2.0 * sum(reach))
+    cut = 2.0 * 8.0 * count * len(tx) * len(rx) if count < k.size else 0.0
+    beams = 8.0 * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
+    return cpu_count() * (cut + beams) + (windows.profile_bytes if cut else 0.0)
+
+
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
+def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
+    """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
+
+    Places (n, 3) and receivers (3, receivers) count from a point that all places are at the distance r of. All is in
+    single precision. The field (m, groups, 2, receivers) holds real and imaginary parts; the sum over groups is taken
+    by Horner's rule.
+    """
+    beams, groups, _, count = field.shape
+    square, path = np.empty((2, count), np.float32)
+    cos, sin, re, im = np.empty((4, count), np.float32)
+    step_cos, step_sin = np.empty((2, count), np.float32)
+    for x in range(count):
+        square[x] = receivers[0, x] ** 2 + receivers[1, x] ** 2 + receivers[2, x] ** 2
+    for n in range(places.shape[0]):
+        px, py, pz = np.float32(2.0) * places[n]
+        for x in range(count):
+            # Of |p - x|^2 - r^2 all digits count, where the difference of the roots would keep few.
+            beyond = square[x] - px * receivers[0, x] - py * receivers[1, x] - pz * receivers[2, x]
+            path[x] = beyond / (np.sqrt(r * r + beyond) + r)
+        for x in range(count):
+            cos[x], sin[x] = unit_phasor(turns[0] * path[x])
+        for x in range(count):
+            step_cos[x], step_sin[x] = unit_phasor(turns[1] * path[x])
+        for m in range(beams):
+            for x in range(count):
+                re[x], im[x] = field[m, groups - 1, 0, x], field[m, groups - 1, 1, x]
+            for g in range(groups - 2, -1, -1):
+                for x in range(count):
+                    turned = re[x] * step_cos[x] - im[x] * step_sin[x] + field[m, g, 0, x]
+                    im[x] = re[x] * step_sin[x] + im[x] * step_cos[x] + field[m, g, 1, x]
+                    re[x] = turned
+            total_re, total_im = np.float32(0.0), np.float32(0.0)
+            for x in range(count):
+                total_re += re[x] * cos[x] - im[x] * sin[x]
+                total_im += re[x] * sin[x] + im[x] * cos[x]
+            out[n, m] = np.sqrt(total_re * total_re + total_im * total_im)
+
+
+def _bistatic(
+    sweep: xr.Dataset,
+    view: ImageView,
+    range_: Array,
+    sent: Array,
+    heard: Array,
+    only: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None,
+) -> Array:
+    """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
+
+    `only` chooses transmitters (n, tx) and receivers (n, rx) for each.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
+    data = sweep["s"]
+    if data.dims != ("frequency", "tx", "rx"):
+        wanted = "expected (frequency, tx, rx); choose one frame or polarization"
+        raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
+    tx, rx = _apertures(sweep)
+    height = 0.5 * float(tx.centre[2] + rx.centre[2])
+    radar = np.append(view.radar, height)
+    spread = [float(np.linalg.norm(side.position - radar, axis=1).max()) for side in (tx, rx)]
+    receivers = np.ascontiguousarray((rx.position - radar).T, dtype=np.float32)
+    windows = _windows(sweep)
+    if range_.size * sent.shape[1] >= WORTH_WINDOWS:
+        windows.transform()
+
+    def places(range_: Array, u: Array) -> Array:
+        """Positions (..., 3) [m] at the radar's height."""
+        plan = view.to_points(range_, u)
+        return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
+
+    level = np.empty((range_.size, heard.shape[1], sent.shape[1]))
+    near_first = np.argsort(range_, kind="stable")  # neighbours in range share a window
+    at_once = max(CHUNK // sent.shape[1], 1)
+
+    def listen(first: int) -> None:
+        """|sum over transmitters, receivers and frequencies| for some points."""
+        part = near_first[first : first + at_once]
+        paths = 2.0 * range_[part]
+        k, samples, taper = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
+        dk, size = float(k[-1] - k[0]) / max(k.size - 1, 1), _group_size(k, spread[1])
+        r = np.repeat(range_[part], sent.shape[1])
+        # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
+        path = cdist(tx.position, places(r, sent[part].ravel())) + r
+        sends, hears = (
+            side.weight[:, None] * (1.0 if only is None else np.repeat(only[i][part], sent.shape[1], axis=0).T)
+            for i, side in enumerate((tx, rx))
+        )
+        send, turn = sends.astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
+        # With what is left over for the last group.
+        field = np.zeros((-(-k.size // size), len(rx.position), r.size), dtype=np.complex64)
+        arrives = np.empty(field.shape[1:], dtype=np.complex64)
+        for number, weight in enumerate(taper):
+            np.matmul(samples[number].T, send, out=arrives)
+            arrives *= weight
+            field[number // size] += arrives
+            send *= turn
+        field *= hears.astype(np.float32)
+        of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
+        # A group's middle frequency counts.
+        turns = (np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)).astype(np.float32)
+        for point, beams in zip(part, of_points, strict=True):
+            beyond, directions = range_[point], heard[point]
+            at = (places(np.full(directions.size, beyond), directions) - radar).astype(np.float32)
+            split = np.ascontiguousarray(np.stack([beams.real, beams.imag], axis=2))
+            _hear(at, receivers, np.float32(beyond), turns, split, level[point])
+
+    with one_thread():
+        for_each(listen, range(0, range_.size, at_once))
+    return level

@@ -1,0 +1,67 @@
+"""Objects that are left out once the tree is found: known walls and objects, or far brighter echoes, explain them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mirrorfold.common.types import Chain, Names
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
+from mirrorfold.tree.explaining.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls, flat_objects
+from mirrorfold.tree.explaining.late_edges import late_edges
+from mirrorfold.tree.explaining.misplaced import LATE
+from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
+from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
+from mirrorfold.tree.mirror_tree import MirrorTree
+
+
+def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
+    """What was found, without the objects that the tree itself explains.
+
+    They would stand behind known walls or objects, went to and fro between an object and a wall, come from beyond the
+    ambiguous range by the edge of a wall, or may be side lobes.
+
+    Parameters
+    ----------
+    found : Found
+    view : View
+    bent : sequence of Mirror
+        Curved rows of echoes of which nothing tells that they are mirrors.
+    """
+    ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_objects(found)
+    between = to_and_fro(found, view)
+    told = (
+        (LATE, lambda node: late_edges(node.objects, ways, view)),
+        (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
+        (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
+        (TO_AND_FRO, lambda node: between[node.chain]),
+        (OUTSHONE, lambda node: outshone(node.objects, view)),
+    )
+    found = _without(found, {
+        node.chain: np.select([tells(node) for _, tells in told], [reason for reason, _ in told], "")
+        for node in found.tree.walk()
+    })  # fmt: skip
+    # Only objects that are left hide others.
+    hidden = behind_objects(found, view)
+    return _without(found, {chain: np.where(marks, BEHIND_AN_OBJECT, "") for chain, marks in hidden.items()})
+
+
+def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:
+    """What was found, without the objects of each chain that have a reason (n,) to be left out; others have ""."""
+    if not any((reason != "").any() for reason in reasons.values()):
+        return found
+
+    def kept(node: MirrorTree) -> MirrorTree:
+        objects = node.objects.take(reasons[node.chain] == "")
+        return replace(node, objects=objects, mirrors=tuple(map(kept, node.mirrors)))
+
+    gone = [(node.objects.take(doubt != ""), doubt[doubt != ""]) for node in found.tree.walk()
+            for doubt in [reasons[node.chain]]]  # fmt: skip
+    elsewhere = found.elsewhere.joined(*(echoes for echoes, _ in gone))
+    explanation = np.concatenate([found.explanation, *(doubt for _, doubt in gone)])
+    return found._replace(tree=kept(found.tree), elsewhere=elsewhere, explanation=explanation)

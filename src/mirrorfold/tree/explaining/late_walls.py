@@ -1,0 +1,105 @@
+"""Echoes of walls that face each other, from beyond the ambiguous range.
+
+Between two walls a wave goes to and fro and hardly fades: the image shows wall behind wall. Where equal frequency steps
+cannot tell the range r from r - P, with P the ambiguous range, walls from beyond P stand among the objects nearby. Many
+ways by rough walls add up there, so that no curvature of the waves tells how far they have come (see `wrapped`); but
+both walls are known, and lines of sight can be followed from one to the other.
+"""
+
+from __future__ import annotations
+
+from itertools import cycle, permutations
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.search.lines import SMALLEST_FILL
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.tree.explaining.true_walls import BEYOND, strongest_flat, true_ends
+from mirrorfold.tree.ordering import Order
+
+CELLS, ACROSS_CELLS = 1.0, 1.0
+"""How far an echo may be from where it is expected, in range cells and in resolution cells aside: it is seen half a
+cell off, and so are walls, whose errors grow from one to the next."""
+
+APART_CELLS = 4.0
+"""Walls stand so many range cells apart, at least; what is nearer is another piece of the same."""
+
+FEWEST_BOUNCES = 3
+"""A wave goes to and fro if it meets walls at least so often."""
+
+STRETCH_CELLS = 8.0
+"""Stretch of a row, in resolution cells, that must be filled: how long a row is nobody knows, as objects may hide parts
+of it, but a few objects that stand there by chance do not fill so much."""
+
+BRIGHTER_DB = 12.0
+"""Such an echo is at most so much stronger than the brighter of both walls would be that far away: the wave has lost
+something at each wall, but a wall that faces the radar shows a glint, four times the middle of its row. Objects nearby
+are stronger: an image amplifies echoes by their range, and a late one by the range that it seems to have."""
+
+
+def from_late_walls(order: Order, echoes: Echoes) -> Mask:
+    """Which echoes stand where walls are seen by way of each other beyond the ambiguous range, (n,).
+
+    They come from no farther than twice that range, are as weak as an echo from there, and fill a row as walls do, but
+    no object that stands there by chance. In a volume, and where ranges do not repeat, none.
+
+    Parameters
+    ----------
+    order : Order
+        Of the mirrors.
+    echoes : Echoes
+    """
+    found, view = np.zeros(len(echoes), dtype=bool), order.sight.view
+    if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous):
+        return found
+    ways = [order.way(index) for index in range(len(order.mirrors))]
+    walls = [(true_ends(way), way[-1].strength) for way in strongest_flat(ways)]
+    faded = (echoes.range / (echoes.range + view.ambiguous)) ** view.power
+    aside = round(ACROSS_CELLS * view.u_cell / view.du)
+    beside = np.clip(echoes.direction + np.arange(-aside, aside + 1)[:, None], 0, len(view.sight) - 1)
+    stretch = round(STRETCH_CELLS * view.u_cell / view.du)
+    for (first, strength), (second, second_strength) in permutations(walls, 2):
+        weak = echoes.amplitude <= 10.0 ** (BRIGHTER_DB / 20.0) * max(strength, second_strength) * faded
+        late_ways = met_in_turn(view, first, second, 2.0 * view.ambiguous)[FEWEST_BOUNCES - 1 :] - view.ambiguous
+        for late in late_ways:
+            expected = late > view.range[0]
+            on_it = expected[beside] & (np.abs(late[beside] - echoes.range) <= CELLS * view.range_cell)
+            on_it = weak & on_it.any(axis=0)
+            filled = np.zeros_like(expected)
+            filled[echoes.direction[on_it]] = True
+            full = uniform_filter1d(filled.astype(float), stretch, mode="constant") >= SMALLEST_FILL
+            found |= on_it & maximum_filter1d(full, stretch)[echoes.direction]
+    return found
+
+
+def met_in_turn(view: ImageView, first: Array, second: Array, farthest: float) -> Array:
+    """Ranges at which lines of sight meet two walls in turn, (bounces, nu) [m]; NaN where they do no more.
+
+    Parameters
+    ----------
+    view : ImageView
+    first, second : (2, 2) arrays [m]
+        Ends of the wall that is met first and of the other wall, where they truly stand.
+    farthest : float [m]
+        Range up to which lines of sight are followed.
+    """
+    place, sight = np.repeat(view.radar[None], len(view.sight), axis=0), view.sight
+    range_, met = np.zeros(len(view.sight)), list[Array]()
+    for start, end in cycle((first, second)):
+        along, normal = end - start, segment_normal(start, end)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            way = (start - place) @ normal / (sight @ normal)
+            place = place + way[:, None] * sight
+            share = (place - start) @ along / (along @ along)
+            range_ = range_ + way
+            on_it = (way > APART_CELLS * view.range_cell) & (np.abs(share - 0.5) <= 0.5 + BEYOND)
+            range_ = np.where(on_it & (range_ <= farthest), range_, np.nan)
+        if np.isnan(range_).all():
+            break
+        met.append(range_)
+        sight = sight - 2.0 * (sight @ normal)[:, None] * normal
+    return np.reshape(met, (len(met), len(view.sight)))

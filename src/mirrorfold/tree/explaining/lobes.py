@@ -1,0 +1,45 @@
+"""Echoes that are grating lobes of brighter ones at the same range: of arrays whose antennas stand too far apart.
+
+The image shows the product of both beams: a lobe of the transmitters and one of the receivers at the same place are as
+many decibels below the echo as both together are below their main lobes. A full array has no such lobes; where every
+third antenna is missing, they are 12 dB below the echo.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import label, maximum, maximum_filter1d
+
+from mirrorfold.common.types import Array
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.view import in_pieces
+from mirrorfold.tree.explaining.directions import beside_main_lobe
+
+LOBE = "is a grating lobe of a brighter one"
+
+MARGIN_DB = 3.0
+"""A lobe may be so much stronger than the strongest one expected at its place: those of two echoes add."""
+
+HIGHEST = 0.5
+"""A lobe as high as this, relative to its echo, explains none: an echo would pass for the lobe of its own ghost."""
+
+
+def lobe_level(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """Amplitude of the strongest lobe of what the view shows at ranges [m] and u, (n,) each; zero where there is none.
+
+    `sweep` is that of several transmitters and receivers.
+    """
+    cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
+    level = beside_main_lobe(sweep, view.u - view.u[0])
+    each, count = label(level > 0.0)
+    height = np.asarray(maximum(level, each, np.arange(count + 1)))
+    level[height[each] >= HIGHEST] = 0.0
+    level = maximum_filter1d(level, cell)
+    brightest = maximum_filter1d(view.amplitude, cell, axis=0)
+    row = view.row(range_)
+    beside, found = np.arange(view.u.size), np.empty(range_.size)
+    for some in in_pieces(range_.size):
+        column = view.column(u[some])
+        found[some] = (level[np.abs(column[:, None] - beside)] * brightest[row[some]]).max(axis=1)
+    return found

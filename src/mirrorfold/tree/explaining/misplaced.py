@@ -1,0 +1,90 @@
+"""Echoes that come from elsewhere than where they stand in the image, told by the sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.types import Array, Names
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio, grating_lobe
+from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
+from mirrorfold.tree.explaining.wrapped import wrapping_ratio
+from mirrorfold.tree.grouping import strongest
+
+SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
+"""True echoes have ratios near one, glints of faces somewhat less, mixed paths far below a half. Where antennas are
+missing, ghosts by grating lobes have the ratio of the lobe (a half, if every third is): then this many times it."""
+
+LARGEST_WRAPPING_RATIO = 1.15
+"""Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
+from there fit several times better. Far away, where waves are flat either way, both fit alike."""
+
+LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
+
+GHOST_CELLS = 0.5
+"""An echo this close, in resolution cells, to a known ghost is that ghost."""
+
+Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
+Known = dict[tuple[Measure, float, float], float]
+
+
+def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Names:
+    """What makes echoes of a view stand elsewhere than where they are seen, (n,); empty for those that do not.
+
+    `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
+    """
+    known = {} if known is None else known
+    claimed = 10.0 ** (MARGIN_DB / 20.0) * _once_a_cell(lobe_level, *_seen(echoes), sweep, view, known)
+    beside = echoes.amplitude <= claimed
+    late = _once_a_cell(wrapping_ratio, *_seen(echoes), sweep, view, known) > LARGEST_WRAPPING_RATIO
+    mixed = np.zeros_like(late)
+    rest = echoes.take(~(late | beside))
+    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(sweep))
+    mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), sweep, view, known) < least
+    return np.select([beside, late, mixed], [LOBE, LATE, MIXED], "")
+
+
+def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:
+    """`misplaced` by ghosts that are known from before, at places (m, d) [m] with an `explanation` each, (m,)."""
+    distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(echoes.position))
+    return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
+
+
+def confocal(position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
+    """`confocal_share` of echoes at positions (n, 2) [m] of the image, measured once in each resolution cell, (n,)."""
+    return _once_a_cell(confocal_share, position, amplitude, sweep, view, known)
+
+
+def known_confocal(position: Array, amplitude: Array, view: ImageView, places: Array, share: Array) -> Array:
+    """`confocal` by what was measured before at places (m, 2) [m]: its `share` (m,), NaN for echoes elsewhere, (n,)."""
+    if not len(places):
+        return np.full(len(position), np.nan)
+    distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(position))
+    return np.where(distance <= GHOST_CELLS, share[nearest], np.nan)
+
+
+def _seen(echoes: Echoes) -> tuple[Array, Array]:
+    return echoes.position, echoes.amplitude
+
+
+def _once_a_cell(
+    measure: Measure, position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known
+) -> Array:
+    """What `measure` says of echoes, (n,): measured once in each resolution cell, at its brightest echo."""
+    if not len(position):
+        return np.zeros(0)
+    range_, u = view.to_polar(position)
+    cells = view.in_cells(position).T.astype(np.intp)
+    cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
+    brightest = strongest(cell, amplitude)
+    where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
+    if new := [place for place in where if place not in known]:
+        range_, sine = np.array([place[1:] for place in new]).T
+        known |= dict(zip(new, measure(sweep, view, range_, sine).tolist(), strict=True))
+    return np.array([known[place] for place in where])[cell]

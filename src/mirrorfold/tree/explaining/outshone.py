@@ -1,0 +1,31 @@
+"""Echoes so weak beside the brightest one at their range that they may be side lobes of it.
+
+The side lobes of a full aperture of equal antennas are known, and never taken for echoes. True ones are higher:
+antennas that differ by a few percent leave lobes 40 dB below a bright glint in all directions. And where only a part
+of the array, D wide, sees the glint, past the end of a mirror or beside an object, its lobes fall no faster than
+``1 / (pi D u / lambda)``. Such echoes are left out once the whole tree is found: until then they hide what is behind
+them, and a wall may go on through them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from mirrorfold.common.types import Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.view import View
+
+OUTSHONE = "may be a side lobe of a much brighter one"
+
+OUTSHONE_DB = 40.0
+"""An echo this much weaker than the brightest within a resolution cell of its range is no evidence of an object."""
+
+
+def outshone(objects: Echoes, view: View) -> Mask:
+    """Which objects may be side lobes of brighter echoes at their range, (n,); in a volume none."""
+    if not isinstance(view, ImageView):
+        return np.zeros(len(objects), dtype=bool)
+    brightest = maximum_filter1d(view.amplitude.max(axis=1, initial=0.0), 2 * SAMPLES_PER_CELL + 1)
+    return np.asarray(objects.amplitude < brightest[view.row(objects.range)] * 10.0 ** (-OUTSHONE_DB / 20.0))

@@ -1,0 +1,86 @@
+"""Objects that cast no shadow on the wall behind them, and hide little.
+
+An opaque object hides the part of a wall that stands behind it. Where the row of echoes of that wall goes on undimmed,
+no such object stands before it: the echo before the wall comes from elsewhere, or from an object so small that the
+array looks around it. Such an echo hides only what is not clearly brighter than itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Mask
+from mirrorfold.detection.echoes import Echoes, brightest_of
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.grouping import object_numbers
+from mirrorfold.tree.lines_of_sight import CLEAR_DB, OUTSHINES_DB
+
+UNDIMMED_DB = 10.0
+"""Where nothing stands before a wall, speckle takes its mean power over a beam no farther below its usual level."""
+
+BEFORE = 0.5
+"""A wall tells of an object if it stands behind this share, at least, of the directions that the object covers."""
+
+SEEN_PAST = 0.5
+"""A wall tells of objects if more than this share of it is seen past all of them."""
+
+
+def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:
+    """The objects with the amplitudes by which they hide what is behind them, lower where they cast no shadow.
+
+    Parameters
+    ----------
+    objects, mirrors, crossing, view
+        See `cast_no_shadow`.
+    """
+    level = np.where(cast_no_shadow(objects, mirrors, crossing, view), 10.0 ** ((OUTSHINES_DB - CLEAR_DB) / 20.0), 1.0)
+    return replace(objects, amplitude=level * objects.amplitude)
+
+
+def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Mask:
+    """Which objects in line of sight stand before mirrors whose echoes go on behind them, brighter than they are, (n,).
+
+    All echoes of one object do or none. A mirror tells if most of it is seen past all objects: else it may be an image
+    that these reflect, as behind a wall that is seen edge-on. In a volume, nothing is said.
+
+    Parameters
+    ----------
+    objects : Echoes
+    mirrors : sequence of Mirror
+    crossing : (mirrors, directions) array [m]
+        Range at which each line of sight meets each mirror, infinite where it passes it by.
+    view : View
+    """
+    if not isinstance(view, ImageView) or not len(objects) or not mirrors:
+        return np.zeros(len(objects), dtype=bool)
+    number = object_numbers(view, objects.range, objects.direction)
+    back = objects.range + view.object_depth(objects.range)
+    brightest = brightest_of(number, objects.amplitude)
+    depth = np.zeros(brightest.size)
+    np.maximum.at(depth, number, back)
+    row, direction = view.within(objects.position, view.covered_angle)
+    covering, covered = np.unique([number[row], direction], axis=1)
+    hidden_from = np.full(len(view.sight), np.finfo(float).max)  # range in each direction [m]
+    np.minimum.at(hidden_from, direction, back[row])
+    past = np.count_nonzero(crossing <= hidden_from, axis=1)
+    tells = past > SEEN_PAST * np.count_nonzero(np.isfinite(crossing), axis=1)
+    crossing = np.where(tells[:, None], crossing, np.inf)
+    nearest, first = crossing.min(axis=0)[covered], crossing.argmin(axis=0)[covered]
+    met = np.isfinite(nearest)
+    shown = np.zeros(met.size)
+    shown[met] = view.power_at(nearest[met], view.u[covered[met]])
+    usual = np.array([mirror.strength for mirror in mirrors])[first] * 10.0 ** (-UNDIMMED_DB / 20.0)
+
+    def summed(values: Array) -> Array:
+        """Their sum over the directions that each object covers, (objects,)."""
+        return np.bincount(covering, weights=values, minlength=len(depth)).astype(float)
+
+    meets = summed(met)
+    told = (meets >= BEFORE * summed(np.ones(met.size))) & (summed(met & (nearest <= depth[covering])) == 0.0)
+    told &= summed(shown) >= np.maximum(meets * brightest**2, summed(met * usual**2))
+    return np.asarray(told[number])

@@ -1,0 +1,103 @@
+"""Echoes that have gone to and fro between an object and a wall beside it.
+
+An object near a wall sends a part of the wave on to that wall, square to it; the wall sends it back to the same place
+of the object, and this place to the radar. By a place at range r0, the distance d away from the wall, an echo stands at
+r0 + d in the same direction, behind the object; after a second turn another stands at r0 + 2 d. Where the object is
+smooth, all turns are glints, and the first echo is as bright as the object's own face: brightness does not tell it from
+the echo of another object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection.views.view import View
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
+from mirrorfold.tree.grouping import object_numbers
+from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+
+TO_AND_FRO = "went to and fro between a thing and a wall"
+
+APART_CELLS = 1.0
+"""What is fewer range cells apart is not told apart: a wall from a place beside it, an echo from one in front of it."""
+
+BRIGHTER_DB = 6.0, -10.0
+"""How much brighter an echo may be than the brightest of the object before it, after one turn and after two. A turn
+does not make an echo brighter, but speckle may. The vertex of a corner, a true object that stands at such a place, is
+brighter than the edges before it by 16 dB and more."""
+
+
+def to_and_fro(found: Found, view: View) -> dict[Chain, Mask]:
+    """Which objects of each chain of mirrors went to and fro between a known object and a known wall, (n,) each.
+
+    The known object may be seen by way of other mirrors than the echo. In a volume nothing is said, nor of
+    curved mirrors and walls.
+
+    Parameters
+    ----------
+    found : Found
+    view : View
+    """
+    sight, ways, folds = found.sight, found.tree.ways(), found.tree.folds()
+    objects = {node.chain: node.objects for node in found.tree.walk()}
+    marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
+    if not isinstance(view, ImageView):
+        return marks
+    stands = np.concatenate([folds[chain](echoes.position) for chain, echoes in objects.items()])
+    level = np.concatenate([_brightest(echoes, view) for echoes in objects.values()])
+    flat = {chain: way for chain, way in ways.items() if not any(mirror.curved for mirror in way)}
+    walls = [true_ends(way) for way in flat.values() if way]
+    number = {(): ROOT} | {chain: index for index, chain in enumerate(sight.chain) if chain}
+    for chain, way in flat.items():
+        place, later, behind = _behind(objects[chain], stands, way, sight, number[chain])
+        for wall in walls:
+            away, beyond = square_distances(stands[place], wall)
+            met = (beyond <= view.cell(objects[chain].range[later])) & (away > APART_CELLS * view.range_cell)
+            for turn, brighter in enumerate(BRIGHTER_DB, 1):
+                told = met & (np.abs(turn * away - behind) <= EXPECTED_CELLS * view.range_cell)
+                told &= objects[chain].amplitude[later] <= 10.0 ** (brighter / 20.0) * level[place]
+                marks[chain][later[told]] = True
+    return marks
+
+
+def _behind(
+    echoes: Echoes, stands: Array, way: Sequence[Mirror], sight: LinesOfSight, index: int
+) -> tuple[Array, Array, Array]:
+    """Pairs of one of the places `stands` (n, 2) [m] and an echo behind it, (pairs,) each, and how far behind it [m].
+
+    The mirrors of a way, the last of number `index`, show the place in a direction that its beam shares with the echo.
+    """
+    view, seen = sight.view, stands
+    for mirror in way:
+        seen = mirror.reflection.inverse(seen)
+    range_, direction, inside = view.locate(seen)
+    shown = np.flatnonzero(inside)
+    shown = shown[sight.seen_through(range_[shown], direction[shown]) == index]
+    row, covered = view.within(seen[shown], view.covered_angle)
+    order = np.argsort(echoes.direction)
+    first, last = (np.searchsorted(echoes.direction, covered, side, order) for side in ("left", "right"))
+    count = last - first
+    place = np.repeat(shown[row], count)
+    later = order[np.arange(count.sum()) + np.repeat(last - np.cumsum(count), count)]
+    behind = echoes.range[later] - range_[place]
+    kept = behind > APART_CELLS * view.range_cell
+    return place[kept], later[kept], behind[kept]
+
+
+def _brightest(echoes: Echoes, view: ImageView) -> Array:
+    """Amplitude of the brightest echo of each echo's own object, before it or not told apart from it in range, (n,)."""
+    level = echoes.amplitude.copy()
+    of_object = object_numbers(view, echoes.range, echoes.direction) if len(echoes) else np.empty(0, dtype=np.intp)
+    for number in np.unique(of_object):
+        own = np.flatnonzero(of_object == number)
+        own = own[np.argsort(echoes.range[own])]
+        last = np.searchsorted(echoes.range[own], echoes.range[own] + APART_CELLS * view.range_cell, "right")
+        level[own] = np.maximum.accumulate(echoes.amplitude[own])[last - 1]
+    return level

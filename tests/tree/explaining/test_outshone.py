@@ -1,0 +1,46 @@
+"""What may be a side lobe of a far brighter echo at the same range is no object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import diffuse, radar_image, radar_view, together
+
+import mirrorfold as mf
+from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.tree.explaining.outshone import OUTSHONE, OUTSHONE_DB, outshone
+
+BRIGHT, SAME_RANGE, ELSEWHERE = np.array([0.3, 0.8]), np.array([-0.3, 0.8]), np.array([-0.3, 0.95])
+
+
+@pytest.mark.parametrize(
+    ("place", "below_db", "told"),
+    [
+        pytest.param(SAME_RANGE, OUTSHONE_DB + 3.0, True, id="weaker"),
+        pytest.param(SAME_RANGE, OUTSHONE_DB - 3.0, False, id="not so much weaker"),
+        pytest.param(ELSEWHERE, OUTSHONE_DB + 3.0, False, id="at another range"),
+    ],
+)
+def test_only_what_is_far_weaker_than_another_at_its_range(place, below_db, told):
+    level = 100.0 * 10.0 ** (-below_db / 20.0)
+    view = radar_view(np.array([BRIGHT, place]), np.array([100.0, level]), noise=1e-4)
+    echoes = find_ridges(view, threshold_db=-60.0)
+    distance = np.linalg.norm(echoes.position - place, axis=1)
+    its_peak = echoes.take(np.array([np.argmin(distance)]))
+    assert distance.min() < view.cell_at(place)
+    assert outshone(its_peak, view).tolist() == [told]
+
+
+def explained(below_db):
+    """What explains a point that is weaker by that than a glint at its range, in an image with a wall beside."""
+    wall = diffuse((0.1, 1.3), (0.9, 1.5), 3)
+    points, amplitude = together(wall, (np.array([BRIGHT, SAME_RANGE]), [400.0, 400.0 * 10.0 ** (-below_db / 20.0)]))
+    image = radar_image(points, amplitude, np.arange(-0.9, 1.2, 0.005), np.arange(0.2, 1.7, 0.005))
+    objects = mf.fold(image)["objects"].to_dataset(inherit=False)
+    distance = np.hypot(objects["x_initial"] - SAME_RANGE[0], objects["y_initial"] - SAME_RANGE[1]).values
+    return set(objects["explanation"].values[distance < 0.02].tolist())
+
+
+@pytest.mark.parametrize(("below_db", "told"), [(24.0, {""}), (43.0, {OUTSHONE})])
+def test_a_point_beside_a_glint_is_explained_by_it_if_it_is_far_weaker(below_db, told):
+    assert explained(below_db) == told
