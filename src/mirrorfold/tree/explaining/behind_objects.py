@@ -20,7 +20,7 @@ from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import last_leg
 from mirrorfold.tree.grouping import connected
 
-BEHIND_AN_OBJECT = "would stand behind another thing"
+BEHIND_AN_OBJECT = "would stand behind another object"
 
 NEIGHBOURS_CELLS = 0.75
 """Echoes at most so many resolution cells apart are those of one surface, which goes on from one to the other."""

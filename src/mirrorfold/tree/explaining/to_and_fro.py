@@ -23,7 +23,7 @@ from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distanc
 from mirrorfold.tree.grouping import object_numbers
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
-TO_AND_FRO = "went to and fro between a thing and a wall"
+TO_AND_FRO = "went to and fro between an object and a wall"
 
 APART_CELLS = 1.0
 """What is fewer range cells apart is not told apart: a wall from a place beside it, an echo from one in front of it."""
