@@ -13,7 +13,8 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.io import exports, images, importing, scan_folder
+from mirrorfold.io import images, importing
+from mirrorfold.io.exports import results, scan_folder
 
 VALUES = {
     "None": None,
@@ -33,7 +34,7 @@ UNTRIED = {"ax", "axes", "progress", "announce", "plans", "scheduler", "workers"
 NO_FUNCTIONS = {"calibrate.Bad", "calibrate.ElementCalibration", "InputError", "Scene", "Scene3D"}
 """What is made by other functions; scenes list all their mistakes."""
 
-FRONTS = {"import_data": importing, "import_image": images, "export": exports, "save_touchstone": scan_folder}
+FRONTS = {"import_data": importing, "import_image": images, "export": results, "save_touchstone": scan_folder}
 """Where the arguments of functions of the flat face stand that pass on what they are given."""
 
 

@@ -146,10 +146,10 @@ class Readers(Target):
         return name if name.startswith(("positions", "scan", "mapping")) else f"case-{name}"
 
     def read(self, path: Path, way: int) -> None:
-        from mirrorfold.io.guess import guess_mapping
+        from mirrorfold.io.guessing.guess import guess_mapping
         from mirrorfold.io.images import import_image
         from mirrorfold.io.importing import import_data
-        from mirrorfold.io.mapping import load_mapping
+        from mirrorfold.io.mapping.model import load_mapping
         from mirrorfold.io.readers import read_contents
 
         if path.name.startswith(("positions", "scan")):

@@ -139,7 +139,8 @@ def fold(
         Memory that the process may hold in all; what needs more is refused before the work. By default what is free.
     finished : mutable mapping of int to xarray.DataTree, optional
         Of a recording: frames that are done are put into it, and those that are in it already are not made again. With
-        a dict an interrupted call can be repeated from where it was; `mirrorfold.io.frame_folder` keeps them on disk.
+        a dict an interrupted call can be repeated from where it was; `mirrorfold.io.own.frame_folder` keeps them on
+        disk.
     progress : callable (done, total), optional
 
     Returns

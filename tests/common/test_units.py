@@ -15,8 +15,8 @@ from mirrorfold.cli.planning import parse_band, parse_roughness
 from mirrorfold.cli.program import FUNCTIONS
 from mirrorfold.cli.results import parse_axis
 from mirrorfold.common.units import KINDS, parse_quantities, parse_quantity, unit_named
-from mirrorfold.io.mapping import Places, Values
-from mirrorfold.io.positions import Scan
+from mirrorfold.io.mapping.model import Places, Values
+from mirrorfold.io.scans.positions import Scan
 from mirrorfold.scenes.floor_plan import parse_scene
 
 

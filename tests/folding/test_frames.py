@@ -154,7 +154,7 @@ def test_reconstruct_writes_one_folder_for_a_recording(sweep, tmp_path, monkeypa
 
 
 def test_frames_of_other_settings_are_made_anew(recording, tmp_path, monkeypatch):
-    from mirrorfold.io.frame_folder import FrameFolder
+    from mirrorfold.io.own.frame_folder import FrameFolder
 
     monkeypatch.chdir(tmp_path)
     path = mf.save(recording, tmp_path / "recording.nc")
@@ -170,7 +170,7 @@ def test_frames_of_other_settings_are_made_anew(recording, tmp_path, monkeypatch
 
 @pytest.mark.slow
 def test_a_frame_that_cannot_be_trusted_is_made_again(recording, folded, tmp_path):
-    from mirrorfold.io.frame_folder import FrameFolder
+    from mirrorfold.io.own.frame_folder import FrameFolder
 
     path = mf.save(recording, tmp_path / "recording.nc")
     kept = FrameFolder(tmp_path / "f", [path], {})

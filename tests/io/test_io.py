@@ -15,8 +15,9 @@ from profiles import examples
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
-from mirrorfold.io import load_geometry, netcdf
+from mirrorfold.io import load_geometry
 from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
+from mirrorfold.io.own import netcdf
 from mirrorfold.io.readers import hdf5
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(60))

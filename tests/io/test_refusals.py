@@ -10,7 +10,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.io import files as output
-from mirrorfold.io.steady import SteadyFile
+from mirrorfold.io.own.steady import SteadyFile
 
 F = np.linspace(1e9, 2e9, 7)
 PLACES = np.random.default_rng(0).standard_normal((3, 3))

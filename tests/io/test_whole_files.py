@@ -20,7 +20,7 @@ from mirrorfold.common.cache import signature
 from mirrorfold.common.leftovers import remove, temporary_name, temporary_prefix
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import directory_written_whole, written_whole
-from mirrorfold.io.frame_folder import MARK, FrameFolder
+from mirrorfold.io.own.frame_folder import MARK, FrameFolder
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals and limits")
 
@@ -99,7 +99,7 @@ def test_a_file_that_cannot_fit_is_not_begun(sweep, tmp_path, monkeypatch, capsy
     path = mf.save(sweep, tmp_path / "a.nc")
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=sweep["s"].nbytes - 1))
-    monkeypatch.setattr("mirrorfold.io.netcdf.SteadyFile", None)
+    monkeypatch.setattr("mirrorfold.io.own.netcdf.SteadyFile", None)
     with pytest.raises(OSError, match=r"needs 2\.66e-05 GB of disk, and 2\.66e-05 GB are free") as caught:
         mf.save(sweep, path)
     assert caught.value.errno == errno.ENOSPC
@@ -111,7 +111,7 @@ def test_a_file_that_cannot_fit_is_not_begun(sweep, tmp_path, monkeypatch, capsy
 INTERRUPTED_WRITES = """
 import signal, sys
 import mirrorfold as mf
-from mirrorfold.io.steady import SteadyFile
+from mirrorfold.io.own.steady import SteadyFile
 
 write, calls = SteadyFile.write, []
 def interrupted(self, content):

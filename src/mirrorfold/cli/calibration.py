@@ -300,7 +300,7 @@ def read_as_is(path: Path) -> xr.Dataset:
         If the file holds something else.
     """
     from mirrorfold.cli.results import read
-    from mirrorfold.io.netcdf import read_unchecked
+    from mirrorfold.io.own.netcdf import read_unchecked
 
     try:
         return read(path, "sweep")

@@ -196,7 +196,7 @@ def _is_image(files: list[Path], mapping: str | None, positions: Path | None) ->
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
     """Propose a mapping."""
     from mirrorfold.io.files import written_whole
-    from mirrorfold.io.guess import guess_mapping
+    from mirrorfold.io.guessing.guess import guess_mapping
 
     found = guess_mapping(files[0], reader=reader)
     text = found.to_toml()

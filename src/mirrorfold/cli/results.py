@@ -127,7 +127,7 @@ def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: 
     if frame_count(recording) is None:
         yield {}
         return
-    from mirrorfold.io.frame_folder import FrameFolder
+    from mirrorfold.io.own.frame_folder import FrameFolder
 
     kept = FrameFolder(output.with_name(f"{output.name}.frames"), inputs, settings)
     if len(kept):
@@ -162,7 +162,7 @@ def given_plan(path: Path | None) -> Any:
 def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
     """Refuse a file for other programs that could not be written, or is an input, before the work begins."""
     if path is not None:
-        from mirrorfold.io.exports import check_export_path
+        from mirrorfold.io.exports.results import check_export_path
 
         check_export_path(path, inputs=inputs)
         announce([path])

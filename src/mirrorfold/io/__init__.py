@@ -1,4 +1,19 @@
-"""Reading and writing: one function each, whatever the file holds."""
+"""Reading and writing: one function each, whatever the file holds.
+
+| folder or file | what it does |
+|---|---|
+| `files.py` | writes files and folders whole or not at all |
+| `own/` | sweeps, images, reconstructions (netCDF-4) and scenes (TOML) |
+| `plans.py` | floor plans (DXF, GeoJSON) |
+| `readers/` | what stands in a file of another tool: `Contents`, one reader for each format |
+| `mapping/` | a sweep of such contents, by a mapping that says which variable is what |
+| `guessing/` | proposes a mapping |
+| `scans/` | a sweep of many files, one for each position |
+| `importing.py`, `images.py` | choose among these: measured data to sweeps; images and clouds to images |
+| `exports/` | results for other programs |
+
+To add a reader, see `readers/`.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +64,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
         return read_plan(path)
     _prepare_to_read(path)
-    from mirrorfold.io.netcdf import is_foreign, read
+    from mirrorfold.io.own.netcdf import is_foreign, read
 
     if is_foreign(path):
         from mirrorfold.io.images import import_image
@@ -65,7 +80,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
 def _as_sweep_to_import(path: Path) -> InputError | None:
     """What to do with a file of another tool that holds samples against frequency or time; None for any other."""
-    from mirrorfold.io.names import FREQUENCY, TIME
+    from mirrorfold.io.mapping.names import FREQUENCY, TIME
     from mirrorfold.io.readers import read_contents
 
     with suppress(InputError):
@@ -86,7 +101,7 @@ def load_geometry(path: str | Path) -> xr.Dataset:
         If the file is missing or broken.
     """
     _prepare_to_read(Path(path))
-    from mirrorfold.io.netcdf import read_geometry
+    from mirrorfold.io.own.netcdf import read_geometry
 
     return read_geometry(Path(path))
 
@@ -127,21 +142,21 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
     import xarray as xr
 
     if not isinstance(obj, xr.Dataset | xr.DataArray | xr.DataTree):
-        from mirrorfold.io.scene_files import write_scene
+        from mirrorfold.io.own.scene_files import write_scene
 
         return write_scene(obj, path_of("save", path))
     from mirrorfold.io.files import NETCDF, check_suffix
-    from mirrorfold.io.netcdf import write
+    from mirrorfold.io.own.netcdf import write
 
     check_suffix(path_of("save", path), NETCDF)
     return write(obj, path_of("save", path))
 
 
 def export(obj: xr.DataTree | xr.DataArray, path: str | Path, **settings: Any) -> Path:
-    """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.export`."""
-    from mirrorfold.io import exports
+    """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.results.export`."""
+    from mirrorfold.io.exports import results
 
-    return exports.export(obj, path, **settings)
+    return results.export(obj, path, **settings)
 
 
 def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:
@@ -159,8 +174,8 @@ def import_image(path: str | Path, **settings: Any) -> xr.DataArray:
 
 
 def save_touchstone(sweep: xr.Dataset, folder: str | Path, **settings: Any) -> Path:
-    """Write a sweep as a folder of Touchstone files: see `mirrorfold.io.scan_folder.save_touchstone`."""
-    from mirrorfold.io import scan_folder
+    """Write a sweep as a folder of Touchstone files: see `mirrorfold.io.exports.scan_folder.save_touchstone`."""
+    from mirrorfold.io.exports import scan_folder
 
     return scan_folder.save_touchstone(sweep, folder, **settings)
 

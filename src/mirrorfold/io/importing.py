@@ -14,12 +14,12 @@ import xarray as xr
 from mirrorfold.common.arguments import is_truth, shown, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
-from mirrorfold.io.assembly import assemble, join
-from mirrorfold.io.mapping import Mapping, load_mapping, shipped
-from mirrorfold.io.networks import held_networks
+from mirrorfold.io.mapping.assembly import assemble, join
+from mirrorfold.io.mapping.model import Mapping, load_mapping, shipped
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import listed
-from mirrorfold.io.scans import import_scan
+from mirrorfold.io.scans.networks import held_networks
+from mirrorfold.io.scans.scan import import_scan
 from mirrorfold.sweep import check_sweep
 
 POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
@@ -158,7 +158,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
             )
         return assemble(contents, load_mapping(dict(contents.mapping)))
     if {"s", "frequency"} <= set(contents.variables) and contents.reader == "hdf5":
-        from mirrorfold.io.netcdf import read
+        from mirrorfold.io.own.netcdf import read
 
         return _as_sweep(read(contents.path), contents.path)
     if contents.spectra is not None:

@@ -1,6 +1,8 @@
 """Measured data of any lab: one reader per file format, found by what a file begins with.
 
-Other packages add readers by the entry point group ``mirrorfold.readers``: each names a `Reader`.
+To add one, write a module here with ``READER = Reader(name, description, recognises, read)``, like `citi`, and put its
+name into `OWN`; what `read` returns is `Contents` (`contents`). Other packages add theirs by the entry point group
+``mirrorfold.readers``: each names a `Reader`.
 """
 
 from __future__ import annotations

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.phases import phase_unit
 from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
+from mirrorfold.io.readers.phases import phase_unit
 
 GROWTH = 30.0
 """Memory that the numbers of a text file take while they are read, as a multiple of its size."""

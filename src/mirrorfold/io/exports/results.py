@@ -15,10 +15,11 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import confident
-from mirrorfold.io import plans, vtk
-from mirrorfold.io.clouds import WRITERS, cloud_file, notes
+from mirrorfold.io import plans
+from mirrorfold.io.exports import vtk
+from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
 from mirrorfold.io.files import check_output, written_whole
-from mirrorfold.io.netcdf import check_image, check_reconstruction
+from mirrorfold.io.own.netcdf import check_image, check_reconstruction
 
 PICTURES = (".vti", ".vts")
 
@@ -41,8 +42,8 @@ def export(
         A reconstruction; an image for VTI, or the volume of a raster scan for VTS.
     path : path
         Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
-        `mirrorfold.io.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they appear
-        in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
+        `mirrorfold.io.exports.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they
+        appear in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
         Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. In metres.
     what : {"points", "mirrors"}
         Of a VTP file.

@@ -7,7 +7,7 @@ import pytest
 from point_target import echo, line_of, same
 
 import mirrorfold as mf
-from mirrorfold.io.guess import guess_mapping
+from mirrorfold.io.guessing.guess import guess_mapping
 
 FREQUENCY = np.linspace(290e9, 300e9, 21)
 

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.io.guess import guess_mapping
+from mirrorfold.io.guessing.guess import guess_mapping
 
 F, TX, RX = np.linspace(290e9, 300e9, 41), line_of(9), line_of(12, 0.01)
 S = echo(F, TX, RX)

@@ -20,12 +20,12 @@ from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
-from mirrorfold.io.attributes import decoded, storable
-from mirrorfold.io.conforming import check_facts, check_radar, check_tables, conform_attrs
 from mirrorfold.io.files import check_room, written_whole
+from mirrorfold.io.own.attributes import decoded, storable
+from mirrorfold.io.own.conforming import check_facts, check_radar, check_tables, conform_attrs
+from mirrorfold.io.own.steady import SteadyFile
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
-from mirrorfold.io.steady import SteadyFile
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")

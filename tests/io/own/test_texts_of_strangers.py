@@ -11,7 +11,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.io.attributes import DEEPEST, decoded, storable
+from mirrorfold.io.own.attributes import DEEPEST, decoded, storable
 
 BAD = b"ab\xff \x1b]0;owned\x07\x1b[2J"
 SAID = "ab\ufffd \ufffd]0;owned\ufffd\ufffd[2J"

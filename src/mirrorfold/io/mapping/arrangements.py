@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.io.mapping import Mapping
-from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.mapping.model import Mapping
+from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.readers.contents import check_memory
 from mirrorfold.sweep import AXES
 

@@ -22,12 +22,12 @@ from pydantic import Field, model_validator
 from mirrorfold.common.reading import named_by
 from mirrorfold.common.units import KINDS, UNITS, Quantity, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
-from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.mapping.model import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
+from mirrorfold.io.mapping.quantities import Quantities
+from mirrorfold.io.mapping.strict import read_written, validated
 from mirrorfold.io.readers import Contents
 from mirrorfold.io.readers.contents import read_bytes
 from mirrorfold.io.readers.table import LONGEST_CELL, parse_number
-from mirrorfold.io.strict import read_written, validated
 
 Place = tuple[float, float, float]
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.io.mapping import Mapping, Samples, Values
-from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.mapping.model import Mapping, Samples, Values
+from mirrorfold.io.mapping.quantities import Quantities
+from mirrorfold.io.mapping.spectral import STEP_TOLERANCE, from_range, from_time
 from mirrorfold.io.readers.contents import check_memory
-from mirrorfold.io.spectral import STEP_TOLERANCE, from_range, from_time
 
 Array = NDArray[np.floating]
 

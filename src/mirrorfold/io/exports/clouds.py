@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.chains import mirror_chains
-from mirrorfold.io.vtk import points_file
+from mirrorfold.io.exports.vtk import points_file
 
 Columns = dict[str, NDArray]
 

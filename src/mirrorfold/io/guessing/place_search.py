@@ -13,7 +13,8 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.plausible import length_unit, pitch
 from mirrorfold.common.units import UNITS
-from mirrorfold.io.names import (
+from mirrorfold.io.guessing.proposal import BESIDE, LISTED, Finding, Guess, plain, source
+from mirrorfold.io.mapping.names import (
     CHANNELS,
     COORDINATE,
     LENGTH_UNIT,
@@ -24,7 +25,6 @@ from mirrorfold.io.names import (
     TX_COORDINATE,
     unit_of_name,
 )
-from mirrorfold.io.proposal import BESIDE, LISTED, Finding, Guess, plain, source
 from mirrorfold.io.readers import Contents
 
 LARGEST_LOOKED_AT = 1 << 20

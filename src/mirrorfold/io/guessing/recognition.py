@@ -7,7 +7,9 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.io.names import (
+from mirrorfold.io.guessing.place_search import PlaceSearch, last_part
+from mirrorfold.io.guessing.proposal import source
+from mirrorfold.io.mapping.names import (
     AZIMUTH,
     ELEVATION,
     FREQUENCY,
@@ -25,11 +27,9 @@ from mirrorfold.io.names import (
     TRANSMIT,
     unit_of_name,
 )
-from mirrorfold.io.phases import phase_unit
-from mirrorfold.io.place_search import PlaceSearch, last_part
-from mirrorfold.io.proposal import source
+from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.readers import Variable
-from mirrorfold.io.spectral import STEP_TOLERANCE
+from mirrorfold.io.readers.phases import phase_unit
 
 GIGAHERTZ_BELOW = 3e3
 """Frequencies that all lie below this are given in GHz, if they are those of a radar."""

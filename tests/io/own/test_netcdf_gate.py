@@ -13,7 +13,7 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.errors import InputError
 from mirrorfold.io import load_geometry
-from mirrorfold.io.netcdf import read_unchecked
+from mirrorfold.io.own.netcdf import read_unchecked
 
 VARIABLE = {"sweep": "s", "image": "image", "reconstruction": "objects/amplitude"}
 
@@ -123,4 +123,4 @@ def test_files_are_opened_behind_the_gate_alone():
         r"h5py\.File\(|h5netcdf\.File\(|open_dataset\(|open_datatree\(|load_dataset\(|open_mfdataset\("
     )
     found = {str(path.relative_to(source)) for path in source.rglob("*.py") if opening.search(path.read_text("utf-8"))}
-    assert found == {"io/netcdf.py", "io/readers/hdf5_process.py"}
+    assert found == {"io/own/netcdf.py", "io/readers/hdf5_process.py"}

@@ -21,7 +21,7 @@ from mirrorfold.common.arguments import path_of
 from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.units import KINDS, UNITS, Quantity, mixes_units, parse_quantity, unit_named, written_numbers
 from mirrorfold.errors import InputError
-from mirrorfold.io.strict import read_written, validated
+from mirrorfold.io.mapping.strict import read_written, validated
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -348,7 +348,7 @@ def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
         return validated(Mapping, mapping, "mapping")
     path = path_of("mapping", mapping, "the path of a mapping file, its content as a dict, or the name of one shipped")
     if str(mapping) in shipped():
-        path = Path(str(files("mirrorfold").joinpath("io", "mappings", f"{mapping}.toml")))
+        path = Path(str(files("mirrorfold").joinpath("io", "mapping", "shipped", f"{mapping}.toml")))
     elif not path.exists():
         known = ", ".join(shipped())
         raise InputError(f"{path}: does not exist; give the path of a mapping file, or one of those shipped: {known}")
@@ -357,5 +357,5 @@ def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
 
 def shipped() -> list[str]:
     """Names of the mappings that come along."""
-    folder = files("mirrorfold").joinpath("io", "mappings")
+    folder = files("mirrorfold").joinpath("io", "mapping", "shipped")
     return sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml"))

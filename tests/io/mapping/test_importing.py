@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import load_mapping, shipped
+from mirrorfold.io.mapping.model import load_mapping, shipped
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.assembly import assemble
-from mirrorfold.io.mapping import Mapping
-from mirrorfold.io.place_search import LARGEST_LOOKED_AT
-from mirrorfold.io.proposal import BESIDE, Finding, Guess
+from mirrorfold.io.guessing.place_search import LARGEST_LOOKED_AT
+from mirrorfold.io.guessing.proposal import BESIDE, Finding, Guess
+from mirrorfold.io.guessing.recognition import Search
+from mirrorfold.io.mapping.assembly import assemble
+from mirrorfold.io.mapping.model import Mapping
+from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Variable, read_contents
-from mirrorfold.io.recognition import Search
-from mirrorfold.io.strict import validated
 
 MOST_TABLES = 20
 """Of the tables beside a table so many are looked at."""

@@ -11,11 +11,11 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.arrangements import ARRANGEMENTS, LEADING, Measured
-from mirrorfold.io.mapping import Mapping
-from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.mapping.arrangements import ARRANGEMENTS, LEADING, Measured
+from mirrorfold.io.mapping.model import Mapping
+from mirrorfold.io.mapping.quantities import Quantities
+from mirrorfold.io.mapping.samples import rising, samples_of, to_frequency
 from mirrorfold.io.readers import Contents
-from mirrorfold.io.samples import rising, samples_of, to_frequency
 from mirrorfold.sweep import TIME_CONVENTION, check_sweep, doubts, frequency_unit_of
 
 

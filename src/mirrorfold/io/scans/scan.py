@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from mirrorfold.common.arguments import path_of, shown
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
-from mirrorfold.io.arrangements import fill_matrix, grid_beams
-from mirrorfold.io.assembly import assemble
-from mirrorfold.io.mapping import Mapping
-from mirrorfold.io.networks import Held
-from mirrorfold.io.positions import Line, Scan, arranged, match_pattern, read_positions
-from mirrorfold.io.quantities import Quantities
+from mirrorfold.io.mapping.arrangements import fill_matrix, grid_beams
+from mirrorfold.io.mapping.assembly import assemble
+from mirrorfold.io.mapping.model import Mapping
+from mirrorfold.io.mapping.quantities import Quantities
+from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
+from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
-from mirrorfold.io.spectral import STEP_TOLERANCE
-from mirrorfold.io.strict import validated
+from mirrorfold.io.scans.networks import Held
+from mirrorfold.io.scans.positions import Line, Scan, arranged, match_pattern, read_positions
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
 
 PLACE_DIGITS = 9

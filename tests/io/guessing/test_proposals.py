@@ -17,8 +17,8 @@ from scipy.io import savemat
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.io.guess import guess_mapping
-from mirrorfold.io.proposal import Guess
+from mirrorfold.io.guessing.guess import guess_mapping
+from mirrorfold.io.guessing.proposal import Guess
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 

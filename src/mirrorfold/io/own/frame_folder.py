@@ -13,7 +13,7 @@ import xarray as xr
 from mirrorfold import __version__
 from mirrorfold.common.parts import Parts
 from mirrorfold.errors import InputError
-from mirrorfold.io.netcdf import read, write
+from mirrorfold.io.own.netcdf import read, write
 
 MARK = "frames.sha256"
 """File with the fingerprint of the inputs and settings that the frames were made from."""

@@ -10,8 +10,8 @@ from mirrorfold.common.reading import named_by
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping import Places, Values
-from mirrorfold.io.names import unit_of_name
+from mirrorfold.io.mapping.model import Places, Values
+from mirrorfold.io.mapping.names import unit_of_name
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 

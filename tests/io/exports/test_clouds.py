@@ -12,7 +12,7 @@ from scans import ball, panel, scene
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.io.exports import export
+from mirrorfold.io.exports.results import export
 from mirrorfold.plotting import volumes as plot_volume
 
 
