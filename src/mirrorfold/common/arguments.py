@@ -75,7 +75,7 @@ def wrong_kind(name: str, value: Any, expected: str, *, reader: str = "mf.load")
 
 WORDS = {
     "m": "metres", "m^2": "square metres", "Hz": "hertz", "s": "seconds", "degree": "degrees", "dB": "decibels",
-    "m/s": "metres per second", "B": "bytes",
+    "dBm": "decibels", "dBi": "decibels", "m/s": "metres per second", "B": "bytes",
 }  # fmt: skip
 """How messages name the units of numbers."""
 

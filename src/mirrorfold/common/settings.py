@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
@@ -113,6 +113,9 @@ def setting(default: Any, meaning: str, **rule: Any) -> Any:
     return field(default=default, metadata={"rule": Rule(meaning, **rule)})
 
 
+REQUIRED = MISSING
+"""In place of a default, of a setting that must be given."""
+
 NUMBERS: dict[str, Callable[[Any], float]] = {"int": int, "float": float}
 """What numbers become, whatever they are given as, by the kind of the setting."""
 
@@ -151,6 +154,11 @@ class Settings:
     def rules(cls) -> dict[str, Rule]:
         """What is known of every setting, by name."""
         return {item.name: item.metadata["rule"] for item in fields(cls) if "rule" in item.metadata}
+
+    @classmethod
+    def is_optional(cls, name: str) -> bool:
+        """Whether a setting may be None, which stands for what is chosen from the data."""
+        return next(item.default for item in fields(cls) if item.name == name) is None
 
     def with_given(self, **given: Any) -> Self:
         """The same settings, but for those that are given (not None).
@@ -211,12 +219,13 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
         inspect.Parameter(
             name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=declared[name].default,
+            default=inspect.Parameter.empty if declared[name].default is REQUIRED else declared[name].default,
             annotation=_option_type(rule, declared[name].default) if options else declared[name].type,
         )
         for name, rule in rules.items()
     ]
-    signature = own.replace(parameters=[*named, *added])
+    parameters = sorted([*named, *added], key=lambda one: (one.kind, one.default is not one.empty))
+    signature = own.replace(parameters=parameters)
 
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
@@ -224,7 +233,11 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
             bound = signature.bind(*args, **kwargs)
         except TypeError as error:  # as Python words it, with the name of the function
             raise TypeError(f"{function.__qualname__}() {error}") from None
-        chosen = {name: value for name, value in bound.arguments.items() if name not in rules or value is not None}
+        chosen = {
+            name: value
+            for name, value in bound.arguments.items()
+            if value is not None or name not in rules or declared[name].default is REQUIRED
+        }
         bound.arguments.clear()
         bound.arguments.update(chosen)
         return function(*bound.args, **bound.kwargs)
@@ -270,8 +283,8 @@ def _completed(text: str, rules: dict[str, Rule], declared: dict[str, Field[Any]
             entries += [name, _paragraph(rule.meaning.rstrip(".") + unit + ".")]
         else:
             kind = "{" + ", ".join(f'"{choice}"' for choice in rule.choices) + "}" if rule.choices else rule.kind
-            ending = "optional" if default is None else f"default {default!r}"
-            entries += [f"{name} : {kind}{unit}, {ending}", _paragraph(rule.meaning)]
+            ending = "" if default is REQUIRED else ", optional" if default is None else f", default {default!r}"
+            entries += [f"{name} : {kind}{unit}{ending}", _paragraph(rule.meaning)]
     at = lines.index("**given")
     return "\n".join([*lines[:at], *entries, *lines[at + 1 :]])
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array
+from mirrorfold.describing.plan_settings import Instrument, PlanSettings
 from mirrorfold.describing.quality import ExpectedQuality, expected_quality
-from mirrorfold.describing.requests import limited, requested
 from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.focusing.grid import default_grid
@@ -45,38 +44,6 @@ MOST_REMARKED = 3
 
 FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `mirrorfold benchmark`: two to three seconds for three million pixels."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Instrument:
-    """The radar's electronics, for the link budget and the time.
-
-    Attributes
-    ----------
-    power_dbm : float [dBm]
-        Transmitted; 0 is a modest frequency extender at 0.3 THz.
-    gain_dbi : float [dBi]
-        Of each antenna, transmitting and receiving; 20 is a small horn.
-    noise_figure_db : float [dB]
-        Of the receiver, conversion loss included.
-    if_bandwidth : float [Hz]
-        Of the receiver: one sample takes its inverse.
-    settling : float [s]
-        Between two samples, on top of that.
-    moving : float [s]
-        From one position of a stage to the next; zero where all antennas are there at once.
-    """
-
-    power_dbm: float = 0.0
-    gain_dbi: float = 20.0
-    noise_figure_db: float = 20.0
-    if_bandwidth: float = 1e4
-    settling: float = 5e-5
-    moving: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            limited(name, value)
 
 
 class BudgetRow(Record):
@@ -115,22 +82,8 @@ class Plan(Arrays, PlanHead):
     files: list[str] = fact("what was written")
 
 
-def plan(
-    *,
-    band: tuple[float, float],
-    points: int,
-    aperture: float,
-    pitch: float,
-    range: float,
-    rx_aperture: float | None = None,
-    rx_pitch: float | None = None,
-    materials: Sequence[str] = ("plasterboard",),
-    roughness: tuple[float, float | None] = (50e-6, None),
-    target: float = 1e-3,
-    leg: float | None = None,
-    detection_db: float = 13.0,
-    instrument: Instrument | None = None,
-) -> Plan:
+@takes(PlanSettings)
+def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
     """What a radar with two line arrays will resolve in a room, and how many bounces it will see.
 
     *Walls.* ``|R|^2 rho^2`` of the power is mirrored and ``|R|^2 (1 - rho^2)`` scattered by the surface, with Fresnel's
@@ -146,27 +99,9 @@ def plan(
 
     Parameters
     ----------
-    band : (start, stop) [Hz]
-        This and every length may be a text with a unit, such as "80 mm".
-    points : int
-        Frequencies, both ends included.
-    aperture, pitch : float [m]
-        Length of the transmitting array and distance of neighbours.
-    range : float [m]
-        To the farthest object in line of sight.
-    rx_aperture, rx_pitch : float [m], optional
-        Of the receiving array; the same by default.
-    materials : str or list of str, default ("plasterboard",)
-        Of the walls, by the names of scene files; the first serves for the link budget.
-    roughness : (rms height, correlation length or None) [m], default (50 um, None)
-        Without a correlation length the heights vary slowly.
-    target : float [m^2], default 0.001
-        Cross section of what is to be seen in one resolution cell.
-    leg : float [m], optional
-        Way that each bounce adds to the range; half of `range` by default.
-    detection_db : float [dB], default 13
-        Signal over noise in the image from which a thing counts as seen.
-    instrument : Instrument, optional
+    **given
+    instrument : mirrorfold.describing.planning.Instrument, optional
+        The radar's electronics; every frequency, length and time, here and there, may be a text such as "80 mm".
 
     Returns
     -------
@@ -178,16 +113,15 @@ def plan(
     InputError
         If an argument makes no sense.
     """
-    asked = requested(
-        band=band, points=points, aperture=aperture, pitch=pitch, range=range, rx_aperture=rx_aperture,
-        rx_pitch=rx_pitch, materials=materials, roughness=roughness, target=target, leg=leg, detection_db=detection_db,
-    )  # fmt: skip
+    asked = PlanSettings(**given)
     if instrument is not None and not isinstance(instrument, Instrument):
         raise wrong_kind("instrument", instrument, "an Instrument of mirrorfold.describing.planning", reader="")
     instrument = instrument or Instrument()
-    band, points, range, leg = asked.band, asked.points, asked.range, asked.leg
+    band, points, range = asked.band, asked.points, asked.range
+    leg = 0.5 * range if asked.leg is None else asked.leg
     frequency = np.linspace(band[0], band[1], points)
-    tx, rx = _line(asked.aperture, asked.pitch), _line(asked.rx_aperture, asked.rx_pitch)
+    (aperture, pitch), (rx_aperture, rx_pitch) = asked.lines
+    tx, rx = _line(aperture, pitch), _line(rx_aperture, rx_pitch)
     facts, remarks = resolution(frequency, tx, rx, ranges=[range])
     wavelength = speed_of_light / float(frequency.mean())
     ambiguous = facts.ambiguous_range_m or np.inf
@@ -242,7 +176,7 @@ def plan(
         hidden_quality=expected_quality(
             frequency=float(frequency.mean()),
             bandwidth=band[1] - band[0],
-            aperture=float(np.hypot(asked.aperture, asked.rx_aperture) / np.sqrt(2.0)),
+            aperture=float(np.hypot(aperture, rx_aperture) / np.sqrt(2.0)),
             range=range + leg,
             wall_range=range,
             mirrored_db=mirrored,
@@ -296,3 +230,6 @@ def _line(aperture: float, pitch: float) -> Array:
 def _points_for(range_: float, band: tuple[float, float]) -> int:
     """Frequencies for an ambiguous range, ``M > 1 + 2 B R / c``."""
     return int(np.ceil(1.0 + 2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 1
+
+
+__all__ = ["Instrument", "Plan", "plan"]
