@@ -99,6 +99,38 @@ def test_mirrors_are_matched_with_angle_and_offset(reconstruction):
     assert len(found.remarks) == 2
 
 
+def with_arc(reconstruction, radius, depth=0.0, half=0.3):
+    """The same with one mirror: an arc, its middle at (0, 2 + depth), that bulges towards the radar at the origin."""
+    rise = radius - np.sign(radius) * np.sqrt(radius**2 - half**2)
+    y = 2.0 + depth
+    ends = dict(zip(("x0", "y0", "x1", "y1"), (-half, y + rise, half, y + rise), strict=True))
+    values = {**{f"folded_{name}": [value] for name, value in ends.items()}, "curvature": [1.0 / radius]}
+    values |= {"folded_xm": [0.0], "folded_ym": [y]}
+    nodes = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
+    nodes["/mirrors"] = nodes["/mirrors"].assign({name: ("mirror", value) for name, value in values.items()})
+    return xr.DataTree.from_dict(nodes)
+
+
+def test_arcs_are_compared_as_arcs(reconstruction):
+    """By their middles, not their chords: that of a deeper arc lies farther behind."""
+    (pair,) = mf.compare(with_arc(reconstruction, 1.0), with_arc(reconstruction, 0.5, depth=0.02)).mirrors
+    assert (pair.first, pair.second) == (0, 0)
+    assert (pair.first_radius_m, pair.second_radius_m) == (pytest.approx(1.0), pytest.approx(0.5))
+    assert pair.offset_m == pytest.approx(0.02, abs=1e-6)
+    assert pair.angle_deg == pytest.approx(0.0, abs=0.05)
+    bulges = [radius - np.sqrt(radius**2 - 0.09) for radius in (0.5, 1.0)]
+    assert pair.sagitta_m == pytest.approx(bulges[0] - bulges[1])
+    (shorter,) = mf.compare(with_arc(reconstruction, 1.0), with_arc(reconstruction, 1.0, half=0.1)).mirrors
+    assert (shorter.offset_m, shorter.sagitta_m) == (pytest.approx(0.0, abs=1e-6), pytest.approx(0.0, abs=1e-12))
+
+
+def test_an_arc_that_bends_the_other_way_on_the_same_chord_is_another_mirror(reconstruction):
+    deep = 1.0 - np.sqrt(1.0 - 0.09)
+    pairs = mf.compare(with_arc(reconstruction, 1.0), with_arc(reconstruction, -1.0, depth=2 * deep + 0.05)).mirrors
+    assert [(pair.first, pair.second) for pair in pairs] == [(0, None), (None, 0)]
+    assert "sagitta_m" not in pairs[0]
+
+
 def test_what_cannot_be_compared_is_refused(reconstruction, folded_scan, image, sweep):
     for first, second, word in (
         (reconstruction, image, "two of one kind"),

@@ -33,11 +33,17 @@ def show_comparison(found: Comparison) -> None:
     if not found.get("mirrors"):
         return
     table = table_of("mirrors, at their true places")
-    for heading in ("first", "second", "angle [deg]", "offset [mm]"):
+    curved = any("sagitta_m" in pair for pair in found.mirrors)
+    bends = ("first radius [m]", "second radius [m]", "sagitta [mm]") if curved else ()
+    for heading in ("first", "second", "angle [deg]", "offset [mm]", *bends):
         table.add_column(heading, justify="right")
     for pair in found.mirrors:
-        numbers = ("-" if number is None else str(number) for number in (pair.first, pair.second))
-        table.add_row(*numbers, number(pair.angle_deg, ".3f"), number(pair.offset_m, ".2f", 1e3))
+        cells = ["-" if number is None else str(number) for number in (pair.first, pair.second)]
+        cells += [number(pair.angle_deg, ".3f"), number(pair.offset_m, ".2f", 1e3)]
+        if curved:
+            cells += [number(pair.first_radius_m, ".3g"), number(pair.second_radius_m, ".3g")]
+            cells.append(number(pair.sagitta_m, ".2f", 1e3))
+        table.add_row(*cells)
     console().print(table)
 
 

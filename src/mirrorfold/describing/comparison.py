@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.arcs import arc_through, mirror_places
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import reference
@@ -68,7 +69,12 @@ class MirrorPair(Record):
     first: int | None
     second: int | None
     angle_deg: Number = fact("between them [degree]")
-    offset_m: Number = fact("of the second's middle from the first's line or plane")
+    offset_m: Number = fact("of the second's middle from the first's line, arc or plane")
+    first_radius_m: Number = fact("negative where it is concave; null where it is flat", default=LEFT_OUT)
+    second_radius_m: Number = fact("likewise", default=LEFT_OUT)
+    sagitta_m: Number = fact(
+        "how much farther the second bulges towards the radar, over the chord of the shorter", default=LEFT_OUT
+    )
 
 
 class Comparison(Record):
@@ -134,7 +140,7 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
     Comparison
         `levels`: how the corrected pictures, or the images, differ in decibels. Of reconstructions also `points`,
         gained and lost, where a point is kept that has one within 1.5 resolution cells in the other, and `mirrors`,
-        matched one to one at their true places with the angle and the offset between them.
+        matched one to one at their true places with the angle and the offset between them, and the radii of arcs.
 
     Raises
     ------
@@ -225,14 +231,20 @@ def find_changes(first: Any, second: Any) -> Changes:
 
 
 def match_mirrors(first: xr.DataTree, second: xr.DataTree) -> list[MirrorPair]:
-    """Mirrors of both at their true places, matched one to one so that offsets and angles are least."""
-    faces = _faces(first)
+    """Mirrors of both at their true places, matched one to one so that offsets and angles are least.
+
+    Two arcs are compared as arcs, an arc and a line by the chord of the arc.
+    """
+    faces, arcs, arcs_of_second = _faces(first), _arcs(first), _arcs(second)
     count = second.children["mirrors"].sizes.get("mirror", 0)
-    found = [mirror_errors(second, [face]) for face in faces]
+    found = [
+        mirror_errors(second, [face], [(face.surface, arcs[i])] if i in arcs else []) for i, face in enumerate(faces)
+    ]
     cost = np.full((len(faces), count), APART)
     for i, row in enumerate(found):
         for j, error in enumerate(row):
-            if error.surface is not None:
+            only_chords = i in arcs and j in arcs_of_second and error.curvature_error is None
+            if error.surface is not None and not only_chords:
                 cost[i, j] = (error.offset_error_mm or 0.0) + (error.angle_error_deg or 0.0)
     pairs = [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(cost), strict=True) if cost[i, j] < APART]
     matched = [
@@ -241,14 +253,36 @@ def match_mirrors(first: xr.DataTree, second: xr.DataTree) -> list[MirrorPair]:
             second=j,
             angle_deg=found[i][j].angle_error_deg,
             offset_m=1e-3 * (found[i][j].offset_error_mm or 0.0),
+            **bend,
         )
-        for i, j in pairs
+        for (i, j), bend in zip(pairs, _bends(first, second, pairs), strict=True)
     ]
     alone = [MirrorPair(first=i, second=None, angle_deg=None, offset_m=None)
              for i in range(len(faces)) if i not in {i for i, _ in pairs}]  # fmt: skip
     new = [MirrorPair(first=None, second=j, angle_deg=None, offset_m=None)
            for j in range(count) if j not in {j for _, j in pairs}]  # fmt: skip
     return [*matched, *alone, *new]
+
+
+def _bends(first: xr.DataTree, second: xr.DataTree, pairs: list[tuple[int, int]]) -> list[dict[str, float | None]]:
+    """Radii of each pair of mirrors and how their bulges differ; nothing for two flat ones."""
+    tables = [one.children["mirrors"].to_dataset(inherit=False) for one in (first, second)]
+    curvatures = [table["curvature"].values if "curvature" in table else np.zeros(table.sizes["mirror"])
+                  for table in tables]  # fmt: skip
+    chords = [[2.0 * float(np.linalg.norm(face.halves[0])) for face in _faces(one)] for one in (first, second)]
+    found: list[dict[str, float | None]] = []
+    for i, j in pairs:
+        a, b = float(curvatures[0][i]), float(curvatures[1][j])
+        chord = min(chords[0][i], chords[1][j])
+        radii = {"first_radius_m": 1.0 / a if a else None, "second_radius_m": 1.0 / b if b else None}
+        found.append({**radii, "sagitta_m": sagitta(b, chord) - sagitta(a, chord)} if a or b else {})
+    return found
+
+
+def sagitta(curvature: float, chord: float) -> float:
+    """How far an arc bulges over its chord [m]: ``R - sqrt(R^2 - c^2 / 4)``, written so that a line has zero."""
+    ratio = 0.5 * curvature * chord
+    return float(0.5 * chord * ratio / (1.0 + np.sqrt(max(0.0, 1.0 - ratio**2))))
 
 
 def cells(reconstruction: xr.DataTree, distance: Array) -> Array:
@@ -309,6 +343,12 @@ def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:
     if not len(points) or not len(others):
         return np.ones(len(points), dtype=bool)
     return np.asarray(cKDTree(others).query(points)[0] > WITHIN_CELLS * cells(of, _reach(of)))
+
+
+def _arcs(reconstruction: xr.DataTree) -> dict[int, Array]:
+    """The curved mirrors of a floor plan by their numbers, at their true places: points along each (n, 2) [m]."""
+    places = mirror_places(reconstruction.children["mirrors"].to_dataset(inherit=False), "folded_")
+    return {i: arc_through(*place) for i, place in enumerate(places) if len(place) == 3}
 
 
 def _faces(reconstruction: xr.DataTree) -> list[Face]:

@@ -39,14 +39,22 @@ def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, s
     return path
 
 
+MIRRORS = {"first": "first", "second": "second", "angle_deg": "angle [deg]", "offset_m": "offset [m]"}
+BENDS = {"first_radius_m": "first radius [m]", "second_radius_m": "second radius [m]", "sagitta_m": "sagitta [m]"}
+"""Columns of the table of mirrors; the latter where one of them is curved."""
+
+
 def comparison_page(found: Comparison, picture: bytes) -> str:
     """The page of a comparison with its picture (PNG)."""
     title = f"{found.first} and {found.second}"
     parts = [_table("levels, second over first", ("", ""), _rows(found.levels))]
     if "points" in found:
         parts.append(_table("points", ("", ""), _rows(found.points)))
-        rows = [[_text(pair[name]) for name in ("first", "second", "angle_deg", "offset_m")] for pair in found.mirrors]
-        parts.append(_table("mirrors", ("first", "second", "angle [deg]", "offset [m]"), rows))
+        names = dict(MIRRORS)
+        if any("sagitta_m" in pair for pair in found.mirrors):
+            names |= BENDS
+        rows = [[_text(pair.get(name)) for name in names] for pair in found.mirrors]
+        parts.append(_table("mirrors", tuple(names.values()), rows))
     notes = "".join(f'<p class="notice">{escape(sentence)}</p>' for sentence in found.remarks)
     image = base64.b64encode(picture).decode("ascii")
     style = files("mirrorfold.reporting").joinpath("assets", "page.css").read_text(encoding="utf-8")
