@@ -101,6 +101,56 @@ def test_a_long_table_of_places_needs_nothing_else(tmp_path, measured):
     same(mf.import_data(path), *measured)
 
 
+@pytest.mark.parametrize(
+    ("headings", "factor"),
+    [(("x_mm", "y_mm"), 1e3), (("x", "z [m]"), 1.0), (("antenna_x (cm)", "antenna_y (cm)"), 1e2), (("pos_x_um",), 1e6)],
+)
+def test_a_long_table_of_one_moving_antenna(tmp_path, measured, headings, factor):
+    f, *_ = measured
+    places = np.zeros((5, 3))
+    axes = ["xyz".index(heading.removeprefix("antenna_").removeprefix("pos_")[0]) for heading in headings]
+    places[:, axes] = np.array([[0.02, 0.01], [0.0, 0.0], [0.01, 0.0], [-0.01, 0.0], [0.0, 0.01]])[:, : len(axes)]
+    places = np.unique(places, axis=0)
+    s = np.stack([np.diag(one) for one in echo(f, places, places)])
+    rows = [[f[n] / 1e9, *(factor * places[i, axes]), s[n, i].real, s[n, i].imag]
+            for i in range(len(places)) for n in range(f.size)]  # fmt: skip
+    path = write(tmp_path / "a.csv", ["f_GHz", *headings, "re", "im"], np.array(rows))
+    sweep = mf.import_data(path)
+    assert sweep["s"].dims == ("frequency", "position")
+    np.testing.assert_allclose(sweep["antenna_position"], places, atol=1e-12)
+    np.testing.assert_allclose(sweep["s"], s, atol=1e-5)
+    path.write_text("\n".join(path.read_text().splitlines()[:-1]))
+    with pytest.raises(mf.InputError, match=r"the position x .*has no line at \S+ Hz"):
+        mf.import_data(path)
+
+
+@pytest.mark.parametrize(
+    ("headings", "factor"), [("azimuth,elevation", 1.0), ("az_deg,el_deg", 1.0), ("az [rad],el [rad]", np.pi / 180)]
+)
+def test_a_long_table_of_beams(tmp_path, measured, headings, factor):
+    f, *_ = measured
+    azimuth, elevation = np.array([-4.0, 0.0, 4.0]), np.array([-1.0, 1.0])
+    s = measured[3][:, :3, :2]
+    rows = [[f[n] / 1e9, factor * azimuth[i], factor * elevation[k], s[n, i, k].real, s[n, i, k].imag]
+            for n in range(f.size) for k in range(2) for i in range(3)]  # fmt: skip
+    sweep = mf.import_data(write(tmp_path / "a.csv", ["f_GHz", *headings.split(","), "re", "im"], np.array(rows)))
+    assert sweep["s"].dims == ("frequency", "azimuth", "elevation")
+    np.testing.assert_allclose(sweep["azimuth"], azimuth, atol=1e-9)
+    np.testing.assert_allclose(sweep["elevation"], elevation, atol=1e-9)
+    np.testing.assert_allclose(sweep["s"], s, atol=1e-5)
+
+
+def test_a_spectrum_of_one_place_stays_a_spectrum(tmp_path, measured):
+    """Files of a scan, one for each position, may say their own place in every line."""
+    f, *_, s = measured
+    for n in range(3):
+        rows = np.stack([f, np.full(f.size, float(n)), s[:, n, 0].real, s[:, n, 0].imag], axis=-1)
+        write(tmp_path / f"p{n}.csv", ["freq", "x_mm", "re", "im"], rows)
+    (tmp_path / "positions.csv").write_text("file,x_mm\np0.csv,0\np1.csv,1\np2.csv,2\n")
+    sweep = mf.import_data(tmp_path)
+    np.testing.assert_allclose(sweep["s"], s[:, :3, 0], atol=1e-5)
+
+
 @pytest.mark.parametrize(("heading", "unit"), [("phase", 1.0), ("phase", 180 / np.pi), ("phase_rad", 1.0)])
 def test_phases_without_a_unit_are_radians_where_they_go_around_a_circle_of_two_pi(tmp_path, measured, heading, unit):
     _, tx, rx, _ = measured
@@ -162,8 +212,7 @@ def test_headings_are_understood_in_many_spellings(tmp_path, measured, headings)
     [
         ("freq,tx,rx,re,imaginery", "holds the headings 'imaginery', which are not understood"),
         ("freq,tx,rx,temperature,mag", "and holds magnitudes alone, 'mag', without the other part"),
-        ("freq_GHz,x_mm,y_mm,re,im", "headings 'x_mm', 'y_mm', which are not understood"),
-        ("freq_GHz,azimuth,elevation,re,im", "headings 'azimuth', 'elevation', which are not understood"),
+        ("freq_GHz,x_miles,y_pol,re,im", "headings 'x_miles', 'y_pol', which are not understood"),
     ],
 )
 def test_headings_that_make_no_samples_are_named(tmp_path, measured, headings, said):

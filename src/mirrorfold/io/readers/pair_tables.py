@@ -1,8 +1,9 @@
-"""Text tables that hold all pairs of an array: wide, a column for each pair, and long, a line for each sample.
+"""Text tables of whole sweeps: wide, a column for each pair of antennas, and long, a line for each sample.
 
 Wide tables are read like any spectra, with headings such as ``S_3_12`` for receiver 3 and transmitter 12. Long ones
 have a line for each frequency and pair, ``freq, tx, rx, re, im``, where tx and rx are numbers, or coordinates such as
-``tx_x_mm, rx_x_mm``. Either becomes the samples ``s`` and the row ``frequency`` [Hz].
+``tx_x_mm, rx_x_mm``; or the places of one moving antenna, ``x_mm, y_mm``, or the directions of a beam, ``azimuth_deg,
+elevation_deg``. Any of them becomes the samples ``s`` and the row ``frequency`` [Hz].
 """
 
 from __future__ import annotations
@@ -27,10 +28,15 @@ SIDES = {
     "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:[_ ]?(?:index|number|no|id|element|antenna|port)\.?)?$"),
 }
 COORDINATE = re.compile(r"^(tx|rx)_?([xyz])(?:[_ ]*[\[(]?\s*(\w+?)\s*[\])]?)?$")
+ALONE = re.compile(
+    r"^(?:(?:antenna|position|pos)_?)?([xyz]|az(?:imuth)?|el(?:evation)?)(?:[_ ]+(\w+)|\s*[\[(]\s*(\w+)\s*[\])])?$"
+)
+"""A coordinate of one moving antenna, or an angle of a beam, with its unit."""
+
 PARAMETER = re.compile(r"^S(\d+),(\d+)$|^S(\d)(\d)$")
 
 PLACE_DIGITS = 9
-"""Places that agree to so many digits after the point [m] are one."""
+"""Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
 
 
 @dataclass
@@ -41,7 +47,9 @@ class Pairs:
     ----------
     variables : dict of Variable
         ``s(frequency, tx, rx)``, or ``s(frequency, pair)`` with the numbers ``tx`` and ``rx`` where pairs are missing;
-        ``frequency`` [Hz]; ``tx_position`` and ``rx_position`` [m] where the table says them.
+        ``frequency`` [Hz]; ``tx_position`` and ``rx_position`` [m] where the table says them. Of a single antenna
+        ``s(frequency, position)`` and ``antenna_position`` [m], or ``s(frequency, beam)``, ``azimuth`` and
+        ``elevation`` [degree].
     mapping : dict, optional
         What they mean, where the table says all of it.
     """
@@ -71,12 +79,12 @@ def of_lines(
     frequency: NDArray[np.float64],
     samples: NDArray[np.complex128],
 ) -> Pairs | None:
-    """The pairs of a long table, (lines, columns), whose frequencies [Hz] and samples are known; None for another one.
+    """What a long table holds, (lines, columns), whose frequencies [Hz] and samples are known; None for another one.
 
     Raises
     ------
     InputError
-        If a pair lacks a frequency that others have, or has it twice.
+        If a pair, a place or a beam lacks a frequency that others have, or has it twice.
     """
     sides: dict[str, NDArray] = {}
     positions: dict[str, NDArray[np.float64]] = {}
@@ -88,22 +96,12 @@ def of_lines(
             sides[side] = which.ravel()
         elif column is not None:
             sides[side] = values[:, column].real
+    if not sides:
+        return _of_one_antenna(path, headings, values, frequency, samples)
     if len(sides) < 2:
         return None
-    tx, rx = sides["tx"], sides["rx"]
-    row, at = np.unique(frequency, return_inverse=True)
-    pairs, which = np.unique(np.stack([tx, rx], axis=-1), axis=0, return_inverse=True)
-    counts = np.zeros((row.size, len(pairs)), dtype=int)
-    np.add.at(counts, (at, which.ravel()), 1)
-    if (counts != 1).any():
-        wrong = np.argwhere(counts != 1)[0]
-        found = counts[tuple(wrong)]
-        raise InputError(
-            f"{path}: the pair of tx {pairs[wrong[1], 0]:g} and rx {pairs[wrong[1], 1]:g} has "
-            f"{found or 'no'} line{'s' if found > 1 else ''} at {row[wrong[0]]:.9g} Hz, expected one for each frequency"
-        )
-    s = np.zeros(counts.shape, dtype=np.complex128)
-    s[at, which.ravel()] = samples
+    numbers = np.stack([sides["tx"], sides["rx"]], axis=-1)
+    row, pairs, s = _by_frequency(path, frequency, samples, numbers, "the pair of tx {:g} and rx {:g}")
     found_pairs = _arranged(row, s, pairs[:, 0], pairs[:, 1])
     found_pairs.variables |= {name: Variable.of(places, (), {"units": "m"}) for name, places in positions.items()}
     if len(positions) == 2:
@@ -115,10 +113,83 @@ def of_lines(
     return found_pairs
 
 
+def _of_one_antenna(
+    path: Path, headings: Sequence[str], values: NDArray, frequency: NDArray[np.float64], samples: NDArray
+) -> Pairs | None:
+    """The places of a moving antenna, or the beams, of a long table; None where it has a single one of them."""
+    columns = {
+        found[0]: found[1] * values[:, n].real for n, heading in enumerate(headings) if (found := _alone(heading))
+    }
+    axes = ("azimuth", "elevation") if {"azimuth", "elevation"} & set(columns) else ("x", "y", "z")
+    places = np.stack([columns.get(axis, np.zeros(len(values))) for axis in axes], axis=-1)
+    if np.unique(frequency).size == frequency.size or not np.ptp(places, axis=0).any():
+        return None
+    named = f"the {'beam' if 'azimuth' in axes else 'position'} {', '.join(f'{axis} {{:.9g}}' for axis in axes)}"
+    row, places, s = _by_frequency(path, frequency, samples, places, named)
+    variables = {"frequency": Variable.of(row, ("frequency",), {"units": "Hz"})}
+    mapping: dict[str, Any] = {"frequency": "frequency"}
+    if "azimuth" in axes:
+        variables |= {axis: Variable.of(places[:, n], (), {"units": "degree"}) for n, axis in enumerate(axes)}
+        mapping |= {axis: axis for axis in axes}
+    else:
+        variables["antenna_position"] = Variable.of(places, (), {"units": "m"})
+        mapping["antenna"] = {"position": "antenna_position"}
+    dims = ("frequency", "beam" if "azimuth" in axes else "position")
+    return Pairs(variables | {"s": Variable.of(s, dims)}, {"s": {"variable": "s", "dims": list(dims)}, **mapping})
+
+
+def distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Places that differ, in the order of their first appearance, and which of them each line means."""
+    _, first, which = np.unique(places.round(PLACE_DIGITS), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return places[first[order]], rank[which.ravel()]
+
+
+def _by_frequency(
+    path: Path, frequency: NDArray[np.float64], samples: NDArray, places: NDArray[np.float64], named: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
+    """Rising frequencies, the distinct places (or numbers), and samples (frequencies, places).
+
+    Raises
+    ------
+    InputError
+        If a place, which `named` puts in words, lacks a frequency or has it twice.
+    """
+    row, at = np.unique(frequency, return_inverse=True)
+    found, which = distinct(places)
+    counts = np.zeros((row.size, len(found)), dtype=int)
+    np.add.at(counts, (at, which), 1)
+    if (counts != 1).any():
+        wrong = np.argwhere(counts != 1)[0]
+        count = counts[tuple(wrong)]
+        raise InputError(
+            f"{path}: {named.format(*found[wrong[1]])} has {count or 'no'} line{'s' if count > 1 else ''} at "
+            f"{row[wrong[0]]:.9g} Hz, expected one for each frequency"
+        )
+    s = np.zeros(counts.shape, dtype=np.complex128)
+    s[at, which] = samples
+    return row, found, s
+
+
 def is_known(heading: str) -> bool:
-    """Whether a heading names a transmitter, a receiver, or a coordinate of one."""
+    """Whether a heading names a transmitter, a receiver, a coordinate of one, or a place or direction by itself."""
     text = heading.strip().lower()
-    return any(pattern.match(text) for pattern in SIDES.values()) or COORDINATE.match(text) is not None
+    named = any(pattern.match(text) for pattern in (*SIDES.values(), COORDINATE))
+    return named or _alone(heading) is not None
+
+
+def _alone(heading: str) -> tuple[str, float] | None:
+    """Axis or angle that a heading names, and the factor of its unit; None for any other heading."""
+    match = ALONE.match(heading.strip().lower())
+    if match is None:
+        return None
+    name = {"a": "azimuth", "e": "elevation"}.get(match[1][0], match[1])
+    units = KINDS["angle" if len(name) > 1 else "length"]
+    said = match[2] or match[3]
+    unit = unit_named(said) if said else next(iter(units))
+    return (name, units[unit]) if unit in units else None
 
 
 def _places(path: Path, side: str, headings: Sequence[str], values: NDArray) -> NDArray[np.float64] | None:

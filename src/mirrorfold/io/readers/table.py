@@ -217,7 +217,11 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
     if np.iscomplexobj(table.values) and np.any(table.values[:, at].imag):
         raise InputError(f"{path}: the frequencies are complex; put them into a column of their own")
     frequency = table.values[:, at].real * UNITS[(match[1] or "hz").lower()]
-    others = {n: heading for n, heading in enumerate(table.headings) if n != at and not pair_tables.is_known(heading)}
+    others = {
+        n: heading
+        for n, heading in enumerate(table.headings)
+        if n != at and (not pair_tables.is_known(heading) or table.values[:, n].imag.any())
+    }
     if others and np.iscomplexobj(table.values):
         return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), [], {}
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}

@@ -23,12 +23,10 @@ from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
+from mirrorfold.io.readers.pair_tables import distinct
 from mirrorfold.io.scans.networks import Held
 from mirrorfold.io.scans.positions import Line, Scan, arranged, match_pattern, read_positions
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
-
-PLACE_DIGITS = 9
-"""Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is meant where files hold several."""
@@ -98,8 +96,8 @@ def import_scan(
     if kind == "position":
         coords["antenna_position"] = (("position", "axis"), numbers, {"units": "m"})
         return _checked(xr.Dataset({"s": (("frequency", "position"), s)}, coords, attrs), table)
-    tx, at_tx = _distinct(numbers[:, :3])
-    rx, at_rx = _distinct(numbers[:, 3:])
+    tx, at_tx = distinct(numbers[:, :3])
+    rx, at_rx = distinct(numbers[:, 3:])
     _once(lines, at_tx, at_rx)
     full, measured = fill_matrix(quantities, s, at_tx, at_rx, (len(tx), len(rx)), reciprocal=False)
     coords["tx_position"] = (("tx", "axis"), tx, {"units": "m"})
@@ -234,15 +232,6 @@ def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind:
         )
         return DEFAULTS[kind]
     raise InputError(f"{path}: holds {listed(names)}; say which with --parameter")
-
-
-def _distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Places that differ, in the order of their first appearance, and which one each line means."""
-    _, first, which = np.unique(places.round(PLACE_DIGITS), axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(order.size)
-    return places[first[order]], rank[which.ravel()]
 
 
 def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> None:
