@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from point_target import echo, line_of
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.io.readers import readers
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +44,18 @@ def test_save_refuses_it_too(sweep, tmp_path):
         mf.save(sweep, tmp_path / "a.npz")
     mf.save(sweep, tmp_path / "sweep")
     mf.save(sweep, tmp_path / "sweep.h5")
+
+
+def test_every_reader_and_writer_says_its_suffixes(sweep, tmp_path, monkeypatch):
+    """Those of readers of other packages count, too, and one that cannot be loaded hinders nothing."""
+    mine = replace(readers()["citi"], name="mine", suffixes=(".mine",))
+    monkeypatch.setattr("mirrorfold.io.readers.readers", lambda: readers() | {"mine": mine})
+    for suffix in (".mine", ".cti", ".S2P", ".ply", ".vts", ".geojson", ".svg", ".toml"):
+        with pytest.raises(mf.InputError, match=f"has the suffix '{suffix}'"):
+            mf.save(sweep, tmp_path / f"a{suffix}")
+
+    def broken():
+        raise mf.InputError("cannot be loaded")
+
+    monkeypatch.setattr("mirrorfold.io.readers.readers", broken)
+    mf.save(sweep, tmp_path / "a.mine")

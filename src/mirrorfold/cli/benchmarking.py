@@ -14,10 +14,10 @@ from mirrorfold.cli.terminal import progress, show_json, show_result
 from mirrorfold.cli.writing import output_directory, output_file
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
 PICTURE = "figures.png"
-PICTURES = (".png", ".pdf", ".svg")
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True)]
 

@@ -11,9 +11,8 @@ from mirrorfold.cli.study_tables import show_comparison
 from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
 from mirrorfold.errors import printable
+from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
-
-FORMATS = (".html", ".png", ".pdf", ".svg")
 
 
 def compare(
@@ -35,7 +34,7 @@ def compare(
     from mirrorfold.io.files import written_whole
 
     if output is not None:
-        output_file(output, inputs=[first, second], suffixes=FORMATS)
+        output_file(output, inputs=[first, second], suffixes=(".html", *PICTURES))
     a, b = (read(path, "reconstruction", "image") for path in (first, second))
     if frame is not None:
         a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)

@@ -244,7 +244,7 @@ def export(
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
-    from mirrorfold.io.files import check_suffix
+    from mirrorfold.io.suffixes import check_suffix
 
     found = read(file, "sweep", "image", "reconstruction")
     if frame is not None:

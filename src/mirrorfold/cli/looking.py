@@ -14,10 +14,8 @@ from mirrorfold.cli.terminal import say, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
-
-FORMATS = (".png", ".pdf", ".svg")
-"""Suffixes of figures: for screens, for papers, and for both."""
 
 
 class Report(Record):
@@ -152,7 +150,7 @@ def show(
 
     if not 10 <= dpi <= 2400:
         raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
-    output_file(output, inputs=[file, scene, plan], suffixes=FORMATS)
+    output_file(output, inputs=[file, scene, plan], suffixes=PICTURES)
     truth = None if scene is None else mf.load_scene(scene)
     found: Any = mf.load(file)
     if frame is not None:

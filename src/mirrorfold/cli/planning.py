@@ -12,6 +12,7 @@ from mirrorfold.cli.writing import output_file
 from mirrorfold.common.settings import takes
 from mirrorfold.describing.plan_settings import Instrument, PlanSettings
 from mirrorfold.errors import InputError
+from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
 
@@ -70,8 +71,6 @@ def plan(
 
 UNLISTED = ("walls", "link_budget", "hidden_quality", "kind", "files")
 """Facts of a plan that have tables of their own, or are not for people."""
-
-PICTURES = (".png", ".pdf", ".svg")
 
 
 def parse_band(text: str) -> tuple[float, float]:

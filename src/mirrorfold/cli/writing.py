@@ -46,7 +46,7 @@ def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
     InputError
         As `output_file`, or if the name is that of another kind of file.
     """
-    from mirrorfold.io.files import NETCDF, check_suffix
+    from mirrorfold.io.suffixes import NETCDF, check_suffix
 
     output_file(path, inputs=inputs)
     check_suffix(path, NETCDF)

@@ -2,7 +2,7 @@
 
 | folder or file | what it does |
 |---|---|
-| `files.py` | writes files and folders whole or not at all |
+| `files.py`, `suffixes.py` | writes files and folders whole or not at all; which names they may have |
 | `own/` | sweeps, images, reconstructions (netCDF-4) and scenes (TOML) |
 | `plans.py` | floor plans (DXF, GeoJSON) |
 | `readers/` | what stands in a file of another tool: `Contents`, one reader for each format |
@@ -145,8 +145,8 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
         from mirrorfold.io.own.scene_files import write_scene
 
         return write_scene(obj, path_of("save", path))
-    from mirrorfold.io.files import NETCDF, check_suffix
     from mirrorfold.io.own.netcdf import write
+    from mirrorfold.io.suffixes import NETCDF, check_suffix
 
     check_suffix(path_of("save", path), NETCDF)
     return write(obj, path_of("save", path))

@@ -59,34 +59,6 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
     return path
 
 
-FOREIGN = (
-    ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".tif", ".tiff", ".gif", ".html", ".htm", ".txt", ".csv", ".json", ".toml",
-    ".npy", ".npz", ".mat", ".zip", ".ply", ".pcd", ".xyz", ".vtp", ".vti", ".vts", ".dxf", ".geojson", ".stl", ".obj",
-)  # fmt: skip
-"""Suffixes of files of other kinds than netCDF, and than folders."""
-
-
-def check_suffix(path: str | Path, what: str) -> None:
-    """Refuse to write something under a name that says another kind of file.
-
-    Parameters
-    ----------
-    path : path
-    what : str
-        What is written, and what its name should be, for the message.
-
-    Raises
-    ------
-    InputError
-    """
-    if Path(path).suffix.lower() in FOREIGN:
-        raise InputError(f"{path}: has the suffix {Path(path).suffix!r}, and {what}; rename it")
-
-
-NETCDF = "a netCDF file is written, expected .nc"
-"""What is said of such a name where a sweep, an image or a reconstruction is saved."""
-
-
 def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: Iterable[str | Path] = ()) -> Path:
     """The path, if a directory with files of these names can be written there.
 

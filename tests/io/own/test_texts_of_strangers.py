@@ -7,6 +7,7 @@ import os
 import sys
 
 import h5py
+import numpy as np
 import pytest
 
 import mirrorfold as mf
@@ -57,6 +58,23 @@ def test_a_title_that_is_no_utf8_is_read_and_written(folder, capsys):
     capsys.readouterr()
     assert main(["info", "s.nc"]) == 0
     assert "\x1b" not in capsys.readouterr().out
+
+
+def test_variables_whose_names_are_no_utf8_are_imported_by_a_clean_name(measured, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    f, tx, rx, s = measured
+    for name in ("a.h5", "a.nc"):
+        with h5py.File(name, "w") as file:
+            file.create_dataset(b"S\xff\x1b[2J", data=s)
+            for key, values in {"f": f, "tx": tx, "rx": rx}.items():
+                file[key] = values
+        assert main(["import", "--guess", name, "-o", "map.toml"]) == 0
+        assert main(["import", name, "--mapping", "map.toml", "-o", "o.nc"]) == 0
+        np.testing.assert_allclose(mf.load("o.nc")["s"], s, atol=1e-5)
+    assert main(["info", "a.nc"]) == 2
+    said = capsys.readouterr()
+    assert "is no UTF-8, which netCDF demands; rename it" in said.err
+    assert "\x1b" not in said.out + said.err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")

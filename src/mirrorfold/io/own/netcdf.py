@@ -24,6 +24,7 @@ from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.own.attributes import decoded, storable
 from mirrorfold.io.own.conforming import check_facts, check_radar, check_tables, conform_attrs
 from mirrorfold.io.own.steady import SteadyFile
+from mirrorfold.io.readers import readers
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
 from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
@@ -40,20 +41,18 @@ REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable
 
 ENGINE: Any = "h5netcdf"
 
-FOREIGN_SUFFIXES = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".ply", ".pcd", ".csv", ".txt")
-"""Files that `mirrorfold.load` takes for images or clouds of other tools."""
-
 
 def is_foreign(path: Path) -> bool:
     """Whether a file is of another tool, by its name or what it begins with; netCDF-4 files are ours unless they say
     nothing of it and hold no samples.
     """
-    if path.suffix.lower() in FOREIGN_SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix != ".nc" and any(suffix in reader.suffixes for reader in readers().values()):
         return True
     with path.open("rb") as file:
         if file.read(3) == b"CDF":
             return True
-    if path.suffix.lower() != ".nc" or not h5py.is_hdf5(path):
+    if suffix != ".nc" or not h5py.is_hdf5(path):
         return False
     check_netcdf(path)
     try:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 
 from mirrorfold.common.arguments import one_of
 from mirrorfold.common.reading import check_file
-from mirrorfold.errors import InputError
+from mirrorfold.errors import InputError, printable
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
 
 ENTRY_POINT_GROUP = "mirrorfold.readers"
@@ -39,12 +39,16 @@ class Reader:
         Called with the path and the first bytes of the file; whether the file is of this format.
     read : callable
         Called with the path; returns the `Contents`.
+    suffixes : tuple of str
+        How names of such files usually end, in lower case: `mirrorfold.load` takes files by them, and nothing else is
+        saved under them.
     """
 
     name: str
     description: str
     recognises: Callable[[Path, bytes], bool]
     read: Callable[[Path], Contents]
+    suffixes: tuple[str, ...] = ()
 
 
 OWN = ("acconeer", "touchstone", "matlab", "hdf5", "netcdf3", "numpy_files", "citi", "cloud", "table")
@@ -124,11 +128,22 @@ def read_contents(path: str | Path, reader: str | None = None) -> Contents:
     if reader is not None:
         chosen = readers()[one_of("reader", reader, readers())]
     try:
-        return chosen.read(path)
+        return _with_printable_names(chosen.read(path))
     except InputError:
         raise
     except Exception as error:  # libraries report damage by exceptions of many types
         raise damaged(path, error) from None
+
+
+def _with_printable_names(contents: Contents) -> Contents:
+    """The same with variables that people can name: bytes that are no text, and control characters, become a mark."""
+    named: dict[str, Variable] = {}
+    for name, variable in contents.variables.items():
+        clean = printable(name)
+        while clean in named:
+            clean += "_"
+        named[clean] = variable
+    return replace(contents, variables=named)
 
 
 __all__ = ["Contents", "Reader", "Spectra", "Variable", "read_contents", "readers", "recognise"]

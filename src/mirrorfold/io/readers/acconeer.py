@@ -25,6 +25,8 @@ METADATA = "sessions.session_0.group_0.entry_0.metadata"
 CONFIG = "sessions.session_0.session_config"
 """Where the first sensor of the first session is."""
 
+SUFFIXES = (".h5", ".hdf5")
+
 
 def read(path: Path) -> Contents:
     """The first sensor of a session: ``iq(frame, range)``, against ``range`` [m], on the finest step throughout.
@@ -124,9 +126,9 @@ def _joined(raw: NDArray[np.complex64], stretches: list[tuple[slice, float, floa
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file is a recorded session."""
-    if not head.startswith(hdf5.SIGNATURE) or path.suffix.lower() not in (".h5", ".hdf5"):
+    if not head.startswith(hdf5.SIGNATURE) or path.suffix.lower() not in SUFFIXES:
         return False
     return {"generation", FRAMES} <= set(hdf5.read(path).variables)
 
 
-READER = Reader("acconeer", "sessions of Acconeer A121 sensors", recognises, read)
+READER = Reader("acconeer", "sessions of Acconeer A121 sensors", recognises, read, SUFFIXES)

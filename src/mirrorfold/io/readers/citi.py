@@ -21,6 +21,8 @@ from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_byt
 GROWTH = 20.0
 """Memory that the numbers of a text file take while they are read, as a multiple of its size."""
 
+SUFFIXES = (".cti", ".citi")
+
 
 @dataclass
 class _Package:
@@ -166,9 +168,9 @@ def recognises(path: Path, head: bytes) -> bool:
     """Whether a file begins like CITI."""
     if head.lstrip()[:8].upper() == b"CITIFILE":
         return True
-    if path.suffix.lower() in (".cti", ".citi"):
+    if path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path}: ends in {path.suffix} and does not begin with CITIFILE; export it again")
     return False
 
 
-READER = Reader("citi", "CITI files", recognises, read)
+READER = Reader("citi", "CITI files", recognises, read, SUFFIXES)

@@ -25,6 +25,8 @@ PLY_TYPES = {
 HEADER_BYTES = 1 << 16
 """A header is shorter."""
 
+SUFFIXES = (".ply", ".pcd")
+
 
 def read(path: Path) -> Contents:
     """The points of a cloud, one variable for each property: ``x``, ``y``, ``z`` ..."""
@@ -113,9 +115,9 @@ def recognises(path: Path, head: bytes) -> bool:
     """Whether a file begins like a point cloud."""
     if head.startswith((b"ply\n", b"ply\r\n")) or re.search(rb"^VERSION\s+\.?\d", head[:1000], re.MULTILINE):
         return head.startswith(b"ply") or b"FIELDS" in head
-    if path.suffix.lower() in (".ply", ".pcd"):
+    if path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path}: ends in {path.suffix} and does not begin like a point cloud; write it again")
     return False
 
 
-READER = Reader("cloud", "point clouds: PLY and PCD", recognises, read)
+READER = Reader("cloud", "point clouds: PLY and PCD", recognises, read, SUFFIXES)

@@ -35,6 +35,8 @@ PATIENCE = 20.0
 SLOWEST = 10e6
 """Slowest reading of values that is waited for [bytes/s]."""
 
+SUFFIXES = (".h5", ".hdf5", ".he5")
+
 
 class _Library:
     """The process with the library: started when it is needed, again when it has died, ended with this one."""
@@ -249,9 +251,9 @@ def recognises(path: Path, head: bytes) -> bool:
     """Whether a file has the signature of HDF5, at its beginning or after a block of the user's."""
     if head[:8] == SIGNATURE or any(head[at : at + 8] == SIGNATURE for at in (512, 1024, 2048)):
         return True
-    if path.suffix.lower() in (".h5", ".hdf5", ".he5") or head[:19] == b"MATLAB 7.3 MAT-file":
+    if path.suffix.lower() in SUFFIXES or head[:19] == b"MATLAB 7.3 MAT-file":
         raise InputError(f"{path}: seems to be HDF5 by its name or header and is not; copy it again")
     return False
 
 
-READER = Reader("hdf5", "HDF5, netCDF-4 and MATLAB 7.3", recognises, read)
+READER = Reader("hdf5", "HDF5, netCDF-4 and MATLAB 7.3", recognises, read, SUFFIXES)

@@ -39,9 +39,9 @@ def survey(path: str) -> dict[str, Any]:
     found, budget = [], Budget(os.path.getsize(path))
     with h5py.File(path, "r") as file:
         for name in own_links(file):
-            if file.get(name, getlink=True).__class__ is not h5py.HardLink:
+            if file.id.links.get_info(_stored(name)).type != h5py.h5l.TYPE_HARD:
                 continue
-            item = file[name]
+            item = _item(file, name)
             if not isinstance(item, h5py.Dataset):
                 continue
             check_own_values(name, item)
@@ -72,6 +72,9 @@ def check_netcdf(path: str) -> int:
         _touch_attrs(file, budget)
         groups = {h5py.h5o.get_info(file.id).addr}
         for name in own_links(file):
+            if not _is_utf8(name):
+                mended = name.encode("utf-8", "replace").decode()
+                raise RefusedError(f"the name of its entry {mended!r} is no UTF-8, which netCDF demands; rename it")
             item = None
             with suppress(Exception):
                 item = file[name]
@@ -94,7 +97,7 @@ def check_netcdf(path: str) -> int:
 
 
 def own_links(file: h5py.File) -> list[str]:
-    """The names of all that is in a file.
+    """The names of all that is in a file; bytes that are no UTF-8 are surrogates.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def own_links(file: h5py.File) -> list[str]:
 
     def note(name: bytes, info: Any) -> None:  # called from within the library: it must neither raise nor stop
         own = info.type in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT)
-        (links if own else foreign).append(_text(name))
+        (links if own else foreign).append(name.decode("utf-8", "surrogateescape"))
 
     file.id.links.visit(note, info=True)
     if foreign:
@@ -114,6 +117,24 @@ def own_links(file: h5py.File) -> list[str]:
     if len(links) > MOST_OBJECTS:
         raise RefusedError(f"holds more than {MOST_OBJECTS} objects; split it, or export what was measured")
     return links
+
+
+def _stored(name: str) -> bytes:
+    """A name as the file has it."""
+    return name.encode("utf-8", "surrogateescape")
+
+
+def _is_utf8(name: str) -> bool:
+    """Whether a name has none of the bytes that `own_links` makes surrogates of."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
+
+
+def _item(file: h5py.File, name: str) -> Any:
+    """A group or an array by its name; where that is no UTF-8, h5py does not find it by itself."""
+    if _is_utf8(name):
+        return file[name]
+    found = h5py.h5o.open(file.id, _stored(name))
+    return h5py.Dataset(found) if isinstance(found, h5py.h5d.DatasetID) else None
 
 
 def check_own_values(name: str, dataset: h5py.Dataset) -> None:
@@ -212,7 +233,7 @@ def serve() -> None:
                 answer = survey(asked["path"])
             else:
                 with h5py.File(asked["path"], "r") as file:
-                    values = np.ascontiguousarray(file[asked["name"]][()])
+                    values = np.ascontiguousarray(_item(file, asked["name"])[()])
                 body = values.reshape(-1).view(np.uint8)
                 answer = {"bytes": nbytes(values.shape, values.dtype.itemsize)}
         except RefusedError as refusal:

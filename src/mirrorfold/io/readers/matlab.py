@@ -197,4 +197,4 @@ def recognises(path: Path, head: bytes) -> bool:
     return False
 
 
-READER = Reader("matlab", "MATLAB files of version 5 to 7", recognises, read)
+READER = Reader("matlab", "MATLAB files of version 5 to 7", recognises, read, (".mat",))

@@ -23,6 +23,8 @@ MOST_MEMBERS = 10_000
 HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 """What reads the header, by version of the format."""
 
+SUFFIXES = (".npy", ".npz")
+
 
 def read(path: Path) -> Contents:
     """The array of an ``.npy`` file, named ``array``, or all arrays of an ``.npz`` file."""
@@ -91,9 +93,9 @@ def recognises(path: Path, head: bytes) -> bool:
     """Whether a file begins like a NumPy or zip file."""
     if head.startswith((ZIP, NPY)):
         return True
-    if path.suffix.lower() in (".npy", ".npz"):
+    if path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path}: ends in {path.suffix} and is no NumPy file; save it again with numpy.save or savez")
     return False
 
 
-READER = Reader("numpy", "NumPy .npy and .npz", recognises, read)
+READER = Reader("numpy", "NumPy .npy and .npz", recognises, read, SUFFIXES)

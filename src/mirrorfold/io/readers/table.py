@@ -23,6 +23,8 @@ from mirrorfold.io.readers.phases import phase_unit
 GROWTH = 30.0
 """Memory that the numbers of a text file take while they are read, as a multiple of its size."""
 
+SUFFIXES = (".csv", ".txt")
+
 COMMENTS = ("#", "!", "%", "//")
 
 FRAMES = ("BEGIN", "END")
@@ -292,4 +294,4 @@ def recognises(path: Path, head: bytes) -> bool:
     return b"\0" not in head
 
 
-READER = Reader("table", "text tables: complex CSV, and the CSV of network analysers", recognises, read)
+READER = Reader("table", "text tables: complex CSV, and the CSV of network analysers", recognises, read, SUFFIXES)

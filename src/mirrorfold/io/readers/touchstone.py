@@ -18,6 +18,9 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
 
+SUFFIXES = (".s1p", ".s2p", ".s3p", ".s4p", ".ts")
+"""The usual ones."""
+
 SUFFIX = re.compile(r"\.(?:s(\d{1,3})p|ts)$", re.IGNORECASE)
 
 UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
@@ -185,4 +188,4 @@ def recognises(path: Path, head: bytes) -> bool:
     return True
 
 
-READER = Reader("touchstone", "Touchstone .s1p, .s2p, ... and .ts", recognises, read)
+READER = Reader("touchstone", "Touchstone .s1p, .s2p, ... and .ts", recognises, read, SUFFIXES)
