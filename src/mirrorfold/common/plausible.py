@@ -11,11 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import KINDS
-
-FARTHEST = 1e7
-"""Places farther away than this [m], a quarter of the way around the Earth, are mistakes: no echo returns from there,
-and what is counted or squared on the way to an image would overflow."""
+from mirrorfold.common.units import FARTHEST, KINDS
 
 SHORTEST_ARRAY = 1e-3
 """Length in wavelengths below which an array, or the focus of a beam, tells no directions at all."""

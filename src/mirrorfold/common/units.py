@@ -28,6 +28,10 @@ KINDS: dict[str, dict[str, float]] = {
 UNITS: dict[str, float] = {name: factor for units in KINDS.values() for name, factor in units.items()}
 """All units of the table."""
 
+FARTHEST = 1e7
+"""Places farther away than this [m], a quarter of the way around the Earth, are mistakes: no echo returns from there,
+and what is counted or squared on the way to an image would overflow."""
+
 OTHER_NAMES = {
     "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
     "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",

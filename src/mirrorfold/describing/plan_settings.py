@@ -1,6 +1,6 @@
 """What is asked of a plan, declared once: options, signature, checks and help follow from it.
 
-The bounds are so wide that what lies outside is a slip of the unit.
+The bounds are so wide that what lies outside is a slip of the unit. `--help` imports this, so it imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -9,17 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from scipy.constants import speed_of_light
-
 from mirrorfold.common.arguments import number, shown, whole_number
-from mirrorfold.common.plausible import FARTHEST, HIGHEST, frequency_unit, length_unit
 from mirrorfold.common.settings import REQUIRED, Settings, setting
+from mirrorfold.common.units import FARTHEST
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.materials import names
-
-MATERIALS = names()
-"""What `materials` may hold."""
 
 LARGEST_COUNT = 100_000
 """Antennas or frequencies; more are a slip of the unit."""
@@ -101,6 +94,8 @@ class PlanSettings(Quantities):
     )
 
     def __post_init__(self) -> None:
+        from mirrorfold.common.plausible import HIGHEST
+
         wanted = "two rising frequencies in hertz, for example (270e9, 300e9)"
         start, stop = (
             number("band", value, "Hz", lowest=1e-3, highest=HIGHEST[True]) for value in _two("band", self.band, wanted)
@@ -129,6 +124,10 @@ class PlanSettings(Quantities):
 
     def _check_lines(self) -> None:
         """Refuse lines of antennas that make no sense at these frequencies."""
+        from scipy.constants import speed_of_light
+
+        from mirrorfold.common.plausible import frequency_unit, length_unit
+
         (start, stop), aperture, pitch = self.band, self.aperture, self.pitch
         meant = frequency_unit(stop, aperture, pitch, speed_of_light)
         if meant is not None:
@@ -154,7 +153,7 @@ class PlanSettings(Quantities):
 
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
     """Both entries of a pair."""
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str) or len(value) != 2:
+    if isinstance(value, str) or not (isinstance(value, Sequence) or getattr(value, "shape", ())) or len(value) != 2:
         raise InputError(f"{name} is {shown(value)}, expected {expected}")
     return value[0], value[1]
 
@@ -163,5 +162,7 @@ def _materials(given: Any) -> tuple[str, ...]:
     """The names of the materials, also of a single one."""
     found = (given,) if isinstance(given, str) else given
     if not isinstance(found, Sequence) or not found or not all(isinstance(name, str) for name in found):
-        raise InputError(f"materials is {shown(given)}, expected one or more of: {', '.join(MATERIALS)}")
+        from mirrorfold.scenes.materials import names
+
+        raise InputError(f"materials is {shown(given)}, expected one or more of: {', '.join(names())}")
     return tuple(found)

@@ -14,6 +14,7 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import truth
+from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
@@ -162,7 +163,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     objects = shown_points(reconstruction)
     parent = mirrors["parent"].values.astype(int)
-    chain = _chains(parent)
+    chain = mirror_chains(mirrors)
     held = objects["chain"].values.astype(str)
     if "surface" in objects:
         held = held[objects["surface"].values != "mirror"]
@@ -252,17 +253,6 @@ def _channels(sweep: xr.Dataset) -> NDArray[np.complex64]:
     s = sweep["s"]
     others = [dim for dim in s.dims if dim != "frequency"]
     return np.asarray(s.transpose("frequency", *others).values.reshape(s.sizes["frequency"], -1))
-
-
-def _chains(parent: NDArray[np.int_]) -> list[str]:
-    """The chain of every mirror, by its parents: indices among brothers from the root on."""
-    chains: list[str] = []
-    brothers: dict[int, int] = {}
-    for mother in parent:
-        place = brothers.setdefault(int(mother), 0)
-        brothers[int(mother)] += 1
-        chains.append(str(place) if mother < 0 else f"{chains[mother]}/{place}")
-    return chains
 
 
 def _level(power: Array, reference: float) -> Array:

@@ -12,9 +12,8 @@ from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
 
 from mirrorfold.common.memory import check_room
-from mirrorfold.common.plausible import FARTHEST
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import Quantity, mixes_units
+from mirrorfold.common.units import FARTHEST, Quantity, mixes_units
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -18,8 +18,16 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mirrorfold.common.arguments import path_of
-from mirrorfold.common.plausible import FARTHEST
-from mirrorfold.common.units import KINDS, UNITS, Quantity, mixes_units, parse_quantity, unit_named, written_numbers
+from mirrorfold.common.units import (
+    FARTHEST,
+    KINDS,
+    UNITS,
+    Quantity,
+    mixes_units,
+    parse_quantity,
+    unit_named,
+    written_numbers,
+)
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.strict import read_written, validated
 
