@@ -150,7 +150,7 @@ def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None
 
 
 def _seeds(text: str) -> range:
-    """The seeds of ``FIRST:END``, or the one of a single number."""
+    """The seeds of ``FIRST:END``, or of a single number."""
     first, colon, end = text.partition(":")
     try:
         found = range(int(first), int(end) if colon else int(first) + 1)

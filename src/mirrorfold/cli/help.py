@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
 NAMES_WIDTH = 28
-"""Columns for the names of options; longer ones get a line of their own."""
+"""Columns for the names of options; longer names get a line of their own."""
 
 LEAST_TEXT = 30
 """Columns that are left for the text even in a narrow window."""

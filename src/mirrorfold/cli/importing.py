@@ -190,7 +190,9 @@ def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Datas
 
 def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:
     """Whether a file can be nothing but an image or a point cloud."""
-    return mapping is None and positions is None and all(file.suffix.lower() in (".ply", ".pcd") for file in files)
+    from mirrorfold.io.readers.cloud import SUFFIXES
+
+    return mapping is None and positions is None and all(file.suffix.lower() in SUFFIXES for file in files)
 
 
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
@@ -244,6 +246,7 @@ def export(
         Print what was written as one JSON object.
     """
     from mirrorfold.cli.results import read
+    from mirrorfold.io.exports.scan_folder import DESCRIPTION, POSITIONS
     from mirrorfold.io.suffixes import check_suffix
 
     found = read(file, "sweep", "image", "reconstruction")
@@ -258,7 +261,7 @@ def export(
         show_files([output])
         return
     check_suffix(output, "a sweep is exported as a folder of Touchstone files")
-    output_directory(output, names=("positions.csv", "scan.toml"), inputs=[file])
+    output_directory(output, names=(POSITIONS, DESCRIPTION), inputs=[file])
     with progress("writing the scan") as report:
         positions = mf.save_touchstone(found, output, progress=report)
     if json:

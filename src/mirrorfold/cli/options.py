@@ -26,7 +26,7 @@ app = App(
 Output = Annotated[Path, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, Parameter(alias="-o")]
 Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-"""Several of them in one text, such as ``-2:2:0.005`` or ``0,1.5``."""
+"""Several numbers in one text, such as ``-2:2:0.005`` or ``0,1.5``."""
 
 CrossRanges = Annotated[
     Numbers,
@@ -59,7 +59,7 @@ Frame = Annotated[int | None, Parameter(help="Which frame of a recording, from 0
 Export = Annotated[Path | None, Parameter(help="File for other programs to write too: see `mirrorfold export --help`.")]
 
 LARGEST_INTEGER = 2.0**63
-"""Files hold no larger ones."""
+"""Files hold no larger whole numbers."""
 
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
 """The command line being run, which results carry along."""

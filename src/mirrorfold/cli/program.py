@@ -66,7 +66,7 @@ benchmark = App(
     help_epilogue=f"Example: {VERBS['benchmark'].example}\n",
     version_flags=[],
 )
-"""The one verb that has another below it, `benchmark compare`."""
+"""The only verb with a verb below it, `benchmark compare`."""
 
 benchmark.default(with_no_clobber(completed(benchmarking.benchmark)))
 benchmark.command(

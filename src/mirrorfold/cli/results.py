@@ -61,7 +61,7 @@ def parse_grid(**axes: str | None) -> dict[str, Any]:
 
 
 AXIS_BYTES = 24.0
-"""Memory of each coordinate of an axis while it is made."""
+"""Memory that each coordinate of an axis takes while the axis is made."""
 
 
 def parse_axis(text: str, name: str) -> Any:

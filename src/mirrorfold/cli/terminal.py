@@ -31,7 +31,7 @@ PLAIN_WIDTH = 110
 """Width of tables that do not go to a terminal [characters]."""
 
 WIDE = 140
-"""Of one with more columns than fit."""
+"""Width of a table with more columns than fit into that [characters]."""
 
 UNLISTED = ("remarks", "mirrors", "surfaces", "findings", "judged", "valid", "points_by_frame")
 """Facts that have tables or lines of their own."""

@@ -81,7 +81,7 @@ def announce(paths: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int]:
-    """What tells a file from one that was put in its place."""
+    """What tells a file from another file that was put in its place."""
     state = path.stat()
     return state.st_dev, state.st_ino
 

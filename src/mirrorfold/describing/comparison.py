@@ -28,7 +28,7 @@ from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
 
 WITHIN_CELLS = 1.5
-"""A point is still there where the other result has one within so many resolution cells."""
+"""A point is kept where the second result has a point within so many resolution cells of it."""
 
 FLOOR_DB = -40.0
 """Below the brighter of both results, levels count as nothing: there, noise would differ by many decibels."""
@@ -64,7 +64,7 @@ class PointChange(Record):
 
 
 class MirrorPair(Record):
-    """A mirror of the first and of the second result that are the same; null where the other has none."""
+    """A mirror that both results have, by its number in each; null where one of them lacks it."""
 
     first: int | None
     second: int | None
@@ -102,7 +102,7 @@ class Changes:
     difference : (y, x) DataArray [dB]
         Second over first, NaN where both are below the floor.
     lost, gained : bool arrays
-        Which points of the first, and of the second, have none near to them in the other.
+        Which points of the first, and of the second, have no point of the other result near to them.
     """
 
     first: xr.DataArray
@@ -338,7 +338,7 @@ def _reach(reconstruction: xr.DataTree) -> Array:
 
 
 def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:
-    """Which points have none of the other result near to them."""
+    """Which points of a result have no point of the other one near to them."""
     points, others = _places(of), _places(other)
     if not len(points) or not len(others):
         return np.ones(len(points), dtype=bool)

@@ -153,7 +153,7 @@ class PlanSettings(Quantities):
 
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
     """Both entries of a pair."""
-    if isinstance(value, str) or not (isinstance(value, Sequence) or getattr(value, "shape", ())) or len(value) != 2:
+    if isinstance(value, str) or not (isinstance(value, Sequence) or hasattr(value, "shape")) or len(value) != 2:
         raise InputError(f"{name} is {shown(value)}, expected {expected}")
     return value[0], value[1]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.facts import Choice
 
 DIAGONAL = ANGLES.index(45.0)
-"""Of the angles of a wall the one that stands for bounces in a room."""
+"""The angle of incidence, among those of a wall, that stands for bounces in a room."""
 
 TEMPERATURE = 290.0
 """Of noise figures, by definition [K]."""
@@ -34,7 +34,7 @@ MOST_BOUNCES = 12
 """No scene was ever folded as deep."""
 
 INVISIBLE_DB = -60.0
-"""Share of the power that a wall scatters below which it cannot be found but by its glint [dB]."""
+"""A wall that scatters less than this share of the power can only be found by its glint [dB]."""
 
 DULL_DB = -25.0
 """Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
@@ -136,27 +136,7 @@ def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
     measuring += instrument.moving * (len(tx) * len(rx) - 1)
     pixels = x.size * y.size
     focusing = _focusing(frequency, tx, rx, x, y)
-    if by_ambiguity < 0:
-        remarks.append(
-            f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {range:g} m; "
-            f"measure at least {_points_for(range, band)} frequencies."
-        )
-    elif by_ambiguity < min(by_noise, MOST_REMARKED):
-        needed = _points_for(range + leg * min(by_noise, MOST_REMARKED), band)
-        remarks.append(
-            f"Echoes of more than {by_ambiguity} bounces arrive beyond the ambiguous range, "
-            f"{ambiguous:.3g} m, and wrap around into the scene; measure at least {needed} frequencies."
-        )
-    if by_noise < 0:
-        remarks.append(
-            "Not even the line of sight stands above the noise; transmit more power, narrow the bandwidth, or come "
-            "nearer."
-        )
-    diffuse, mirrored = first.diffuse_db[0], first.specular_te_db[DIAGONAL]
-    if diffuse is None or diffuse < INVISIBLE_DB:
-        remarks.append("The walls are so smooth that they scatter next to nothing: away from broadside they stay dark.")
-    if mirrored is None or mirrored < DULL_DB:
-        remarks.append("The walls mirror so little at 45 degrees that bounces fade quickly; choose a lower band.")
+    remarks += _remarks(asked, leg, ambiguous, by_noise, by_ambiguity, first)
     return Plan(
         kind="plan",
         **facts,
@@ -179,11 +159,40 @@ def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
             aperture=float(np.hypot(aperture, rx_aperture) / np.sqrt(2.0)),
             range=range + leg,
             wall_range=range,
-            mirrored_db=mirrored,
+            mirrored_db=first.specular_te_db[DIAGONAL],
         ),
         remarks=remarks,
         files=[],
     )
+
+
+def _remarks(
+    asked: PlanSettings, leg: float, ambiguous: float, by_noise: int, by_ambiguity: int, wall: Wall
+) -> list[str]:
+    """What will go wrong, from the bounces [-1 for none at all] above the noise, and within the ambiguous range [m]."""
+    remarks = []
+    if by_ambiguity < 0:
+        remarks.append(
+            f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {asked.range:g} m; "
+            f"measure at least {_points_for(asked.range, asked.band)} frequencies."
+        )
+    elif by_ambiguity < min(by_noise, MOST_REMARKED):
+        needed = _points_for(asked.range + leg * min(by_noise, MOST_REMARKED), asked.band)
+        remarks.append(
+            f"Echoes of more than {by_ambiguity} bounces arrive beyond the ambiguous range, "
+            f"{ambiguous:.3g} m, and wrap around into the scene; measure at least {needed} frequencies."
+        )
+    if by_noise < 0:
+        remarks.append(
+            "Not even the line of sight stands above the noise; transmit more power, narrow the bandwidth, or come "
+            "nearer."
+        )
+    diffuse, mirrored = wall.diffuse_db[0], wall.specular_te_db[DIAGONAL]
+    if diffuse is None or diffuse < INVISIBLE_DB:
+        remarks.append("The walls are so smooth that they scatter next to nothing: away from broadside they stay dark.")
+    if mirrored is None or mirrored < DULL_DB:
+        remarks.append("The walls mirror so little at 45 degrees that bounces fade quickly; choose a lower band.")
+    return remarks
 
 
 def _focusing(frequency: Array, tx: Array, rx: Array, x: Array, y: Array) -> Choice:

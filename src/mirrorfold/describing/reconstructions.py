@@ -86,7 +86,7 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
 
 
 def on_mirrors(objects: xr.Dataset) -> NDArray[np.bool_]:
-    """Which points are faces of mirrors, (n,); all others are those of objects. Old files do not tell."""
+    """Which points are faces of mirrors, (n,); all others are objects. In old files, which do not say so, all are."""
     if "surface" not in objects:
         return np.zeros(objects.sizes.get("point", 0), dtype=bool)
     return np.asarray(objects["surface"].values == "mirror")

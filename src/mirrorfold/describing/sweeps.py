@@ -30,10 +30,10 @@ END_SHARE = 0.1
 """Share of the range profile, at its end, where strong echoes suggest that others have wrapped around."""
 
 END_LEVEL_DB = -30.0
-"""Level of such an echo against the strongest one [dB]; weaker ones wrap around without harm."""
+"""Level of an echo there against the strongest echo [dB]; weaker ones wrap around without harm."""
 
 END_OVER_NOISE = 10.0
-"""Power of such an echo over that of the noise; weaker ones may be peaks of the noise."""
+"""Power of an echo there over that of the noise; weaker ones may be peaks of the noise."""
 
 SIDE_LOBES = 3
 """Bins at the end of the range profile that the Hann window fills with leakage from range zero."""

@@ -107,7 +107,7 @@ def load_geometry(path: str | Path) -> xr.Dataset:
 
 
 def _prepare_to_read(path: Path) -> None:
-    """Start the process that opens a netCDF file first: it starts while libraries are loaded here."""
+    """Check that the file is there, and start the process that opens netCDF files while libraries are loaded here."""
     check_file(path, "give the path of a netCDF file")
     if path.suffix.lower() == ".nc":
         from mirrorfold.io.readers import hdf5

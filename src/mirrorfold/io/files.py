@@ -193,14 +193,14 @@ OLD_FILES = ".replaces"
 """In a directory whose files wait to replace others, the file that names these."""
 
 SIGNATURE = ".signature"
-"""The file in it that says that this user's program has made it."""
+"""In such a directory, the file that proves that a program of this user has made it."""
 
 
 def clean_up(folder: Path) -> None:
     """Finish or remove what this user's killed processes have left in a folder.
 
-    A folder may come from a stranger, with such things in it and with links: what another has made is left alone, and
-    links are replaced, not followed.
+    A folder may come from a stranger, with forged leftovers and links in it: what another user has made is left alone,
+    and links are replaced, not followed.
     """
     for path in leftovers(folder):
         if path.suffix != COMPLETE:
@@ -244,7 +244,7 @@ def _replace_files(complete: Path, place: Callable[[Path], Path]) -> None:
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""How a system says that a disk, or the user's share of it, is full."""
+"""Errors by which a system says that a disk, or the user's share of the disk, is full."""
 
 
 def check_room(path: Path, size: int) -> None:

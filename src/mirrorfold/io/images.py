@@ -165,7 +165,7 @@ def _image(
 
 
 def _exact(values: Array) -> Array:
-    """Equal steps, where single precision has rounded them."""
+    """The coordinates, in exactly equal steps where single precision has rounded these."""
     even = np.linspace(values[0], values[-1], values.size)
     step = float(even[1] - even[0]) if values.size > 1 else 0.0
     return even if values.size > 1 and np.abs(even - values).max() < ROUNDING * abs(step) else values
@@ -205,7 +205,7 @@ def _coordinate(contents: Contents, name: str, axis: str) -> Array:
 
 
 def _order(shape: tuple[int, ...], coordinates: dict[str, Array], wanted: str) -> str:
-    """The order of axes that the sizes allow; the usual one where they allow several."""
+    """The order of axes that the sizes allow; the usual order where they allow several."""
     fitting = [
         "".join(order)
         for order in permutations(wanted)

@@ -114,7 +114,7 @@ def _import(
         raise InputError("no files are given; name the files to import")
     if positions is None and mapping is None and len(paths) == 1 and paths[0].is_dir():
         positions = next((paths[0] / name for name in POSITIONS if (paths[0] / name).is_file()), None)
-    if positions is not None or _has_metafile(paths):
+    if positions is not None or _is_description(paths):
         if mapping is not None:
             raise InputError("mapping and positions are both given; a scan of files needs positions alone")
         return import_scan(paths, positions=positions, parameter=parameter, progress=progress)
@@ -140,8 +140,8 @@ def _import(
     return join(sweeps, chosen.join, [str(path) for path in paths])
 
 
-def _has_metafile(paths: list[Path]) -> bool:
-    """Whether the one thing given is the metafile of a scan."""
+def _is_description(paths: list[Path]) -> bool:
+    """Whether a single path is given, and it is the description of a scan."""
     return len(paths) == 1 and paths[0].suffix.lower() == ".json"
 
 
@@ -179,7 +179,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
 
 
 def _known(contents: Contents) -> xr.Dataset | None:
-    """The sweep in a file whose variables are those of one mapping that comes along, and of no other."""
+    """The sweep in a file whose variables fit a single one of the shipped mappings; None where none or several fit."""
     found = []
     for name in shipped():
         with suppress(InputError):

@@ -36,7 +36,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float] = (7.0, 6.0)) -> Axes
 
 
 def in_metres(ax: Axes) -> Axes:
-    """Metres on both axes, and as long on the one as on the other."""
+    """Metres on both axes, at the same scale."""
     ax.set_aspect("equal")
     ax.set(xlabel="cross-range x [m]", ylabel="range y [m]")
     return ax

@@ -190,7 +190,7 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
 
 
 def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
-    """Whether it is a floor plan; told without what reads scenes, for most results are drawn without any."""
+    """Whether a scene is a floor plan; told without importing scenes, as most results are drawn without one."""
     return getattr(scene, "dimensions", 3) == 2
 
 

@@ -93,13 +93,13 @@ def compare(
 
 
 def _levels(changes: Changes, floor_db: float) -> tuple[Any, Any]:
-    """Levels of both under one reference."""
+    """Levels of both pictures under the same reference [dB]."""
     both = decibels(np.stack([changes.first.values, changes.second.values]), floor_db)
     return both[0], both[1]
 
 
 def _points(ax: Axes, first: xr.DataTree, second: xr.DataTree, changes: Changes) -> None:
-    """Points of both, those of one alone in colours."""
+    """Points of both results; in colours those that a single result has."""
     a, b = map(shown_points, (first, second))
     for held, chosen, colour, label in (
         (b, ~changes.gained, KEPT, "kept"),

@@ -90,7 +90,7 @@ def cut(scene: Scene3D, point: Array, normal: Array) -> dict[str, Array]:
 
 
 def cut_triangles(vertices: Array, faces: Index, point: Array, normal: Array) -> Array:
-    """Line segments (n, 2, 3) [m] in which a plane cuts triangles; those that it only touches are left out."""
+    """Line segments (n, 2, 3) [m] in which a plane cuts triangles; triangles that it only touches are left out."""
     height = (vertices - point) @ np.asarray(normal, dtype=float)
     side = height[faces] > 0.0
     crossed = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))

@@ -41,7 +41,7 @@ def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, s
 
 MIRRORS = {"first": "first", "second": "second", "angle_deg": "angle [deg]", "offset_m": "offset [m]"}
 BENDS = {"first_radius_m": "first radius [m]", "second_radius_m": "second radius [m]", "sagitta_m": "sagitta [m]"}
-"""Columns of the table of mirrors; the latter where one of them is curved."""
+"""Columns of the table of mirrors; `BENDS` where a mirror is curved."""
 
 
 def comparison_page(found: Comparison, picture: bytes) -> str:

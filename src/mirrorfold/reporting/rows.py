@@ -16,7 +16,7 @@ from mirrorfold.folding.shown import passed_walls
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
-    """The mirrors, one dict each, with None for what the file does not hold."""
+    """A dict for each mirror, with None for what the file does not hold."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
     strengths = held["strength"].values.astype(float)

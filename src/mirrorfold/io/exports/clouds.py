@@ -61,7 +61,7 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
 
 
 def _table(columns: Columns) -> bytes:
-    """All points one after the other, packed."""
+    """The bytes of all points, without gaps."""
     size = len(columns["x"])
     table = np.empty(size, dtype=[(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
@@ -114,7 +114,7 @@ def _xyz(columns: Columns, chains: list[str]) -> bytes:
 
 
 def _text(columns: Columns, separator: str) -> str:
-    """A line of headings, and one for each point."""
+    """A line of headings, then a line for each point."""
     rows = zip(*(column.tolist() if column.dtype.kind != "f" else [f"{value:.7g}" for value in column]
                  for column in columns.values()), strict=True)  # fmt: skip
     lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]

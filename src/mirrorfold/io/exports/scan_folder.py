@@ -54,7 +54,9 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
     dims: tuple[str, ...] = RASTER_DIMENSIONS if is_raster(sweep) else PAIR_DIMENSIONS
     dims = MONOSTATIC_DIMENSIONS if is_monostatic(sweep) else dims
     if sweep["s"].dims != dims:
-        raise InputError(f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select one of the others")
+        raise InputError(
+            f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select a single index of any further one"
+        )
     folder = path_of("save_touchstone", folder, "the path of a folder")
     s = sweep["s"].values.reshape(sweep.sizes["frequency"], -1)
     heading, numbers, names, kept = _listing(sweep, dims)

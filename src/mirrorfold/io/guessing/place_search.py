@@ -49,7 +49,7 @@ class PlaceSearch:
         self.guess.findings.append(Finding(plain(what), LISTED[level], why))
 
     def _rows(self, pattern: re.Pattern[str], lengths: Iterable[int]) -> list[tuple[str, NDArray]]:
-        """Rows of finite numbers whose name fits, of one of the lengths."""
+        """Rows of finite numbers whose name fits and whose length is among those given."""
         found = []
         for name, variable in self.free.items():
             size = prod(variable.shape)
@@ -110,7 +110,7 @@ class PlaceSearch:
         return ""
 
     def _forget(self, kept: int) -> None:
-        """Take back places of transmitters and receivers that fit on one side only."""
+        """Take back the places of transmitters where those of receivers were not found, and the reverse."""
         del self.guess.findings[kept:]
         for side in ("tx", "rx"):
             self.guess.entries.pop(side, None)
@@ -147,7 +147,7 @@ class PlaceSearch:
         return True
 
     def _steps(self, entry: str, count: int, *, own: bool) -> bool:
-        """Places in equal steps, of which single numbers say the first one and the distance, each in its own unit."""
+        """Places in equal steps, where the file gives the first place and the pitch, each in its own unit."""
         side = entry if entry in ("tx", "rx") else ""
         scalars = {name: variable for name, variable in self.free.items() if prod(variable.shape) == 1}
 

@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 LISTED = ("sure", "likely", "a guess")
-"""How sure a finding is: by name, size and values; by two of them; by one."""
+"""How sure a finding is: told by name, size and values; by two of these; by a single one."""
 
 
 @dataclass

@@ -36,7 +36,7 @@ GIGAHERTZ_BELOW = 3e3
 
 
 class Search(PlaceSearch):
-    """The search for samples, axes and places, one after the other; each takes what it needs off the list."""
+    """The search for samples, then axes, then places; what is recognised is taken off the list of variables."""
 
     def run(self) -> None:
         """Fill in the guess."""
@@ -66,7 +66,7 @@ class Search(PlaceSearch):
         self._found("the time convention exp(+jwt)", 2, "the file does not say; `mirrorfold info` tests it on the data")
 
     def _samples(self) -> Variable | None:
-        """Complex samples, or two parts of them, or the largest real array."""
+        """The variable with complex samples, or two with their parts, or the largest real array."""
         complexes = {name: v for name, v in self.free.items() if v.dtype.kind == "c"}
         if "s" in complexes and complexes["s"].dims:  # the reader knows the axes
             complexes = {"s": complexes["s"]}

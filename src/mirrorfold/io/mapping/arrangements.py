@@ -171,7 +171,7 @@ def _raster(samples: Measured) -> xr.Dataset:
 
 
 def _beams(samples: Measured) -> xr.Dataset:
-    """Beams one by one, put on their grid."""
+    """A list of beams, put on the grid of their angles."""
     angles = []
     for name in ("azimuth", "elevation"):
         angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")

@@ -272,7 +272,7 @@ class Mapping(Strict):
     pairs : Pairs
         For samples with an axis ``pair``.
     reciprocal : bool
-        Pairs that were measured one way only are the same the other way.
+        Of pairs measured in one direction only, the samples hold for transmitter and receiver exchanged, too.
     azimuth, elevation : Values
         Directions of the beams of a raster scan, with `origin`.
     compensation : Compensation

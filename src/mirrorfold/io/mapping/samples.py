@@ -82,7 +82,7 @@ def _shaped(quantities: Quantities, values: NDArray, samples: Samples, name: str
 
 
 def _squeezed(quantities: Quantities, values: NDArray, dims: list[str], name: str) -> NDArray:
-    """The array with as many axes as it has names, where only axes of length one are in the way."""
+    """The array without axes of length one, where it has more axes than names."""
     shape = [length for length in values.shape if length != 1]
     if values.ndim == len(dims):
         return values

@@ -10,7 +10,7 @@ from mirrorfold.errors import InputError
 Array = NDArray[np.floating]
 
 STEP_TOLERANCE = 1e-3
-"""Largest deviation of a step from the mean one, as a share of it."""
+"""Largest deviation of a step from the mean step, as a share of the mean."""
 
 OCCUPIED_DB = -30.0
 """The band reaches from the strongest frequency to where the mean spectrum first falls below this level [dB]."""

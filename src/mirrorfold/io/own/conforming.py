@@ -29,7 +29,7 @@ TOGETHER = {
         tuple(f"{folded}corner_{axis}" for folded in ("", "folded_") for axis in "xyz"),
     ),
 }
-"""Columns that a table has all of, or none: those of volumes."""
+"""Columns of volumes: a table has all of a group, or none."""
 
 MEASURED = {
     "wave_speed": 1.0,
@@ -40,7 +40,7 @@ MEASURED = {
 """Attributes that are numbers, and less than any radar or sonar has of each [m/s, Hz, m, 1]."""
 
 ENDLESS = ("range_resolution", "ambiguous_range")
-"""Those that may be infinite, as with one frequency."""
+"""Attributes that may be infinite, as of a sweep with a single frequency."""
 
 DIRECTED = ("radar_position", "array_direction")
 """Attributes that are a place or a direction."""
@@ -49,7 +49,7 @@ COUNTS = {"bounces": 0, "generation": 0, "parent": -1}
 """Columns of whole numbers, and the smallest that each may hold."""
 
 MOST_BOUNCES = 1000
-"""More of them are a mistake: every bounce costs some decibels."""
+"""A chain of more bounces is a mistake: every bounce costs some decibels."""
 
 
 def conform_attrs(attrs: dict[Any, Any]) -> None:

@@ -32,7 +32,7 @@ from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
 KINDS = ("sweep", "image", "reconstruction")
 
 IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
-"""Of one image; leading dimensions, such as `frame`, make many of it."""
+"""Dimensions of a single image; leading ones, such as `frame`, number several images."""
 
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
 """What a sweep's plan needs to know of its file."""

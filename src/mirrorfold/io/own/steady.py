@@ -23,7 +23,7 @@ class SteadyFile(io.FileIO):
         self._failure: Exception | None = None
 
     def write(self, content: Any) -> int:
-        """Write all of it, or drop it."""
+        """Write all of the content, or after a failure drop it."""
         view = memoryview(content).cast("B")
         size = len(view)
         try:
@@ -34,7 +34,7 @@ class SteadyFile(io.FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Cut the file off, or make it longer, if that can be done."""
+        """Give the file another length, if that can be done."""
         try:
             return super().truncate(size)
         except Exception as error:

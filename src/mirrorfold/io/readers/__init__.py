@@ -68,7 +68,7 @@ def readers() -> dict[str, Reader]:
     for point in entry_points(group=ENTRY_POINT_GROUP):
         try:
             reader = point.load()
-        except Exception as error:  # whatever the other package raises
+        except Exception as error:  # whatever the package of the reader raises
             raise InputError(f"the reader {point.name!r} of {point.value} cannot be loaded ({error})") from None
         if not isinstance(reader, Reader):
             raise InputError(f"the reader {point.name!r} of {point.value} is a {type(reader).__name__}, not a Reader")

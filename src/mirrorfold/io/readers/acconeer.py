@@ -75,7 +75,7 @@ def _json(path: Path, name: str, text: str) -> dict[str, Any]:
 def _stretches(
     path: Path, metadata: dict[str, Any], config: dict[str, Any], points: int
 ) -> list[tuple[slice, float, float]]:
-    """For each stretch where its samples are, where it begins [m] and its step [m]."""
+    """Of each stretch of ranges: which samples are its own, where it begins [m], and its step [m]."""
     try:
         base = float(metadata["base_step_length_m"])
         subsweeps = next(iter(config["groups"][0].values()))["subsweeps"]

@@ -66,7 +66,7 @@ def _parameter(name: str) -> str:
 
 
 def _packages(path: Path, lines: Iterator[tuple[int, str]], most: int) -> Iterator[_Package]:
-    """Packages one by one; none has more samples than the file has letters."""
+    """The packages in turn; none has more samples than the file has letters."""
     package = _Package()
     for number, line in lines:
         words = line.split()
@@ -102,7 +102,7 @@ def _packages(path: Path, lines: Iterator[tuple[int, str]], most: int) -> Iterat
 
 
 def _axis(path: Path, lines: Iterator[tuple[int, str]], start: int, size: int) -> NDArray[np.float64]:
-    """The values of an independent variable, given one by one or as segments of equal steps."""
+    """The values of an independent variable, given as a list or as segments of equal steps."""
     values: list[NDArray[np.float64]] = []
     for number, line in lines:
         words = line.split()
@@ -157,7 +157,7 @@ FORMATS = {
     "DBANGLE": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
     "DB": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
 }
-"""How two numbers make a complex one; angles are in degrees."""
+"""How two numbers make a complex number; angles are in degrees."""
 
 
 def _wrong(path: Path, number: int, line: str, expected: str) -> InputError:

@@ -39,7 +39,7 @@ SUFFIXES = (".h5", ".hdf5", ".he5")
 
 
 class _Library:
-    """The process with the library: started when it is needed, again when it has died, ended with this one."""
+    """The process with the library: it is started when needed, again when it has died, and ends with this process."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -156,12 +156,12 @@ def check_netcdf(path: Path) -> None:
 
 @lru_cache(maxsize=16)
 def _checked(path: str, changed: int, size: int) -> dict[str, Any]:
-    """What the other process says of a netCDF file, asked once as long as the file does not change."""
+    """What the process of the library says of a netCDF file, asked once as long as the file does not change."""
     return _library.ask({"path": path, "netcdf": True})[0]
 
 
 def _check_answer(path: Path, answer: dict[str, Any]) -> None:
-    """Refuse what the other process refuses.
+    """Refuse what the process of the library refuses.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def _check_answer(path: Path, answer: dict[str, Any]) -> None:
 def read(path: Path) -> Contents:
     """All arrays of an HDF5 file, read when they are asked for; groups are joined by dots.
 
-    Arrays of MATLAB 7.3 files, which lie in the other order on disk, have their axes as MATLAB shows them.
+    Arrays of MATLAB 7.3 files, which are stored with their axes reversed, have them as MATLAB shows them.
     """
     path = Path(path)
     answer, _ = _library.ask({"path": str(path.absolute())})
@@ -193,7 +193,7 @@ def read(path: Path) -> Contents:
 
 
 def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | None:
-    """An array that the other process reads when it is asked for; None for what holds no numbers."""
+    """An array that the process of the library reads when it is asked for; None for what holds no numbers."""
     if "text" in entry:
         return Variable.of(np.array(entry["text"]))
     name, shape, stored = entry["name"], tuple(entry["shape"]), max(entry["stored"], 1)

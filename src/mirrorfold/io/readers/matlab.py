@@ -109,7 +109,7 @@ def read(path: Path) -> Contents:
 
 
 def _inflate(path: Path, part: memoryview, order: str, before: int, stored: int) -> bytes:
-    """The element within a compressed one, no longer than it announces."""
+    """The element inside a compressed element, no longer than its header announces."""
     unpacker = zlib.decompressobj()
     try:
         head = unpacker.decompress(part, 8)
@@ -162,7 +162,7 @@ def _matrix(stream: _Stream, name: str, variables: dict[str, Variable], depth: i
 def _compound(
     stream: _Stream, name: str, number: int, shape: tuple[int, ...], variables: dict[str, Variable], depth: int
 ) -> None:
-    """What a structure or a cell array holds; with more than one element they are numbered from zero."""
+    """What a structure or a cell array holds; where it has several elements, they are numbered from zero."""
     fields = [""]
     if number == STRUCT:
         length = stream.numbers()
@@ -185,7 +185,7 @@ def _compound(
 
 
 def recognises(path: Path, head: bytes) -> bool:
-    """Whether a file begins like one of version 5; one that only pretends to be is refused."""
+    """Whether a file begins like a MATLAB file of version 5; other files named .mat are refused."""
     if head[:19] == b"MATLAB 7.3 MAT-file":
         return False
     if len(head) >= HEADER_BYTES and head[126:128] in (b"IM", b"MI"):

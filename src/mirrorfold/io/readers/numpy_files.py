@@ -76,7 +76,7 @@ def _array(path: Path, name: str, file: IO[bytes], size: int) -> NDArray:
 
 
 def _variables(name: str, values: NDArray) -> dict[str, Variable]:
-    """One variable, or one for each field."""
+    """An array as a variable; a structured array as a variable for each field."""
     fields = complex_fields(values.dtype)
     if fields is not None:
         values = to_complex(values, fields)

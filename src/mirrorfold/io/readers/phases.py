@@ -11,7 +11,7 @@ MANY = 64
 """Phases that tell by their values; fewer may lie close together by chance."""
 
 SECTORS = 16
-"""Parts of the circle, each of which holds one of many phases in radians: in degrees they would span six."""
+"""Parts of the circle, all of which hold some of many phases in radians; degrees as small would span a mere six."""
 
 ROUNDING = 0.01
 """What rounded phases may lie beyond the full circle [rad]."""

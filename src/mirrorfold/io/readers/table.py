@@ -84,7 +84,7 @@ class Table:
 
 
 def read(path: Path) -> Contents:
-    """A text table: the variable ``table``, and one for each column with a heading; what a table of pairs holds."""
+    """The variable ``table``, a variable for each column with a heading, and what a table of pairs holds."""
     table = read_table(path)
     spectra, unknown, halves = _spectra(path, table)
     pairs = pair_tables.of_spectra(spectra) if spectra is not None else None
@@ -209,7 +209,8 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
 def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[str, str]]:
     """Spectra where the headings name a frequency and columns that make complex numbers.
 
-    And the headings that are not understood, and what those hold that lack the other half of complex numbers.
+    Beside them, the headings that are not understood; and by heading, what columns hold that are half a complex number,
+    such as a magnitude without its phase.
     """
     short = [(n, heading) for n, heading in enumerate(table.headings) if len(heading) <= LONGEST_CELL]
     found = [(n, match) for n, heading in short if (match := FREQUENCY.match(heading))]
@@ -266,7 +267,7 @@ def _name(text: str) -> str:
 
 
 def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
-    """The unit of phases whose heading names none; says where it is not the usual one."""
+    """The unit of phases whose heading names none; a warning says so where it is not degrees."""
     if phase_unit("", phase) != "radian":
         return "degree"
     warnings.warn(
@@ -278,7 +279,7 @@ def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
 
 
 def _complex(path: Path, columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
-    """Complex samples from two columns, if these two make some."""
+    """Complex samples from two columns; None where these are not two parts of complex numbers."""
     if "phase" in columns:
         phase = columns["phase"]
         columns = {**columns, _phase_unit(path, phase): phase}

@@ -19,7 +19,7 @@ from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
 
 SUFFIXES = (".s1p", ".s2p", ".s3p", ".s4p", ".ts")
-"""The usual ones."""
+"""The usual suffixes; files of more ports are told by `SUFFIX`."""
 
 SUFFIX = re.compile(r"\.(?:s(\d{1,3})p|ts)$", re.IGNORECASE)
 

@@ -31,7 +31,7 @@ class Held:
 
     @property
     def parent(self) -> Path:
-        """A folder, as a file has one."""
+        """A folder that stands for that of a file."""
         return Path(self.name)
 
 

@@ -144,7 +144,7 @@ class Scan(Strict):
 
 
 def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
-    """A dict whose entry with one of the names has this name."""
+    """The dict, with the entry that has one of the names under this name."""
     if not isinstance(value, dict) or name in value:
         return value
     found = [other for other in names if other in value]
