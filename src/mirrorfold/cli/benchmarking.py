@@ -11,7 +11,7 @@ import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.study_tables import show_benchmark, show_benchmark_comparison, show_catalogue
 from mirrorfold.cli.terminal import progress, show_json, show_result
-from mirrorfold.cli.writing import output_directory, output_file
+from mirrorfold.cli.writing import output_directory, output_file, required
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.io.suffixes import PICTURES
@@ -91,8 +91,7 @@ def benchmark(
         found = _catalogue()
         show_json(found) if json else show_catalogue(found)
         return
-    if output is None:
-        raise InputError("--output is missing; give the folder for the results, for example -o out")
+    output = required(output, "out")
     from mirrorfold.benchmarking.results import FILE
     from mirrorfold.benchmarking.tables import TABLES, write_tables
     from mirrorfold.io.files import directory_written_whole

@@ -11,7 +11,7 @@ import mirrorfold as mf
 from mirrorfold.cli.forecast import show_forecast
 from mirrorfold.cli.options import Numbers, OptionalOutput, command, parse_numbers
 from mirrorfold.cli.terminal import progress, say, show_files, show_json
-from mirrorfold.cli.writing import netcdf_file, output_file
+from mirrorfold.cli.writing import netcdf_file, output_file, required
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.units import Length, Memory
 from mirrorfold.errors import InputError
@@ -152,8 +152,8 @@ def calibrate(
     from mirrorfold.sweep import ambiguous_range, wave_speed
 
     _check_options(locals())
-    if output is None and not dry_run:
-        raise InputError("--output is missing; give the file to write, for example -o clean.nc")
+    if not dry_run:
+        output = required(output, "clean.nc")
     inputs = [sweep, background, reference, elements, *(sphere or [])]
     if output is not None:
         netcdf_file(output, inputs=inputs)

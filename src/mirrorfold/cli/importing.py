@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import mirrorfold as mf
 from mirrorfold.cli.options import Frame, OptionalOutput, Output, command
 from mirrorfold.cli.terminal import progress, remark, say, show_files, show_info, show_json
-from mirrorfold.cli.writing import netcdf_file, output_directory, output_file
+from mirrorfold.cli.writing import netcdf_file, output_directory, output_file, required
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
@@ -130,8 +130,7 @@ def import_(
     if guess:
         _guess(list(files), output, reader, json=json)
         return
-    if output is None:
-        raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
+    output = required(output, "sweep.nc")
     notes: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("always")

@@ -42,7 +42,7 @@ from mirrorfold.cli.results import (
     write_results,
 )
 from mirrorfold.cli.terminal import progress, remark, show_result
-from mirrorfold.cli.writing import netcdf_file, output_directory
+from mirrorfold.cli.writing import netcdf_file, output_directory, required
 from mirrorfold.common.settings import takes
 from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
@@ -88,8 +88,7 @@ def focus(
     if dry_run:
         show_forecast(forecast_sweep(sweep, given), json=json)
         return
-    if output is None:
-        raise InputError("--output is missing; give the file to write, for example -o image.nc")
+    output = required(output, "image.nc")
     netcdf_file(output, inputs=[sweep])
     focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
@@ -137,8 +136,7 @@ def fold(
     if dry_run:
         show_forecast(forecast_fold(image, sweep, memory_limit), json=json)
         return
-    if output is None:
-        raise InputError("--output is missing; give the file to write, for example -o reconstruction.nc")
+    output = required(output, "reconstruction.nc")
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
     netcdf_file(output, inputs=inputs)
     check_export(export, [*inputs, output])
@@ -198,8 +196,7 @@ def reconstruct(
             raise InputError("--dry-run looks at one sweep and there are several; name one of them")
         show_forecast(forecast_sweep(sweep[0], given, folded=True), json=json)
         return
-    if output is None:
-        raise InputError("--output is missing; give the directory to write, for example -o results")
+    output = required(output, "results")
     given |= {"preset": preset}
     extra = [path for path in (mirrors, plan) if path is not None]
     output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])

@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.study_tables import show_experiments, show_reproduction
 from mirrorfold.cli.terminal import progress, show_json
+from mirrorfold.cli.writing import required
 from mirrorfold.common.records import Record, fact
-from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
     from mirrorfold.common.types import Progress
@@ -74,8 +74,7 @@ def reproduce(
         listed = Experiments(kind="experiments", experiments=facts)
         show_json(listed) if json else show_experiments(listed)
         return
-    if output is None:
-        raise InputError("--output is missing; give the folder for the results, for example -o out")
+    output = required(output, "out")
     done: list[str] = []
     with ExitStack() as bars:
 

@@ -30,9 +30,8 @@ from mirrorfold.cli.terminal import (
     show_result,
     show_score,
 )
-from mirrorfold.cli.writing import netcdf_file, output_directory
+from mirrorfold.cli.writing import netcdf_file, output_directory, required
 from mirrorfold.common.units import Memory
-from mirrorfold.errors import InputError
 
 DEMO_SCENES = {
     "hidden-corner": "hidden_corner.toml",
@@ -165,8 +164,7 @@ def simulate(
         cost = estimate(truth, solver=solver, memory_limit=memory_limit, **options)
         show_json(cost) if json else show_info(cost)
         return
-    if output is None:
-        raise InputError("--output is missing; give the file to write, for example -o sweep.nc")
+    output = required(output, "sweep.nc")
     meshes = [getattr(surface, "path", None) for surface in truth.surface]
     netcdf_file(output, inputs=[scene, *meshes])
     results = output.with_name(f"{output.name}.frequencies")

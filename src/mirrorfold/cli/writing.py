@@ -14,6 +14,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from mirrorfold.cli.terminal import remark
+from mirrorfold.errors import InputError
 
 NO_CLOBBER = inspect.Parameter(
     "no_clobber",
@@ -21,6 +22,20 @@ NO_CLOBBER = inspect.Parameter(
     default=False,
     annotation=Annotated[bool, Parameter(help="Refuse to overwrite a file that is there.")],
 )
+
+
+def required(output: Path | None, example: str) -> Path:
+    """The output, of a verb that cannot do without.
+
+    Raises
+    ------
+    InputError
+        If none is given; `example` is the name of a file, or of a folder, which has no suffix.
+    """
+    if output is None:
+        what = "file to write" if "." in example else "folder for the results"
+        raise InputError(f"--output is missing; give the {what}, for example -o {example}")
+    return output
 
 
 def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Sequence[str] = ()) -> Path:
