@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from mirrorfold.common.settings import Settings, setting, takes
+from mirrorfold.common.settings import REQUIRED, Settings, setting, takes
 from mirrorfold.common.units import Length
 from mirrorfold.errors import InputError
 
@@ -176,3 +176,29 @@ def test_numbers_become_those_of_their_kind():
     """NumPy takes whole numbers beyond 64 bits for objects, and Python counts with no others."""
     chosen = Window(width=np.float32(1.5), order=2.0, level=10**20)
     assert [type(value) for value in (chosen.width, chosen.order, chosen.level)] == [float, int, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band(Settings):
+    start: float = setting(REQUIRED, "Lowest frequency.", unit="Hz", kind="float", above=0.0)
+
+
+def test_a_setting_without_a_default_must_be_given():
+    @takes(Window, Band)
+    def sweep(*, name="sweep", **given):
+        """Sweep.
+
+        Parameters
+        ----------
+        **given
+        """
+        return name, given
+
+    parameters = inspect.signature(sweep).parameters
+    assert next(iter(parameters)) == "start"
+    assert parameters["start"].default is inspect.Parameter.empty
+    assert "start : float [Hz]\n    Lowest frequency.\n" in f"{sweep.__doc__}\n"
+    with pytest.raises(TypeError, match="start"):
+        sweep()
+    assert sweep(start=None) == ("sweep", {"start": None})  # is refused where it is used, by its name
+    assert Band(start=3).start == 3.0
