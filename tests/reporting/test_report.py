@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.folding import FoldSettings
-from mirrorfold.io.own.netcdf import check_reconstruction
+from mirrorfold.io.own.checks import check_reconstruction
 from mirrorfold.reporting.document import packed_levels, to_document
 from mirrorfold.reporting.page import _asset, to_html
 

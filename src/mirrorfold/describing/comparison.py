@@ -23,7 +23,7 @@ from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.folding.shown import shown_points
-from mirrorfold.io.own.netcdf import check_image, check_reconstruction
+from mirrorfold.io.own.checks import check_image, check_reconstruction
 from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
 

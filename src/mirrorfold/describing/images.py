@@ -12,7 +12,7 @@ from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, fact
 from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import cross_range_resolution
-from mirrorfold.io.own.netcdf import image_axes
+from mirrorfold.io.own.checks import image_axes
 
 
 class ImageFacts(Sized):

@@ -14,7 +14,8 @@ from mirrorfold.describing.scenes import SceneFacts, VolumeSceneFacts, describe_
 from mirrorfold.describing.sweeps import SweepFacts, describe_sweep
 from mirrorfold.errors import InputError
 from mirrorfold.io import load
-from mirrorfold.io.own.netcdf import check_image, check_reconstruction, read_unchecked
+from mirrorfold.io.own.checks import check_image, check_reconstruction
+from mirrorfold.io.own.netcdf import read_unchecked
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene

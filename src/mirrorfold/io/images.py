@@ -15,7 +15,7 @@ from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.io.own.netcdf import check_image
+from mirrorfold.io.own.checks import check_image
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 

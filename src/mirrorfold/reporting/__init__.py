@@ -51,7 +51,7 @@ def report(
     """
     from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io.files import check_output, written_whole
-    from mirrorfold.io.own.netcdf import check_reconstruction
+    from mirrorfold.io.own.checks import check_reconstruction
     from mirrorfold.io.plans import as_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
     from mirrorfold.reporting.page import to_html

@@ -19,7 +19,7 @@ from mirrorfold.io import plans
 from mirrorfold.io.exports import vtk
 from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
 from mirrorfold.io.files import check_output, written_whole
-from mirrorfold.io.own.netcdf import check_image, check_reconstruction
+from mirrorfold.io.own.checks import check_image, check_reconstruction
 
 PICTURES = (".vti", ".vts")
 

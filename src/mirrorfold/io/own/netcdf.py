@@ -12,27 +12,22 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown, wrong_kind
-from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.arguments import shown
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_room, written_whole
 from mirrorfold.io.own.attributes import decoded, storable
-from mirrorfold.io.own.conforming import check_facts, check_radar, check_tables, conform_attrs
+from mirrorfold.io.own.checks import check_image, check_reconstruction, conform_attrs
 from mirrorfold.io.own.steady import SteadyFile
 from mirrorfold.io.readers import readers
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
-from mirrorfold.sweep import STEP_TOLERANCE, check_sweep
+from mirrorfold.sweep import check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
-
-IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
-"""Dimensions of a single image; leading ones, such as `frame`, number several images."""
 
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
 """What a sweep's plan needs to know of its file."""
@@ -168,125 +163,6 @@ def _least_size(content: xr.DataTree) -> int:
         for variable in node.to_dataset(inherit=False).variables.values()
         if variable.dtype.kind == "c"
     )
-
-
-def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
-    """The image, named ``image``, or a plain word on what is wrong with it.
-
-    Raises
-    ------
-    InputError
-        With the first thing that is missing or wrong; `source` names the file in the message.
-    """
-    if not isinstance(image, xr.DataArray):
-        raise wrong_kind(source, image, "an image (xarray.DataArray) with coordinates, as focus returns")
-    if not image_axes(image):
-        expected = "an image with (y, x), (z, y, x) or (range, azimuth, elevation)"
-        raise InputError(f"{source}: has dimensions {image.dims}, expected {expected}")
-    if image.dtype.kind not in "fc":
-        raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
-    if image.size == 0:
-        raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
-    _check_axes(image, source)
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
-    if missing:
-        raise InputError(
-            f"{source}: {missing} pixels of {image.size} are not finite (NaN or infinite); "
-            "replace them, for example by zero"
-        )
-    check_facts(image.attrs, source)
-    return image.rename("image").assign_attrs(mirrorfold_kind="image")
-
-
-def _check_axes(image: xr.DataArray, source: str) -> None:
-    """Refuse an image whose pixels have no place, or stand unevenly.
-
-    Raises
-    ------
-    InputError
-    """
-    for name in image_axes(image):
-        if name not in image.coords:
-            raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
-        values = image[name].values
-        wrong = unplaced(values)
-        if wrong is not None:
-            raise InputError(f"{source}: coordinate {name!r} holds a value that {wrong}; give metres, or degrees")
-        step = np.diff(values)
-        if step.size and (step.min() <= 0 or np.ptp(step) > 2 * STEP_TOLERANCE * step.mean()):
-            raise InputError(
-                f"{source}: coordinate {name!r} has steps from {step.min():g} to {step.max():g}, "
-                "expected equal rising steps; sort it or resample to a uniform grid"
-            )
-
-
-def image_axes(image: xr.DataArray) -> tuple[str, ...]:
-    """The dimensions of a single image, without those that number images; none where it is not an image."""
-    return next((axes for axes in IMAGE_DIMENSIONS if image.dims[-len(axes) :] == axes), ())
-
-
-def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
-    """The reconstruction, or a plain word on what is wrong with it.
-
-    The places of the objects, and the frames of tables, are made coordinates where they are not: as variables they
-    would be hidden behind those of the pixels, which groups inherit from the root.
-
-    Raises
-    ------
-    InputError
-        With the first thing that is missing or wrong; `source` names the file in the message.
-    """
-    if not isinstance(reconstruction, xr.DataTree):
-        raise wrong_kind(source, reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
-    kind = reconstruction.attrs.get("mirrorfold_kind")
-    if kind != "reconstruction":
-        raise InputError(
-            f"{source}: mirrorfold_kind is {shown(kind)}, expected 'reconstruction'; give the result of fold"
-        )
-    nodes = {node.path: node for node in reconstruction.subtree}
-    recording = "frame" in reconstruction.dims
-    for group, names in RECONSTRUCTION.items():
-        if group not in nodes:
-            raise InputError(f"{source}: the group {group} is missing from the reconstruction; fold the image again")
-        held = nodes[group].to_dataset(inherit=False)
-        if recording and group in ("/objects", "/mirrors"):
-            names = {**names, "frame": next(iter(names.values()))}
-        for name, dimensions in names.items():
-            if name not in held.variables:
-                raise InputError(f"{source}: {name!r} is missing from the group {group}; fold the image again")
-            leading = ("frame",) if recording and dimensions == ("y", "x") else ()
-            if held[name].dims != (*leading, *dimensions):
-                raise InputError(
-                    f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
-                )
-    for group, name in (("/", "intensity"), ("/initial", "initial")):
-        _check_axes(nodes[group].to_dataset()[name], f"{source}: {name}")
-    check_radar(reconstruction.attrs, source)
-    check_facts(reconstruction.attrs, source, "image_")
-    check_tables(nodes, RECONSTRUCTION, source)
-    for group, hidden in (("/objects", {"x", "y", "frame"}), ("/mirrors", {"frame"})):
-        table = nodes[group].to_dataset(inherit=False)
-        if hidden & set(table.data_vars):
-            reconstruction = reconstruction.copy()
-            reconstruction[group] = xr.DataTree(table.set_coords(list(hidden & set(table.data_vars))))
-    return reconstruction
-
-
-RECONSTRUCTION: dict[str, dict[str, tuple[str, ...]]] = {
-    "/": {"intensity": ("y", "x")},
-    "/initial": {"initial": ("y", "x")},
-    "/objects": dict.fromkeys(
-        ("x", "y", "x_initial", "y_initial", "amplitude", "bounces", "chain", "confidence"), ("point",)
-    ),
-    "/mirrors": dict.fromkeys(
-        (
-            *("x0", "y0", "x1", "y1", "folded_x0", "folded_y0", "folded_x1", "folded_y1"),
-            *("parent", "generation", "strength"),
-        ),
-        ("mirror",),
-    ),
-}
-"""What a reconstruction of a plan view holds: the dimensions of each variable, by group."""
 
 
 def _check_is_hdf5(path: Path) -> None:
