@@ -13,8 +13,6 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.io import images, importing
-from mirrorfold.io.exports import results, scan_folder
 
 VALUES = {
     "None": None,
@@ -34,9 +32,6 @@ UNTRIED = {"ax", "axes", "progress", "announce", "plans", "scheduler", "workers"
 NO_FUNCTIONS = {"calibrate.Bad", "calibrate.ElementCalibration", "InputError", "Scene", "Scene3D"}
 """What is made by other functions; scenes list all their mistakes."""
 
-FRONTS = {"import_data": importing, "import_image": images, "export": results, "save_touchstone": scan_folder}
-"""Where the arguments of functions of the flat face stand that pass on what they are given."""
-
 
 def public():
     """All public functions by name."""
@@ -45,8 +40,7 @@ def public():
         for prefix, module in (("plot", mf.plot), ("calibrate", mf.calibrate))
         for name in (f"{prefix}.{one}" for one in module.__all__)
     }
-    found = {name: value for name, value in found.items() if callable(value) and name not in NO_FUNCTIONS}
-    return found | {name: getattr(module, name) for name, module in FRONTS.items()}
+    return {name: value for name, value in found.items() if callable(value) and name not in NO_FUNCTIONS}
 
 
 class Calls:

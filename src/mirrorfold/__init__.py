@@ -27,7 +27,11 @@ if TYPE_CHECKING:
     from mirrorfold.errors import InputError
     from mirrorfold.focusing import FocusOperator, FocusPlan, focus, plan_view, to_voxels
     from mirrorfold.folding.frames import pick_frame
-    from mirrorfold.io import export, import_data, import_image, load, save, save_touchstone
+    from mirrorfold.io import load, save
+    from mirrorfold.io.exports.results import export
+    from mirrorfold.io.exports.scan_folder import save_touchstone
+    from mirrorfold.io.images import import_image
+    from mirrorfold.io.importing import import_data
     from mirrorfold.plotting import volumes as plot_volume
     from mirrorfold.reconstruction import FoldPlan, fold, reconstruct
     from mirrorfold.reporting import report
@@ -63,11 +67,11 @@ _HOME = {
     "benchmark": "benchmarking",
     "check_sweep": "sweep",
     "compare": "describing.comparison",
-    "export": "io",
+    "export": "io.exports.results",
     "focus": "focusing",
     "fold": "reconstruction",
-    "import_data": "io",
-    "import_image": "io",
+    "import_data": "io.importing",
+    "import_image": "io.images",
     "info": "describing.info",
     "join_polarizations": "sweep",
     "load": "io",
@@ -84,7 +88,7 @@ _HOME = {
     "report": "reporting",
     "reproduce": "reproducing",
     "save": "io",
-    "save_touchstone": "io",
+    "save_touchstone": "io.exports.scan_folder",
     "score": "scoring.score",
     "simulate": "simulation",
     "to_voxels": "focusing",

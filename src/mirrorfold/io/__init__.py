@@ -17,7 +17,7 @@ To add a reader, see `readers/`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from mirrorfold.common.plans import FloorPlan
+    from mirrorfold.io.exports.results import export
+    from mirrorfold.io.exports.scan_folder import save_touchstone
+    from mirrorfold.io.images import import_image
+    from mirrorfold.io.importing import import_data
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
@@ -68,6 +72,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
     if is_foreign(path):
         from mirrorfold.io.images import import_image
+        from mirrorfold.io.importing import import_data
 
         try:
             return import_image(path)
@@ -152,32 +157,20 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
     return write(obj, path_of("save", path))
 
 
-def export(obj: xr.DataTree | xr.DataArray, path: str | Path, **settings: Any) -> Path:
-    """Write a reconstruction or an image for other programs: see `mirrorfold.io.exports.results.export`."""
-    from mirrorfold.io.exports import results
-
-    return results.export(obj, path, **settings)
-
-
-def import_data(files: str | Path | Sequence[str | Path], **settings: Any) -> xr.Dataset:
-    """A sweep from measured data of any lab: see `mirrorfold.io.importing.import_data`."""
-    from mirrorfold.io import importing
-
-    return importing.import_data(files, **settings)
+_HOME = {
+    "export": "exports.results",
+    "import_data": "importing",
+    "import_image": "images",
+    "save_touchstone": "exports.scan_folder",
+}
+"""The modules of what is imported when it is used."""
 
 
-def import_image(path: str | Path, **settings: Any) -> xr.DataArray:
-    """An image or point cloud of another tool: see `mirrorfold.io.images.import_image`."""
-    from mirrorfold.io import images
-
-    return images.import_image(path_of("import_image", path), **settings)
-
-
-def save_touchstone(sweep: xr.Dataset, folder: str | Path, **settings: Any) -> Path:
-    """Write a sweep as a folder of Touchstone files: see `mirrorfold.io.exports.scan_folder.save_touchstone`."""
-    from mirrorfold.io.exports import scan_folder
-
-    return scan_folder.save_touchstone(sweep, folder, **settings)
+def __getattr__(name: str) -> Any:
+    """Import what is asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
 
 
 __all__ = ["export", "import_data", "import_image", "load", "save", "save_touchstone"]

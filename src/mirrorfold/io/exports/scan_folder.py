@@ -55,7 +55,7 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
     dims = MONOSTATIC_DIMENSIONS if is_monostatic(sweep) else dims
     if sweep["s"].dims != dims:
         raise InputError(
-            f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select a single index of any further one"
+            f"sweep: has the dimensions {sweep['s'].dims}, expected {dims}; select one index of any further dimension"
         )
     folder = path_of("save_touchstone", folder, "the path of a folder")
     s = sweep["s"].values.reshape(sweep.sizes["frequency"], -1)
