@@ -90,6 +90,28 @@ def test_the_displacement_of_the_apertures_is_found_from_two_places():
     np.testing.assert_allclose(moved["rx_position"], rx + found)
 
 
+@pytest.mark.parametrize("truth", [(15e-3, -4e-3, 3e-3), (0.0, 8e-3, 0.0)])
+def test_displacements_of_many_wavelengths_are_exact_and_metres_of_cable_are_none(truth):
+    frequency, tx, rx = np.linspace(57e9, 64e9, 101), line(9, pitch=2e-3), line(9, pitch=2e-3, centre=(0, 0, 0.01))
+    turn = np.exp(-2j * np.pi * frequency / speed_of_light * 0.7)[:, None, None]
+    places = [(-0.3, 0.8), (0.3, 0.9), (0.0, 0.7, 0.2), (0.1, 1.0, -0.2)]
+    sweeps = [
+        mf.make_sweep(
+            echoes(frequency, tx, rx + truth, [p]) * turn, frequency=frequency, tx_position=tx, rx_position=rx
+        )
+        for p in places
+    ]
+    found, length = mf.calibrate.estimate_displacement(sweeps, at=places, radius=0.0)
+    assert np.abs(found - truth).max() < 1 * MICROMETRE
+    assert length == pytest.approx(0.7, abs=1 * MICROMETRE)
+    # A single place cannot tell the way along the line of sight from the cable, and gives the cable all of it.
+    found, length = mf.calibrate.estimate_displacement(sweeps[0], at=places[0])
+    assert np.linalg.norm(found) < 1.1 * np.linalg.norm(truth)
+    assert length == pytest.approx(0.7, abs=np.linalg.norm(truth))
+    with pytest.raises(mf.InputError, match="more than the 5 mm that are looked for"):
+        mf.calibrate.estimate_displacement(sweeps, at=places, largest=5e-3)
+
+
 @pytest.mark.slow
 def test_autofocus_removes_small_errors_of_the_positions():
     random = np.random.default_rng(1)
@@ -185,3 +207,28 @@ def test_bad_samples_are_looked_for_along_the_frequencies():
     sweep = xr.Dataset({"s": (("step", "tx", "rx"), np.ones((4, 2, 2), dtype=np.complex64))})
     with pytest.raises(mf.InputError, match="expected 'frequency' among them"):
         find_bad(sweep)
+
+
+def test_what_was_masked_stays_silent_before_a_background_and_is_not_blamed_again():
+    sweep = mf.add_noise(sweep_of([(0.1 * n - 0.3, 0.5 + 0.1 * n) for n in range(6)]), snr_db=30.0, seed=0)
+    sweep["s"].values[:, 3] = np.nan
+    masked = mf.calibrate.mask_bad(sweep)
+    np.testing.assert_array_equal(masked["measured"].all("rx"), np.arange(15) != 3)
+    assert [finding.name for finding in mf.info(masked).findings] == []
+    assert "nothing bad" in mf.calibrate.mask_bad(masked).attrs["processing"][-1]
+    left = mf.calibrate.subtract_background(masked, sweep_of([(0.2, 0.6)]))
+    assert not left["s"].values[:, 3].any()
+    with pytest.raises(mf.InputError, match="bad is that of a sweep of 101 frequencies and channels"):
+        mf.calibrate.mask_bad(sweep_of([(0.0, 0.9)], elements=9), find_bad(sweep))
+
+
+def test_a_frequency_that_one_frame_lacks_is_filled_in_from_that_frame():
+    clean = sweep_of([(0.1 * n - 0.3, 0.5 + 0.1 * n) for n in range(6)])
+    frames = np.stack([clean["s"].values * np.exp(0.3j * n) for n in range(4)])
+    recording = clean.assign(s=(("frame", *clean["s"].dims), frames.copy()))
+    recording["s"].values[2, 40] = np.nan
+    filled = mf.calibrate.mask_bad(recording)
+    assert "measured" not in filled.variables
+    wrong = np.linalg.norm(filled["s"].values - frames, axis=(-2, -1)) / np.linalg.norm(frames, axis=(-2, -1))
+    assert wrong[2, 40] < 0.02
+    assert np.delete(wrong.ravel(), 2 * 101 + 40).max() < 1e-6

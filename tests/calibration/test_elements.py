@@ -130,6 +130,10 @@ def test_another_array_and_another_file_are_refused(tmp_path):
         mf.calibrate.apply_elements(sweep_of([(0.0, 0.8)], elements=9), calibration)
     with pytest.raises(mf.InputError, match="same array"):
         mf.calibrate.apply_elements(sweep_of([(0.0, 0.8)], shift=0.1), calibration)
+    turned_around = sweep_of([(0.0, 0.8)], elements=9).isel(tx=slice(None, None, -1))
+    calibration = mf.calibrate.estimate_elements(sweep_of([(0.0, 0.8)], elements=9), at=(0.0, 0.8))
+    with pytest.raises(mf.InputError, match="tx position 0 of the sweep is that of another element"):
+        mf.calibrate.apply_elements(turned_around, calibration)
     path = mf.calibrate.save_elements(calibration, tmp_path / "a.json")
     content = json.loads(path.read_text())
     for change in ({"tx_delay": [1.0]}, {"rx_gain": None}, {"tx_valid": "x"}, {"mirrorfold_kind": "sweep"}):

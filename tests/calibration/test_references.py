@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from instruments import line
 from point_sweeps import sweep_of
 from scipy.constants import speed_of_light
@@ -73,3 +74,50 @@ def test_sphere_paths_are_the_shortest_by_way_of_the_sphere():
     surface = np.array([0.1, 0.9]) + 0.05 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     walk = np.linalg.norm(surface - tx[0, :2], axis=1) + np.linalg.norm(surface - rx[1, :2], axis=1)
     assert sphere_paths(tx, rx, (0.1, 0.9), 0.05)[0, 1] == pytest.approx(walk.min(), abs=1e-9)
+
+
+@pytest.mark.parametrize("match", [False, True])
+@pytest.mark.parametrize("elements", [15, 50])  # frames below and above a block of samples
+def test_one_background_serves_every_frame_of_a_recording(elements, match):
+    coupling, target = sweep_of([(0.1, 0.5)], elements=elements), sweep_of([(0.0, 0.9)], [0.01], elements=elements)
+    frames = target["s"] * xr.DataArray(np.arange(1.0, 4.0), dims="frame") + coupling["s"]
+    recording = coupling.assign(s=frames.transpose("frame", ...).astype(np.complex64))
+    left = mf.calibrate.subtract_background(recording, coupling, match=match)
+    for frame in range(3):
+        expected = (frame + 1) * target["s"].values
+        assert np.linalg.norm(left["s"][frame] - expected) < (0.1 if match else 1e-4) * np.linalg.norm(expected)
+    with pytest.raises(mf.InputError, match="recording of 3 frames, and the sweep has none"):
+        mf.calibrate.subtract_background(coupling, recording)
+
+
+def test_pairs_that_were_not_measured_stay_silent_without_background_and_leakage():
+    there = np.ones((41, 41), dtype=bool)
+    there[2:29, 3:] = False
+    coupling, target = sweep_of([(0.1, 0.5)], elements=41), sweep_of([(0.3, 0.5)], elements=41)
+    leakage = (5.0 * np.exp(1j * np.arange(101)))[:, None, None].astype(np.complex64)
+    thinned = target.assign_coords(measured=(("tx", "rx"), there))
+    for full, clean in (
+        (target["s"] + coupling["s"], lambda sweep: mf.calibrate.subtract_background(sweep, coupling)),
+        (target["s"] + leakage, mf.calibrate.subtract_mean),
+    ):
+        left = clean(thinned.assign(s=full * there.astype(np.complex64)))
+        assert not left["s"].values[:, ~there].any()
+        assert np.abs(left["s"].values[:, there] - target["s"].values[:, there]).mean() < 0.2
+    unknown = mf.calibrate.subtract_background(
+        target.assign(s=target["s"] + coupling["s"]), coupling.assign_coords(measured=(("tx", "rx"), there))
+    )
+    assert not unknown["s"].values[:, ~there].any()  # of these the background was not measured
+    np.testing.assert_array_equal(unknown["measured"], there)
+
+
+def test_a_moving_antenna_has_its_leakage_at_every_frequency_and_a_background_of_its_own():
+    frequency, places = np.linspace(77e9, 81e9, 64), line(41, pitch=2e-3)
+    k = 2 * np.pi / speed_of_light * frequency[:, None]
+    echo = 0.1 * np.exp(-2j * k * np.linalg.norm(places - [0.1, 1.0, 0.0], axis=1))
+    leakage = np.exp(-1j * k * 0.3)
+    leaking = mf.make_monostatic_sweep(echo + leakage, frequency=frequency, antenna_position=places)
+    left = mf.calibrate.subtract_mean(leaking)["s"].values
+    assert np.linalg.norm(left - echo) < 0.5 * np.linalg.norm(echo)
+    elsewhere = leaking.assign_coords(antenna_position=leaking["antenna_position"] + 0.1)
+    with pytest.raises(mf.InputError, match="antenna_position differs"):
+        mf.calibrate.subtract_background(leaking, elsewhere)

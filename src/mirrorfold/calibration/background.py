@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, with_samples
+from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, unmeasured, with_samples
 from mirrorfold.common.arguments import truth
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep
@@ -19,7 +19,7 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     ----------
     sweep, background : xarray.Dataset
         Measured in the same way: the second of the empty scene, or of the scene with the target turned, in which case
-        the target shows twice, once negative.
+        the target shows twice, once negative. Of a recording one background may serve for all frames.
     match : bool, default False
         Multiply the background by the one complex number that leaves least, which removes a drift of gain and phase
         between the two. Not where the target is stronger than the background.
@@ -27,18 +27,31 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     Returns
     -------
     xarray.Dataset
+        Pairs that either was not measured for, see `mirrorfold.sweep`, are zero.
 
     Raises
     ------
     InputError
-        If the two differ in frequencies, positions or directions, or nothing is left.
+        If the two differ in frequencies, positions, directions or frames, or nothing is left.
     """
     sweep, background = check_sweep(sweep), check_sweep(background, source="background")
     check_same_axes(sweep, background, "background")
-    s, other = sweep["s"].values, background["s"].values
+    frames, frames_of_other = (one["s"].sizes.get("frame") for one in (sweep, background))
+    if frames_of_other is not None and frames_of_other != frames:
+        raise InputError(
+            f"background: is a recording of {frames_of_other} frames, and the sweep has {frames or 'none'}; "
+            "give one of its frames"
+        )
+    s, other = sweep["s"].values, np.broadcast_to(background["s"].values, sweep["s"].shape)
     match = truth("match", match)
     gain = _gain(s, other) if match else 1.0
     left = by_blocks(s, lambda part, some: part.astype(complex) - gain * other[some].astype(complex))
+    lacking = unmeasured(s, sweep["s"].get_axis_num("frequency"))
+    if "measured" in background.variables:
+        known = background["measured"].astype(bool)
+        sweep = sweep.assign_coords(measured=known & sweep["measured"].astype(bool) if "measured" in sweep else known)
+        lacking = lacking | ~known.values
+    np.copyto(left, 0.0, where=lacking)
     if not left.any():
         raise InputError("background: is the same as the sweep, nothing is left; give the sweep of the empty scene")
     matched = f" times {abs(gain):.4g} at {np.degrees(np.angle(gain)):.4g} degrees" if match else ""
@@ -56,10 +69,13 @@ def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating]) ->
     return product / power
 
 
-def _middle(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
-    """Medians of real and imaginary parts over the last two axes."""
-    real, imag = (np.median(part, axis=(-2, -1), keepdims=True) for part in (s.real, s.imag))
-    return np.asarray(real + 1j * imag)
+def _without_middle(s: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
+    """Samples (frequencies, channels) without the medians of real and imaginary parts over the channels there are."""
+    left = np.zeros_like(s)
+    there = s[:, ~lacking]
+    real, imag = (np.median(part, axis=1, keepdims=True) for part in (there.real, there.imag))
+    left[:, ~lacking] = there - (real + 1j * imag)
+    return left
 
 
 def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
@@ -78,11 +94,19 @@ def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
     """
     sweep = check_sweep(sweep)
     s = sweep["s"].values
-    if s.shape[-1] * s.shape[-2] < 2:
+    axis = sweep["s"].get_axis_num("frequency")
+    lacking = unmeasured(s, axis)
+    if s[(0,) * axis].size < 2 * s.shape[axis]:
         raise InputError(
             "subtract_mean: the sweep has a single channel, of which nothing would be left; use a background"
         )
-    left = by_blocks(s, lambda part, _: part - _middle(part))
+    left = np.zeros(s.shape, dtype=np.complex64)
+    for frame in np.ndindex(s.shape[:axis]):
+        channels = lacking[frame].ravel()
+        flat, out = s[frame].reshape(s.shape[axis], -1), left[frame].reshape(s.shape[axis], -1)
+        if not channels.all():
+            for some in blocks(len(flat), flat.nbytes):
+                out[some] = _without_middle(flat[some], channels)
     if not left.any():
         raise InputError("subtract_mean: all channels are the same, nothing is left; use a background")
     return with_samples(sweep, left, "median of all channels subtracted, frequency by frequency")

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.delays import Fit
@@ -32,6 +33,9 @@ LARGEST_ERROR = 5e-3
 
 CALIBRATION = "an ElementCalibration, as estimate_elements and load_elements return"
 """What messages call one."""
+
+ROUNDING = 1e-9
+"""By which stated positions of the same antenna may differ [m] where several stand at one place."""
 
 OFFSET_CONDITION = 1e-3
 """Directions that the reflectors' places tell apart worse than this, as a share of the best, are left alone: there
@@ -157,7 +161,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     Raises
     ------
     InputError
-        If the array is another one.
+        If the array is another one, or has its antennas in another order.
     """
     sweep, gains = checked_pairs(sweep, "sweep"), truth("gains", gains)
     if not isinstance(calibration, ElementCalibration):
@@ -174,6 +178,13 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
             raise InputError(
                 f"the {name} positions of sweep and calibration differ by up to {1e3 * apart:.3g} mm; "
                 "calibrate with a sweep of the same array"
+            )
+        mine, known = mine - mine.mean(axis=0), known - known.mean(axis=0)
+        other = cKDTree(known).query(mine)[0] < np.linalg.norm(mine - known, axis=1) - ROUNDING
+        if other.any():
+            raise InputError(
+                f"the {name} position {int(np.argmax(other))} of the sweep is that of another element of the "
+                "calibration; bring the antennas of both into one order"
             )
     k = wavenumber(sweep)
     gain = calibration.tx_gain[:, None] * calibration.rx_gain if gains else 1.0

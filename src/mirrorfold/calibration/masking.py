@@ -118,8 +118,9 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     s = _by_frequency(sweep)
     count = s.shape[0]
     finite = np.isfinite(s)
-    gap = finite.reshape(count, -1).mean(axis=1) < 0.5
-    undefined = ~finite[~gap].all(axis=0)
+    gaps = _gaps(finite, _leading(sweep))
+    gap = np.asarray(gaps.reshape(count, -1).all(axis=1))
+    undefined = ~(finite | gaps).all(axis=0)
     if not finite.all():
         s = np.where(finite, s, 0.0)
     some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
@@ -142,7 +143,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
         noise = ~silent & ~saturated & _noise_elements(s, ~silent)
-    if "measured" in sweep.variables and sweep["measured"].shape == dead.shape:
+    if "measured" in sweep.variables and dead.shape[-sweep["measured"].ndim :] == sweep["measured"].shape:
         dead &= sweep["measured"].values.astype(bool)  # pairs that nobody measured are not silent
     return Bad(dead & ~undefined, saturated & ~undefined, noise & ~undefined, undefined, frequencies)
 
@@ -150,8 +151,9 @@ def find_bad(sweep: xr.Dataset) -> Bad:
 def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
     """The sweep with bad channels set to zero and bad frequencies filled in from the good ones.
 
-    A missing frequency is predicted by the linear estimate of least error for echoes with the mean range profile that
-    the good frequencies show (Wiener, 1949).
+    Channels that are bad throughout count as not measured from then on, see `mirrorfold.sweep`. A missing frequency is
+    predicted by the linear estimate of least error for echoes with the mean range profile that the good frequencies
+    show (Wiener, 1949).
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
     Raises
     ------
     InputError
-        If nothing good is left.
+        If nothing good is left, or `bad` is that of another sweep.
     """
     if bad is not None and not isinstance(bad, Bad):
         raise wrong_kind("mask_bad", bad, "what find_bad returns", reader="")
@@ -175,14 +177,43 @@ def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
     bad = find_bad(sweep) if bad is None else bad
     if not (~bad.frequencies).any() or bad.channels.all():
         raise InputError("mask_bad: no good channel or frequency is left; measure again")
-    axis = sweep["s"].get_axis_num("frequency")
+    axis, leading = sweep["s"].get_axis_num("frequency"), _leading(sweep)
     s = np.array(_by_frequency(sweep))
+    if bad.frequencies.shape != s.shape[:1] or bad.dead.shape != s.shape[1:]:
+        raise InputError(
+            f"mask_bad: bad is that of a sweep of {bad.frequencies.size} frequencies and channels {bad.dead.shape}, "
+            f"this one has {len(s)} and {s.shape[1:]}; give what find_bad returns for it"
+        )
     s[:, bad.channels] = 0.0
-    s[~np.isfinite(s)] = 0.0
-    if bad.frequencies.any():
-        s = _filled(s, bad.frequencies)
+    finite = np.isfinite(s)
+    bad_everywhere = bad.frequencies.reshape(-1, *[1] * (s.ndim - 1))
+    bad_of_frame = _gaps(finite, leading) | bad_everywhere
+    s[~finite] = 0.0
+    if (bad_of_frame == bad_everywhere).all():
+        s = _filled(s, bad.frequencies) if bad.frequencies.any() else s
+    else:
+        for frame in np.ndindex(s.shape[1 : 1 + leading]):
+            s[:, *frame] = _filled(s[:, *frame], bad_of_frame[:, *frame].ravel())
     step = f"masked: {', '.join(bad.sentences()) or 'nothing bad found'}"
-    return with_samples(sweep, np.moveaxis(s, 0, axis), step)
+    masked = with_samples(sweep, np.moveaxis(s, 0, axis), step)
+    never = bad.channels.all(axis=tuple(range(leading)))
+    if "azimuth" in sweep["s"].dims or not never.any():
+        return masked
+    dims = [name for name in sweep["s"].dims if name != "frequency"][leading:]
+    measured = sweep["measured"].values.astype(bool) & ~never if "measured" in sweep.variables else ~never
+    return masked.assign_coords(measured=(dims, measured))
+
+
+def _leading(sweep: xr.Dataset) -> int:
+    """How many dimensions of the samples, such as `frame`, come before those of channels and frequencies."""
+    of_channels = [name in CHANNEL_DIMENSIONS for name in sweep["s"].dims]
+    return of_channels.index(True)
+
+
+def _gaps(finite: NDArray[np.bool_], leading: int) -> NDArray[np.bool_]:
+    """Frequencies (count, frames ..., 1 ...) at which most channels of a frame are not finite; none of empty frames."""
+    gaps = np.asarray(finite.mean(axis=tuple(range(1 + leading, finite.ndim)), keepdims=True) < 0.5)
+    return gaps & ~gaps.all(axis=0)
 
 
 def _by_frequency(sweep: xr.Dataset) -> NDArray[np.complexfloating]:

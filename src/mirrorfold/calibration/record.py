@@ -13,6 +13,7 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep, is_raster
+from mirrorfold.sweep.polarization import polarizations
 
 
 def history(sweep: xr.Dataset) -> list[str]:
@@ -50,6 +51,11 @@ def by_blocks(
         at = (*[slice(None)] * axis, some)
         out[at] = work(s[at], some)
     return out
+
+
+def unmeasured(s: NDArray[np.complexfloating], axis: int) -> NDArray[np.bool_]:
+    """Channels, ``s.shape`` with one frequency, that hold zeros alone: not measured, or masked."""
+    return np.asarray(~s.any(axis=axis, keepdims=True))
 
 
 def samples_to_repair(sweep: Any, name: str) -> xr.Dataset:
@@ -97,12 +103,17 @@ def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas
     """
     axes = ["frequency"]
     if antennas:
-        if sweep["s"].shape[-3:] != other["s"].shape[-3:]:
+        sizes = [[(n, size) for n, size in one["s"].sizes.items() if n != "frame"] for one in (sweep, other)]
+        if sizes[0] != sizes[1]:
             raise InputError(
-                f"{name}: s has shape {other['s'].shape}, expected {sweep['s'].shape} as in the sweep; "
+                f"{name}: s has the sizes {dict(sizes[1])}, expected {dict(sizes[0])} as in the sweep; "
                 "measure both in the same way"
             )
-        axes += [n for n in ("azimuth", "elevation", "tx_position", "rx_position") if n in sweep.variables]
+        waves = [polarizations(one) or one.attrs.get("polarization") for one in (sweep, other)]
+        if None not in waves and waves[0] != waves[1]:
+            raise InputError(f"{name}: has another polarization than the sweep; measure both in the same way")
+        places = ("azimuth", "elevation", "tx_position", "rx_position", "antenna_position")
+        axes += [n for n in places if n in sweep.variables]
     for axis in axes:
         if axis not in other.variables or other[axis].shape != sweep[axis].shape:
             raise InputError(f"{name}: has another {axis} than the sweep; measure both in the same way")

@@ -8,7 +8,7 @@ contributes ``exp(-j k d)``.
 
 Optional: the attr ``wave_speed`` [m/s] where it is not that of light; the attr ``scene_center`` [m], around which the
 unambiguous range then lies instead of beginning at the antennas; the coordinate ``measured(tx, rx)``, false for pairs
-that were not measured, whose samples are zero and therefore missing from every sum.
+that were not measured or are masked, whose samples are zero and therefore missing from every sum.
 """
 
 from __future__ import annotations
