@@ -94,6 +94,20 @@ def test_metal_walls_fold_as_with_one_polarization_to_the_bit(both):
         np.testing.assert_array_equal(found["intensity"], alone["intensity"])
 
 
+@pytest.mark.parametrize("of_the_other_time", [("TE",), ("TM",), ("TE", "TM")])
+def test_sweeps_of_either_time_convention_are_joined_alike(of_the_other_time):
+    sweeps = {name: simulated(polarization=name) for name in ("TE", "TM")}
+    mixed = {
+        name: sweep.assign(s=np.conj(sweep["s"])).assign_attrs(time_convention="exp(-jwt)")
+        if name in of_the_other_time
+        else sweep
+        for name, sweep in sweeps.items()
+    }
+    joined = mf.check_sweep(join_polarizations(mixed))
+    for name, sweep in sweeps.items():
+        np.testing.assert_array_equal(joined["s"].sel(polarization=name), sweep["s"])
+
+
 def test_what_is_wrong_with_polarizations_is_said(both):
     te, tm = simulated(), simulated(polarization="TM")
     with pytest.raises(InputError, match="without names"):
@@ -108,6 +122,14 @@ def test_what_is_wrong_with_polarizations_is_said(both):
         join_polarizations({"TE": te, "TM": tm.assign_coords(tx_position=tm["tx_position"] + 0.01)})
     with pytest.raises(InputError, match="swap them"):
         join_polarizations({"TE": tm, "TM": te})
+    with pytest.raises(InputError, match="speed of their waves"):
+        join_polarizations({"TE": te, "TM": tm.assign_attrs(wave_speed=2e8)})
+    pairs = (("tx", "rx"), np.zeros(te["s"].shape[1:], dtype=bool))
+    with pytest.raises(InputError, match="which pairs were measured"):
+        join_polarizations({"TE": te, "TM": tm.assign_coords(measured=pairs)})
+    places = {name: te[name] for name in ("frequency", "tx_position", "rx_position")}
+    with pytest.raises(InputError, match="a dimension of polarizations before these"):
+        mf.make_sweep(te["s"].values, polarization=["TE", "TM"], **places)
     with pytest.raises(InputError, match="vertical"):
         join_polarizations({"vertical": te})
     with pytest.raises(InputError, match="polarization"):

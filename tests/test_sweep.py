@@ -73,6 +73,14 @@ def test_what_is_wrong_is_said_in_one_sentence(sweep, spoil, words):
     assert "\n" not in str(caught.value)
 
 
+def test_samples_beyond_single_precision_are_refused_as_such(sweep):
+    places = {name: sweep[name] for name in ("frequency", "tx_position", "rx_position")}
+    with pytest.raises(InputError, match="more than single precision holds"):
+        make_sweep(sweep["s"].values.astype(complex) * 1e39, **places)
+    with pytest.raises(InputError, match="larger than single precision holds"):
+        add_noise(sweep, snr_db=-1000.0, seed=0)
+
+
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="shapes do not fit"):
         make_sweep(
@@ -204,6 +212,7 @@ def test_one_element_sees_ranges_and_nothing_else():
     ("change", "words"),
     [
         ({"wave_speed": -1.0}, "wave_speed is -1.0"),
+        ({"wave_speed": True}, "wave_speed is True"),
         ({"wave_speed": "fast"}, "wave_speed is 'fast'"),
         ({"scene_center": [1.0, 2.0]}, "scene_center"),
         ({"scene_center": "here"}, "scene_center"),

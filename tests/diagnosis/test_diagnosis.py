@@ -295,6 +295,12 @@ def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
     assert [finding["name"] for finding in found] == ["falling-frequencies"]
     assert main(found[0]["fix"].split()[1:]) == 0
     np.testing.assert_allclose(mf.load("falling-repaired.nc")["s"], sweep["s"])
+    sweep.isel(frequency=np.random.default_rng(0).permutation(sweep.sizes["frequency"])).to_netcdf(
+        "shuffled.nc", engine="h5netcdf"
+    )
+    found = mf.info("shuffled.nc")["findings"]
+    assert main(found[0]["fix"].split()[1:]) == 0
+    np.testing.assert_allclose(mf.load("shuffled-repaired.nc")["s"], sweep["s"])
     gappy = sweep.isel(frequency=[0, 1, 2, 5, 6])
     gappy.to_netcdf("gappy.nc", engine="h5netcdf")
     assert [finding["name"] for finding in mf.info("gappy.nc")["findings"]] == ["non-uniform-steps"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from mirrorfold.calibration.masking import Bad, find_bad
 from mirrorfold.common.plausible import one_part
@@ -88,8 +89,16 @@ def _step_findings(sweep: xr.Dataset) -> list[Finding]:
     if (step < 0).all():
         what = "The frequencies fall from sample to sample."
         return [Finding("falling-frequencies", what, CERTAIN, "--sort-frequencies")]
-    if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * abs(step.mean()):
+    if not _equal(step):
+        if _equal(np.diff(np.sort(frequency))):
+            what = "The frequencies are in no order; sorted, their steps are equal."
+            return [Finding("non-uniform-steps", what, CERTAIN, "--sort-frequencies")]
         what = f"The frequency steps are not equal: they range from {step.min():g} to {step.max():g} Hz."
         remedy = "resample the sweep to equal steps, or leave out the frequencies that break them"
         return [Finding("non-uniform-steps", what, CERTAIN, remedy, by_command=False)]
     return []
+
+
+def _equal(step: NDArray[np.float64]) -> bool:
+    """Whether all frequency steps are positive and the same."""
+    return bool(step.mean() > 0 and np.abs(step - step.mean()).max() <= STEP_TOLERANCE * step.mean())

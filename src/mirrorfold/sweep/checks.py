@@ -26,6 +26,7 @@ from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
+    CONJUGATED,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
     TIME_CONVENTION,
@@ -122,7 +123,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             "tells where echoes are"
         )
     convention = sweep.attrs.get("time_convention", TIME_CONVENTION)
-    if convention == "exp(-jwt)":
+    if convention == CONJUGATED:
         return sweep.assign(s=np.conj(s)).assign_attrs(time_convention=TIME_CONVENTION)
     if convention != TIME_CONVENTION:
         raise refuse(f"time_convention is {shown(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
@@ -223,7 +224,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
     """Refuse a wave speed that is no positive number, and a centre of the scene that is no place."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
-    if not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
+    if isinstance(speed, bool) or not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
         raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
     for name in ("scene_center", "origin"):
         centre = sweep.attrs.get(name)

@@ -11,6 +11,7 @@ from mirrorfold.common.types import Array
 
 AXES = ("x", "y", "z")
 TIME_CONVENTION = "exp(+jwt)"
+CONJUGATED = "exp(-jwt)"
 
 PAIR_DIMENSIONS = ("frequency", "tx", "rx")
 

@@ -176,18 +176,25 @@ def _made(
     }
     expected = ", ".join(f"{name}({', '.join(axes).replace('axis', '3')})" for name, (axes, _, _) in coords.items())
     found = ", ".join(f"{name} {variable[1].shape}" for name, variable in variables.items())
+    more = "of frames before these for a recording" if polarization is None else "of polarizations before these"
     refusal = InputError(
         f"sweep: the shapes do not fit together, s {values.shape}, {found}; expected s({', '.join(dims)}), with a "
-        f"dimension of frames before these for a recording, and {expected}"
+        f"dimension {more}, and {expected}"
     )
-    if values.ndim - len(dims) not in ((0, 1) if time is None else (1,)):
+    if values.ndim - len(dims) not in ((0, 1) if time is None and polarization is None else (1,)):
         raise refusal
+    with np.errstate(over="ignore"):
+        single = values.astype(np.complex64)
+    if not np.isfinite(single).all() and np.isfinite(values).all():
+        raise InputError(
+            f"sweep: s reaches {np.abs(values).max():.3g}, more than single precision holds; divide all by one number"
+        )
     try:
         leading = "frame" if polarization is None else "polarization"
         if polarization is not None:
             variables["polarization"] = (("polarization",), np.array(list(polarization)), {})
         sweep = xr.Dataset(
-            {"s": ((leading, *dims)[-values.ndim :], values.astype(np.complex64))},
+            {"s": ((leading, *dims)[-values.ndim :], single)},
             coords=variables | ({} if dims == RASTER_DIMENSIONS else {"axis": list(AXES)}),
             attrs={"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION, **attrs},
         )
@@ -228,6 +235,10 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     power /= max(float(measured.mean()), 1.0 / s.size)
     generator = np.random.default_rng(seed)
     noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    if not power < 1e-4 * float(np.finfo(np.float32).max) ** 2:
+        raise InputError(
+            f"snr_db is {snr_db:g}: such noise is larger than single precision holds; give a larger number"
+        )
     noise *= np.sqrt(power / 2.0).astype(np.float32)
     noise *= measured
     noise += s

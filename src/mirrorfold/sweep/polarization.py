@@ -11,7 +11,7 @@ import xarray as xr
 from mirrorfold.common.arguments import shown, wrong_kind
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
-from mirrorfold.sweep.facts import antenna_positions
+from mirrorfold.sweep.facts import CONJUGATED, TIME_CONVENTION, antenna_positions, wave_speed
 
 SAME = 1e-6
 """Grids agree where their values differ by less than this share of their span."""
@@ -51,7 +51,7 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        ``s(polarization, frequency, tx, rx)``, with the attributes of the first.
+        ``s(polarization, frequency, tx, rx)``, with the attributes of the first, time convention ``exp(+jwt)``.
 
     Raises
     ------
@@ -78,13 +78,16 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
                 f"sweeps: {names[0]} and {name} differ in {what}; measure both with the same frequencies and antennas, "
                 "or resample one"
             )
-    values = np.stack([sweeps[name]["s"].values for name in names])
+    conjugated = [sweeps[name].attrs.get("time_convention") == CONJUGATED for name in names]
+    parts = [sweeps[name]["s"].values for name in names]
+    values = np.stack([np.conj(part) if turned else part for part, turned in zip(parts, conjugated, strict=True)])
     joined = (
         first.drop_vars("s")
         .assign(s=(("polarization", *first["s"].dims), values))
         .assign_coords(polarization=("polarization", np.array(names)))
     )
     joined.attrs = {name: value for name, value in first.attrs.items() if name != "polarization"}
+    joined.attrs["time_convention"] = TIME_CONVENTION
     return joined
 
 
@@ -96,6 +99,11 @@ def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
     frequency, others = (sweep["frequency"].values.astype(float) for sweep in (one, other))
     if not np.allclose(frequency, others, rtol=0.0, atol=SAME * float(frequency.max())):
         return "their frequencies"
+    if not np.isclose(wave_speed(one), wave_speed(other), rtol=SAME, atol=0.0):
+        return f"the speed of their waves, {wave_speed(one):g} and {wave_speed(other):g} m/s"
+    pairs = [sweep["measured"].values if "measured" in sweep.variables else np.array(True) for sweep in (one, other)]
+    if not np.array_equal(pairs[0], pairs[1]):
+        return "which pairs were measured"
     for name in ("azimuth", "elevation"):
         if name in one.variables and not np.allclose(one[name], other[name], rtol=0.0, atol=SAME):
             return f"their {name}s"
