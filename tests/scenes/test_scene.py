@@ -97,6 +97,13 @@ def test_the_ends_of_an_arc_follow_the_compass_of_mathematics():
         (room(array={"elements": 0, "pitch": 0.5e-3}), ["array.elements is 0"]),
         (room(array={"elements": 5, "pitch": 1e-3, "direction": [0, 0]}), ["array", "direction"]),
         (room({**WALL, "roughness": {"rms_height": -1, "correlation_length": 1}}), ["roughness.rms_height is -1"]),
+        (
+            room(
+                array={"elements": 5, "pitch": 1, "rx": {"elements": 5, "pitch": 1, "rx": {"elements": 5, "pitch": 1}}}
+            ),
+            ["array: rx is the receiving array and has an rx of its own"],
+        ),
+        (room(dimensions=4), ["room.toml: dimensions is 4, expected 2 or 3"]),
         ({**room(), "arrays": {}}, ["arrays is not a known entry, did you mean 'array'?"]),
         ({"name": "nothing"}, ["array is missing", "band is missing"]),
         (

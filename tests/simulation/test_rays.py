@@ -256,6 +256,45 @@ def test_antennas_outside_the_plane_are_refused() -> None:
         simulate(make_scene(segment((-1, 1), (1, 1)), array={"center": (0.0, 0.0, 0.5)}))
 
 
+def circle(radius: float, name: str, **kind: Any) -> dict[str, Any]:
+    return {"name": name, "kind": "circle", "center": (0.0, 1.0), "radius": radius, **kind}
+
+
+@pytest.mark.parametrize(
+    "surfaces",
+    [
+        (segment((-1, 1), (1, 1.2)), segment((0, 1.1), (2, 1.3), name="b")),
+        (segment((-1, 1), (1, 1.2)), segment((1, 1.2), (-1, 1), name="b")),
+        (circle(0.2, "a"), circle(0.2, "b", kind="arc", start_angle=350, stop_angle=400)),
+    ],
+)
+def test_surfaces_that_lie_on_one_another_are_refused_and_not_counted_twice(surfaces: Any) -> None:
+    with pytest.raises(InputError, match="lie on one another"):
+        simulate(make_scene(*surfaces))
+
+
+def test_surfaces_that_meet_in_a_point_or_face_each_other_are_none_on_one_another() -> None:
+    quarter = {"kind": "arc", "start_angle": 180, "stop_angle": 270}
+    simulate(
+        make_scene(
+            segment((-1, 1), (0, 1.2)),
+            segment((0, 1.2), (1, 1.4), name="b"),
+            segment((0, 0.8), (0, 1.2), name="c"),
+            circle(0.1, "d", **quarter),
+            circle(0.1, "e", **{**quarter, "start_angle": 270, "stop_angle": 360}),
+            circle(0.1, "f", **{**quarter, "start_angle": 0, "stop_angle": 180}),
+        )
+    )
+
+
+def test_an_antenna_in_the_middle_of_a_circle_is_told_that_rays_do_not_tell_its_echo() -> None:
+    around = {"name": "drum", "kind": "circle", "center": (0.0, 0.0), "radius": 1.0}
+    with pytest.raises(
+        InputError, match=r"antenna at \(0, 0\) m stands where a curved surface gathers all of its rays"
+    ):
+        simulate(make_scene(around, elements=5))
+
+
 @pytest.mark.parametrize("end", [-0.02, 0.0, 0.015, 0.1])
 def test_a_mirror_that_ends_returns_what_physical_optics_gives(end):
     start, stop = np.array([-0.5, 1.0]), np.array([end, 1.1])

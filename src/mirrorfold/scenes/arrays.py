@@ -98,6 +98,8 @@ class LinearArray:
             raise ValueError("direction must have a length above zero, for example [1, 0]")
         if any(index >= self.elements for index in self.missing):
             raise ValueError(f"missing names antenna {max(self.missing)}, but they count from 0 to {self.elements - 1}")
+        if self.rx is not None and self.rx.rx is not None:
+            raise ValueError("rx is the receiving array and has an rx of its own; leave that out")
         if not self.count:
             raise ValueError("missing names every antenna; leave one at least")
         check_room(POSITION_BYTES * self.elements, f"{self.elements} elements", "give fewer")

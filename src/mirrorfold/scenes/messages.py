@@ -91,6 +91,8 @@ def _explain(item: Any, entries: Entries) -> tuple[str, str]:
         return f"{place}.kind is missing", f"one of {', '.join(entries.of_kind)}"
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}" if place else str(item["ctx"]["error"]), ""
+    if place == "dimensions":
+        return f"dimensions is {shown(found)}", "2 or 3"
     message = "a table" if item["type"] == "dataclass_type" else item["msg"].removeprefix("Input should be ")
     return f"{place or 'file'} is {shown(found)}", message
 

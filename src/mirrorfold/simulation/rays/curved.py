@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.geometry import Isometry, cross2, segment_normal
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
+from mirrorfold.errors import InputError
 from mirrorfold.simulation.rays.fermat import (
     BEND,
     CAUSTICS,
@@ -256,6 +257,11 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
     ----------
     chain : CurvedChain
     points : Points
+
+    Raises
+    ------
+    InputError
+        If all rays of an antenna meet at a point, so that no single one is the way there.
     """
     unfold, arcs, *index, unfolded, flat = chain.unfolding
     target = unfold(points.position)
@@ -298,6 +304,13 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
         )
     antenna, column, _ = found = np.nonzero(seen)
     about = facts[found].T
+    gathered = np.flatnonzero(np.isnan(about[LENGTH]))
+    if gathered.size:
+        x, y = chain.antennas[antenna[gathered[0]]]
+        raise InputError(
+            f"array: the antenna at ({x:g}, {y:g}) m stands where a curved surface gathers all of its rays, which do "
+            "not tell the field there; move one of the two, or use the solver 'fullwave'"
+        )
     return CurvedPaths(
         antenna=antenna,
         point=used[column],

@@ -5,8 +5,10 @@ Arcs stay exact. As chords they would cost a test each, and a convex surface wou
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +61,7 @@ def outline(scene: Scene) -> Outline:
     Raises
     ------
     InputError
-        If a surface has a shape that is neither straight nor circular.
+        If a surface has a shape that is neither straight nor circular, or lies on another one.
     """
     facets: list[tuple[int, Array]] = []
     arcs: list[tuple[int, tuple[float, ...]]] = []
@@ -79,6 +81,12 @@ def outline(scene: Scene) -> Outline:
                 f"surface[{index}] {surface.name!r} is a {surface.kind}, which rays cannot follow; "
                 "expected a segment, polyline, arc or circle"
             )
+    for pair in (_first_overlap(facets, _facets_overlap), _first_overlap(arcs, _arcs_overlap)):
+        if pair is not None:
+            one, other = (f"surface[{index}] {scene.surface[index].name!r}" for index in pair)
+            raise InputError(
+                f"scene {scene.name!r}: {one} and {other} lie on one another and would both reflect; remove one"
+            )
     thick = [getattr(scene.surface[index], "thickness", None) is not None for index, _ in facets]
     return Outline(
         facets=np.array([facet for _, facet in facets]).reshape(-1, 2, 2),
@@ -86,6 +94,35 @@ def outline(scene: Scene) -> Outline:
         surface=np.array([index for index, _ in [*facets, *arcs]], dtype=np.int64),
         slabs=tuple(np.flatnonzero(thick).tolist()),
     )
+
+
+def _first_overlap(pieces: list[tuple[int, Any]], overlap: Callable[[Array, Array], Array]) -> tuple[int, int] | None:
+    """Indices of two surfaces of which pieces lie on one another; None where there are none."""
+    owner = np.array([index for index, _ in pieces], dtype=np.int64)
+    shapes = np.array([shape for _, shape in pieces])
+    for n in range(len(pieces) - 1):
+        found = np.flatnonzero(overlap(shapes[n], shapes[n + 1 :]) & (owner[n + 1 :] != owner[n]))
+        if found.size:
+            return int(owner[n]), int(owner[n + 1 + found[0]])
+    return None
+
+
+def _facets_overlap(facet: Array, others: Array) -> Array:
+    """Which of other facets (n, 2, 2) [m] share more than a point with a facet."""
+    length = np.linalg.norm(facet[1] - facet[0])
+    along = (facet[1] - facet[0]) / length
+    ways = others - facet[0]
+    aside = np.abs(ways @ [-along[1], along[0]]).max(axis=1)
+    first, last = np.sort(ways @ along, axis=1).T
+    return np.asarray((aside < TOUCH) & (np.minimum(last, length) - np.maximum(first, 0.0) > TOUCH))
+
+
+def _arcs_overlap(arc: Array, others: Array) -> Array:
+    """Which of other arcs (n, 5) share more than a point with an arc."""
+    later = (others[:, 3] - arc[3]) % (2.0 * np.pi)
+    apart = TOUCH / arc[2]
+    meet = (later < arc[4] - apart) | (later + others[:, 4] > 2.0 * np.pi + apart)
+    return np.asarray((np.abs(others[:, :3] - arc[:3]) < TOUCH).all(axis=1) & meet)
 
 
 @njit(error_model="numpy", nogil=True)
