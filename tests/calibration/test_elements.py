@@ -83,6 +83,15 @@ def test_a_calibration_from_a_sphere_repairs_another_scene(tmp_path):
     assert repaired.attrs["processing"][0] == "made"
 
 
+@pytest.mark.parametrize("level", [1e-30, 1e25])
+def test_delays_do_not_depend_on_the_level_of_the_samples(level):
+    delays = np.random.default_rng(2).uniform(-1e-3, 1e-3, (2, 15))
+    sphere = with_delays(sweep_of([(0.0, 0.8)]), *delays)
+    sphere = sphere.assign(s=(sphere["s"].astype(complex) * level).astype(np.complex64))
+    found = mf.calibrate.estimate_elements(sphere, at=(0.0, 0.8))
+    assert np.abs(found.tx_delay[:, None] + found.rx_delay - delays[0][:, None] - delays[1]).max() < 1 * MICROMETRE
+
+
 def test_phase_centres_are_found_from_several_places():
     """An antenna that stands elsewhere than stated shows as a delay that depends on the direction."""
     random = np.random.default_rng(3)

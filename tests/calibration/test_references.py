@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from instruments import line
-from point_sweeps import sweep_of
+from point_sweeps import sweep_of, with_delays
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
@@ -121,3 +121,31 @@ def test_a_moving_antenna_has_its_leakage_at_every_frequency_and_a_background_of
     elsewhere = leaking.assign_coords(antenna_position=leaking["antenna_position"] + 0.1)
     with pytest.raises(mf.InputError, match="antenna_position differs"):
         mf.calibrate.subtract_background(leaking, elsewhere)
+
+
+def test_each_step_does_with_every_frame_of_a_recording_what_it_does_with_one():
+    random = np.random.default_rng(0)
+    one = sweep_of([(0.1, 0.8), (-0.2, 1.1)], shift=0.04)
+    recording = one.assign(s=one["s"] * xr.DataArray(np.exp(0.4j * np.arange(3)), dims="frame"))
+    recording["s"] = recording["s"].transpose("frame", ...).astype(np.complex64)
+    delays = random.uniform(-1e-4, 1e-4, (2, 15))
+    other = with_delays(sweep_of([(0.0, 1.0)], shift=0.04), *delays, tx_gain=1.0 + 0.2j)
+    elements = mf.calibrate.estimate_elements(other, at=(0.0, 1.0))
+    steps = [
+        mf.calibrate.conjugate,
+        mf.calibrate.swap_tx_rx,
+        mf.calibrate.subtract_mean,
+        lambda sweep: mf.calibrate.subtract_background(sweep, other),
+        lambda sweep: mf.calibrate.remove_cable(sweep, 0.4),
+        lambda sweep: mf.calibrate.time_gate(sweep, 0.5, 1.0),
+        lambda sweep: mf.calibrate.displace_receivers(sweep, (1e-3, 0.0)),
+        lambda sweep: mf.calibrate.apply_elements(sweep, elements),
+        lambda sweep: mf.calibrate.normalise_by_reference(sweep, other, at=(0.0, 1.0)),
+        lambda sweep: mf.calibrate.normalise_by_reference(sweep, other, at=(0.0, 1.0), per_channel=True),
+    ]
+    for step in steps:
+        together = step(recording)
+        for frame in range(3):
+            alone = step(recording.isel(frame=frame))
+            np.testing.assert_allclose(together["s"][frame], alone["s"], atol=1e-6 * np.abs(alone["s"].values).max())
+            np.testing.assert_array_equal(together["rx_position"], alone["rx_position"])

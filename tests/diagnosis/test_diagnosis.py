@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -120,6 +121,28 @@ def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsy
 def test_a_range_offset_is_measured():
     found, _ = diagnose(wrong(scene(0, displaced=True), "cable"))
     assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
+
+
+def test_a_range_offset_of_a_small_instrument_is_told_as_exactly_as_its_waves_allow():
+    """Waves and lengths 20 times as small, as of sound in a tank, make the same samples; a cable of light stays."""
+    large = wrong(scene(0, displaced=True), "cable")
+    small = large.assign_coords({name: large[name] / 20.0 for name in ("tx_position", "rx_position")})
+    found = mf.info(small.assign_attrs(wave_speed=speed_of_light / 20.0)).findings[0]
+    offset, error = (float(word) for word in re.findall(r"[0-9.]+", found.what)[:2])
+    assert offset == pytest.approx(0.85 / 20.0, abs=max(error, 1e-3))
+    assert 1e-4 < error < 3e-3
+    assert float(found.fix.split()[-1]) == pytest.approx(1.7, abs=0.1)
+
+
+@pytest.mark.parametrize("level", [1e-30, 1e-22, 1e22, 1e30])
+def test_the_level_of_the_samples_does_not_matter(level):
+    sweep = wrong(scene(2, displaced=True), "conjugated")
+    sweep["s"].values[:, 3] = 0.0
+    scaled = sweep.assign(s=(sweep["s"].astype(complex) * level).astype(np.complex64))
+    found = {one.name: one.sure for one in diagnose(scaled)[0]}
+    assert found == {one.name: pytest.approx(one.sure, abs=0.03) for one in diagnose(sweep)[0]}
+    assert set(found) == {"conjugated", "dead-channels"}
+    assert mf.calibrate.find_bad(scaled).dead.sum() == sweep.sizes["rx"]
 
 
 def faces(seed, elements, cable=0.0):

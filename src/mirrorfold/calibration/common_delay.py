@@ -22,7 +22,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, moderate
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
@@ -112,7 +112,7 @@ def fit_reflectors(
 def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, largest_common: float | None) -> Fit:
     """The fit to one sweep."""
     tx, rx = positions(sweep)
-    k, s = wavenumber(sweep), sweep["s"].values
+    k, s = wavenumber(sweep), moderate(sweep["s"].values)
     length, apart = sphere_paths(tx, rx, centre, radius), np.linalg.norm(tx[:, None] - rx, axis=-1)
     common, coupled = find_common_delay(s, k, length, apart, largest_error=largest_error, largest_common=largest_common)
     if coupled:

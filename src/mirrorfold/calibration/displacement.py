@@ -110,7 +110,7 @@ ROBUST_ITERATIONS = 10
 
 def displace_receivers(sweep: xr.Dataset, displacement: ArrayLike) -> xr.Dataset:
     """The sweep with all receivers moved by a vector [m]."""
-    sweep = checked_pairs(sweep, "sweep")
+    sweep = checked_pairs(sweep, "sweep", several=True)
     vector = place(displacement, "displacement")
     moved = (sweep["rx_position"].dims, sweep["rx_position"].values + vector, sweep["rx_position"].attrs)
     return recorded(sweep.assign_coords(rx_position=moved), f"receivers moved by {millimetres(vector)}")

@@ -149,7 +149,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     Parameters
     ----------
     sweep : xarray.Dataset
-        Of the array that was calibrated.
+        Of the array that was calibrated; of a recording or of two polarizations each part alike.
     calibration : ElementCalibration
     gains : bool, default True
         Undo the complex gains too, not only the delays.
@@ -163,7 +163,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     InputError
         If the array is another one, or has its antennas in another order.
     """
-    sweep, gains = checked_pairs(sweep, "sweep"), truth("gains", gains)
+    sweep, gains = checked_pairs(sweep, "sweep", several=True), truth("gains", gains)
     if not isinstance(calibration, ElementCalibration):
         raise wrong_kind("calibration", calibration, CALIBRATION, reader="mf.calibrate.load_elements")
     tx, rx = positions(sweep)
@@ -194,7 +194,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
         turned *= np.exp(1j * k[some, None] * calibration.rx_delay)[:, None, :]
         return np.asarray(turned / gain)
 
-    s = by_blocks(sweep["s"].values, undone)
+    s = by_blocks(sweep["s"].values, undone, axis=sweep["s"].get_axis_num("frequency"))
     moved = {
         name: (sweep[name].dims, place + offset, sweep[name].attrs)
         for name, place, offset in (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import check_sweep, is_raster
+from mirrorfold.sweep import PAIR_DIMENSIONS, check_sweep, is_raster
 from mirrorfold.sweep.polarization import polarizations
 
 
@@ -53,6 +53,16 @@ def by_blocks(
     return out
 
 
+MODERATE = (1e-12, 1e12)
+"""Largest samples whose powers, and the sums of these, single precision holds with room to spare."""
+
+
+def moderate(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+    """The samples, or where their powers would overflow or vanish the same times a number."""
+    peak = max((float(np.maximum(np.abs(part.real), np.abs(part.imag)).max(initial=0.0)) for part in s), default=0.0)
+    return s if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else np.asarray(s / s.real.dtype.type(peak))
+
+
 def unmeasured(s: NDArray[np.complexfloating], axis: int) -> NDArray[np.bool_]:
     """Channels, ``s.shape`` with one frequency, that hold zeros alone: not measured, or masked."""
     return np.asarray(~s.any(axis=axis, keepdims=True))
@@ -75,8 +85,8 @@ def samples_to_repair(sweep: Any, name: str) -> xr.Dataset:
     return sweep
 
 
-def checked_pairs(sweep: xr.Dataset, name: str) -> xr.Dataset:
-    """A valid sweep of pairs, ``s(frequency, tx, rx)``.
+def checked_pairs(sweep: xr.Dataset, name: str, *, several: bool = False) -> xr.Dataset:
+    """A valid sweep of pairs, ``s(frequency, tx, rx)``, or of `several` frames or polarizations of them.
 
     Raises
     ------
@@ -86,7 +96,7 @@ def checked_pairs(sweep: xr.Dataset, name: str) -> xr.Dataset:
     sweep = check_sweep(sweep, source=name)
     if is_raster(sweep):
         raise InputError(f"{name}: is a raster scan, expected a sweep with s(frequency, tx, rx)")
-    if sweep["s"].ndim != 3:
+    if sweep["s"].dims[-3:] != PAIR_DIMENSIONS or (sweep["s"].ndim != 3 and not several):
         raise InputError(
             f"{name}: s has dimensions {sweep['s'].dims}, expected (frequency, tx, rx); select one of them"
         )

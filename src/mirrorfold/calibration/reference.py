@@ -56,7 +56,7 @@ def normalise_by_reference(
     InputError
         If the sweeps do not match, or the reference is silent.
     """
-    sweep, reference = checked_pairs(sweep, "sweep"), checked_pairs(reference, "reference")
+    sweep, reference = checked_pairs(sweep, "sweep", several=True), checked_pairs(reference, "reference")
     per_channel = truth("per_channel", per_channel)
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
     tx, rx = positions(reference)
@@ -94,7 +94,7 @@ def normalise_by_reference(
         usable = np.abs(by) > floor
         return np.where(usable, part / np.where(usable, by, 1.0), 0.0)
 
-    s = by_blocks(sweep["s"].values, divided, axis=1)
+    s = by_blocks(sweep["s"].values, divided, axis=sweep["s"].get_axis_num("tx"))
     kind = "point-like reflector" if normal is None else "plate"
     ending = f"; {lost} deaf samples of the response left out" if lost else ""
     where = ", ".join(f"{c:g}" for c in np.ravel(at))

@@ -214,7 +214,7 @@ def swap_tx_rx(sweep: xr.Dataset) -> xr.Dataset:
     InputError
         If there are more of the ones than of the others.
     """
-    sweep = checked_pairs(sweep, "swap_tx_rx")
+    sweep = checked_pairs(sweep, "swap_tx_rx", several=True)
     tx, rx = sweep["tx_position"], sweep["rx_position"]
     if tx.shape != rx.shape:
         raise InputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
+from mirrorfold.calibration.record import moderate
 from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.physics import doubt_findings, wave_findings
@@ -27,6 +28,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     judged : dict
         What could be judged at all: `waves` for the classic mistakes, `exchange` for transmitters and receivers.
     """
+    sweep = sweep.assign(s=sweep["s"].copy(data=moderate(sweep["s"].values)))
     found = sample_findings(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)

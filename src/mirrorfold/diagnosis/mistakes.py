@@ -64,7 +64,7 @@ class Explanation:
     offset : float [m]
         Range that echoes have too much; zero where none is certain.
     offset_error : float [m]
-        Half width of its interval of 80 % certainty.
+        Half width of its interval of 80 % certainty, a step of the search at least.
     sure : float
         Share of the draws that agree, for the first three.
     offset_sure : float
@@ -108,7 +108,7 @@ def explain(waves: Wavefronts) -> Explanation:
     return Explanation(
         *cases[best],
         offset=offset if certain else 0.0,
-        offset_error=float(0.5 * (high - low)),
+        offset_error=float(max(0.5 * (high - low), waves.ambiguous_range / OFFSET_STEPS)),
         sure=min(SUREST, agree / RESAMPLES),
         offset_sure=min(SUREST, float(same_side)),
     )

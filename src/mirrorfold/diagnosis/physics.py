@@ -85,14 +85,19 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
             )
             found.append(Finding("tx-rx-exchanged", what, made.sure, "--swap-tx-rx"))
     if made.offset and made.sure >= SURE_ENOUGH:
-        direction, cable = "far" if made.offset > 0 else "near", 2.0 * made.offset * index
+        direction, error = "far" if made.offset > 0 else "near", made.offset_error
+        cable = _rounded(2.0 * made.offset * index, 2.0 * error * index)
         what = (
-            f"Echoes stand {abs(made.offset):.2f} m too {direction} for the curvature of their waves "
-            f"(+-{max(made.offset_error, 0.02):.2f} m): a delay of {cable:.2f} m of cable is left in the "
-            "sweep."
+            f"Echoes stand {_rounded(abs(made.offset), error)} m too {direction} for the curvature of their waves "
+            f"(+-{_rounded(error, error)} m): a delay of {cable} m of cable is left in the sweep."
         )
-        found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {cable:.2f}"))
+        found.append(Finding("range-offset", what, made.offset_sure, f"--cable-length {cable}"))
     return found
+
+
+def _rounded(value: float, error: float) -> str:
+    """A number with the decimals that its error allows, at least as fine as a half of it."""
+    return f"{value:.{max(0, int(np.ceil(-np.log10(0.5 * error))))}f}"
 
 
 def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
