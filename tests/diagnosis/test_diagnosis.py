@@ -280,6 +280,31 @@ def test_a_small_array_is_not_judged():
     assert not judged["waves"]
 
 
+def test_what_waves_do_not_show_is_not_judged():
+    """From 20 m the waves at 9 cm of antennas are flat; apertures one above the other differ in nothing in plan."""
+    random = np.random.default_rng(0)
+    frequency, place = np.linspace(24e9, 24.25e9, 64), np.zeros((16, 3))
+    place[:, 0] = 6e-3 * np.arange(16)
+    points = random.uniform([-4.0, 5.0, 0.0], [4.0, 60.0, 0.0], (12, 3))
+    ways = np.exp(
+        -2j * np.pi / speed_of_light * frequency[:, None, None] * np.linalg.norm(place[:, None] - points, axis=2)
+    )
+    far = mf.make_sweep(
+        np.einsum("fip,fkp->fik", ways, ways), frequency=frequency, tx_position=place, rx_position=place
+    )
+    for sweep in (far, mf.calibrate.conjugate(far), mf.calibrate.reverse_frequency(far)):
+        assert diagnose(sweep) == ([], {"waves": False, "exchange": False})
+    above = scene(0, displaced=False, elements=41)
+    above = above.assign_coords(rx_position=above["rx_position"] + [0.0, 0.0, 0.01])
+    assert diagnose(above) == ([], {"waves": True, "exchange": False})
+
+
+def test_a_recording_is_judged_by_its_first_frame_with_echoes():
+    one = wrong(scene(2, displaced=True, elements=41), "conjugated")
+    recording = one.assign(s=(("frame", *one["s"].dims), np.stack([0 * one["s"].values, one["s"].values])))
+    assert "conjugated" in named(recording)
+
+
 def test_of_a_planar_array_one_row_is_looked_at():
     x, z = np.meshgrid(0.5e-3 * np.arange(9), 0.5e-3 * np.arange(7))
     places = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import xarray as xr
 
 from mirrorfold.calibration.record import moderate
@@ -30,6 +31,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     """
     sweep = sweep.assign(s=sweep["s"].copy(data=moderate(sweep["s"].values)))
     found = sample_findings(sweep)
+    sweep = _first_part(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)
         other = doubt_findings(sweep) or other
@@ -37,6 +39,16 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         exchanged = axis_findings(sweep)
         other, judged = (exchanged, {"waves": False, "exchange": True}) if exchanged else wave_findings(sweep)
     return sorted([*found, *other], key=lambda finding: -finding.sure), judged
+
+
+def _first_part(sweep: xr.Dataset) -> xr.Dataset:
+    """Of a recording or of several polarizations the first that holds anything; all parts have the same mistakes."""
+    leading = sweep["s"].dims[: sweep["s"].get_axis_num("frequency")]
+    if not leading:
+        return sweep
+    holds = np.any(sweep["s"].values, axis=tuple(range(len(leading), sweep["s"].ndim)))
+    first = np.unravel_index(int(np.argmax(holds)), holds.shape)
+    return sweep.isel(dict(zip(leading, map(int, first), strict=True)))
 
 
 __all__ = ["Finding", "diagnose", "sample_findings"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -69,6 +69,9 @@ class Explanation:
         Share of the draws that agree, for the first three.
     offset_sure : float
         Share of the draws that agree on an offset.
+    told, exchange_told : bool
+        Whether the waves would show conjugation and reversal, and exchange, had they been made: from afar all waves are
+        flat, and apertures that are displaced across the plane of the echoes differ in nothing.
     """
 
     conjugated: bool
@@ -78,6 +81,8 @@ class Explanation:
     offset_error: float
     sure: float
     offset_sure: float
+    told: bool
+    exchange_told: bool
 
 
 def explain(waves: Wavefronts) -> Explanation:
@@ -105,8 +110,11 @@ def explain(waves: Wavefronts) -> Explanation:
         and mean.max() - mean[0] > LEAST_GAIN
         and same_side >= OFFSET_SURE[side]
     )
+    told = [_tells(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
     return Explanation(
         *cases[best],
+        told=told[0] and told[1],
+        exchange_told=told[2],
         offset=offset if certain else 0.0,
         offset_error=float(max(0.5 * (high - low), waves.ambiguous_range / OFFSET_STEPS)),
         sure=min(SUREST, agree / RESAMPLES),
@@ -143,6 +151,15 @@ def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, 
 def _explained(coherence: Array) -> Array:
     """Minus the log of the share of power that is left over."""
     return np.asarray(-np.log(1.0 - np.clip(coherence, 0.0, 1.0) + UNEXPLAINED))
+
+
+def _tells(fit: Array, cases: Sequence[tuple[bool, ...]], best: tuple[bool, ...], mistake: int) -> bool:
+    """Whether fits (cases, offsets) to the best case and to the one that differs in one mistake lie apart enough."""
+    other = tuple(made != (n == mistake) for n, made in enumerate(best))
+    if other not in cases:
+        return False
+    worth = np.maximum(fit[:, 0], fit.max(axis=1) - PENALTY)
+    return bool(worth[cases.index(best)] - worth[cases.index(other)] > PENALTY)
 
 
 def _decide(fit: Array, number: NDArray[np.int64]) -> int:

@@ -41,7 +41,8 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     findings : list of Finding
     judged : dict
         `waves`: whether the array and the echoes allow a judgement. `exchange`: whether exchanged transmitters and
-        receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm.
+        receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm. Neither
+        where the waves are too flat to tell.
     """
     if "rx" not in sweep.dims and sweep.attrs.get("scene_center") is not None:  # delays count from there
         found, judged = sharpness_findings(sweep)
@@ -62,8 +63,9 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
                 found = _far_apart(pairs) or direct_findings(every)
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
-    found += _findings(explain(waves), speed_of_light / wave_speed(sweep))
-    return found, {"waves": True, "exchange": exchange}
+    made = explain(waves)
+    found += _findings(made, speed_of_light / wave_speed(sweep))
+    return found, {"waves": made.told, "exchange": made.exchange_told}
 
 
 def _findings(made: Explanation, index: float) -> list[Finding]:
