@@ -46,6 +46,15 @@ def test_a_session_from_raw_files_to_a_calibrated_sweep(session, capsys):
     np.testing.assert_allclose(mf.load("again.nc")["s"], clean["s"], atol=1e-5)
 
 
+def test_a_calibrated_sweep_is_not_calibrated_again_with_raw_ones(session, capsys):
+    sphere = ["--sphere", "sphere.nc", "--sphere-at", "0,0.8"]
+    assert main(["calibrate", "scene.nc", "-o", "clean.nc", "--background", "empty.nc", *sphere]) == 0
+    for options in (["--background", "empty.nc"], sphere):
+        assert main(["calibrate", "clean.nc", "-o", "twice.nc", *options]) == 2
+        assert "has been through the step 'background subtracted: empty.nc'" in capsys.readouterr().err
+        assert not (session / "twice.nc").exists()
+
+
 @pytest.mark.slow
 def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     given = ["--background", "empty.nc", "--sphere", "sphere.nc", "--sphere-at", "0,0.8"]
@@ -58,8 +67,12 @@ def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     assert main(["calibrate", "scene.nc", "-o", "again.nc", *given, "--cable-length", "0.65"]) == 0
     assert "(modulo 2.99792 m)" in capsys.readouterr().out
     np.testing.assert_allclose(mf.load("again.nc")["s"], mf.load("clean.nc")["s"], atol=1e-3)
-    assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given, "--find-displacement"]) == 0
+    assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given, "--find-displacement"]) == 2
+    assert "more than the 20 mm" in capsys.readouterr().err  # delays of single elements are no displacement of all
+    mf.save(mf.calibrate.remove_cable(sweep_of([(0.0, 0.8)]), -0.7), "sphere.nc")
+    assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given[2:], "--find-displacement"]) == 0
     assert "known modulo 2.99792 m" in capsys.readouterr().out
+    np.testing.assert_allclose(mf.load("moved.nc")["rx_position"], mf.load("scene.nc")["rx_position"], atol=1e-5)
 
 
 def test_a_gate_and_the_displacement_are_applied(session):

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, unmeasured, with_samples
+from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, check_same_steps, unmeasured, with_samples
 from mirrorfold.common.arguments import truth
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep
@@ -32,10 +32,11 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     Raises
     ------
     InputError
-        If the two differ in frequencies, positions, directions or frames, or nothing is left.
+        If the two differ in frequencies, positions, directions, frames or steps of calibration, or nothing is left.
     """
     sweep, background = check_sweep(sweep), check_sweep(background, source="background")
     check_same_axes(sweep, background, "background")
+    check_same_steps(sweep, background, "background")
     frames, frames_of_other = (one["s"].sizes.get("frame") for one in (sweep, background))
     if frames_of_other is not None and frames_of_other != frames:
         raise InputError(

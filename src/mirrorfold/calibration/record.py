@@ -135,6 +135,27 @@ def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas
             )
 
 
+OF_THE_INSTRUMENT = ("background subtracted", "of the elements removed", "divided by the response", "of cable removed")
+"""Words of the steps that take the instrument away; a second sweep of the same instrument needs the same ones."""
+
+
+def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
+    """Refuse a second sweep that still holds what was taken out of the first: it would be put in again.
+
+    Raises
+    ------
+    InputError
+        With the step; `name` is that of the second sweep.
+    """
+    for words in OF_THE_INSTRUMENT:
+        done = [step for step in history(sweep) if words in step]
+        if done and not any(words in step for step in history(other)):
+            raise InputError(
+                f"{name}: the sweep has been through the step '{done[0]}' and the {name} has not; give the sweep "
+                "as it was measured, or both with the same steps"
+            )
+
+
 def millimetres(values: Sequence[float] | Array) -> str:
     """Lengths [m] for the record."""
     return ", ".join(f"{1e3 * value:.4g}" for value in values) + " mm"

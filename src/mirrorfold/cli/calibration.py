@@ -148,6 +148,7 @@ def calibrate(
     from scipy.constants import speed_of_light
 
     from mirrorfold.calibration.memory import calibration_parts
+    from mirrorfold.calibration.record import check_same_steps
     from mirrorfold.common.forecasts import expect, forecast
     from mirrorfold.sweep import ambiguous_range, wave_speed
 
@@ -209,7 +210,7 @@ def calibrate(
             )
         return mf.calibrate.remove_cable(one, cable_length) if cable_length is not None else one
 
-    waiting = [measured]
+    waiting, as_measured = [measured], measured.drop_vars("s")
     del measured  # so that no sweep is held that a step has replaced
     result = prepared(waiting.pop())
     facts: dict[str, Any] = {}
@@ -219,7 +220,12 @@ def calibrate(
         if cable_length:
             known["largest_common"] = CABLE_ERROR * abs(cable_length) / electrical
         if sphere:
-            spheres = [prepared(repaired(path)) for path in sphere]
+            spheres = []
+            for path in sphere:
+                one = repaired(path)
+                check_same_steps(as_measured, one, "sphere")
+                spheres.append(prepared(one))
+                del one
             empty = response = None
             facts["cable_period_m"] = 2.0 * ambiguous_range(result) * electrical
         if sphere and find_displacement:
