@@ -104,6 +104,10 @@ def test_a_sweep_that_is_not_reciprocal_is_remarked():
     assert not any("reciprocal" in remark for remark in mf.info(sweep)["remarks"])
     late = sweep.assign(s=sweep["s"] * np.exp(0.5j * np.arange(8))[:, None])
     assert any("not reciprocal" in remark for remark in mf.info(late.transpose(*sweep.dims))["remarks"])
+    sweep["s"].values[:, 1] = 0.0
+    masked = mf.info(mf.calibrate.mask_bad(sweep))  # what one transmitter would have sent back is not known
+    assert not any("reciprocal" in remark for remark in masked["remarks"])
+    assert masked.reciprocity_db is None  # nothing differs
 
 
 def test_antennas_too_close_for_numbers_have_no_pitch():

@@ -182,7 +182,7 @@ def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
     s = sweep["s"]
     if not isinstance(axes, list | tuple) or not all(isinstance(name, str) for name in axes):
         raise wrong_kind("swap_axes", axes, "two names of dimensions, such as ('tx', 'rx')", reader="")
-    if len(axes) != 2 or not set(axes) <= set(s.dims) or s.sizes[axes[0]] != s.sizes[axes[1]]:
+    if len(set(axes)) != 2 or len(axes) != 2 or not set(axes) <= set(s.dims) or s.sizes[axes[0]] != s.sizes[axes[1]]:
         raise InputError(
             f"swap_axes: {', '.join(axes)} are not two dimensions of equal length of s "
             f"{dict(s.sizes)}; axes of different lengths are never exchanged"
