@@ -103,6 +103,9 @@ def test_pairs_that_were_not_measured_stay_silent_without_background_and_leakage
         left = clean(thinned.assign(s=full * there.astype(np.complex64)))
         assert not left["s"].values[:, ~there].any()
         assert np.abs(left["s"].values[:, there] - target["s"].values[:, there]).mean() < 0.2
+    drifted = thinned.assign(s=(0.8j * coupling["s"] + 1e-3 * target["s"]) * there.astype(np.complex64))
+    left = mf.calibrate.subtract_background(drifted, coupling, match=True)
+    assert "times 0.8" in left.attrs["processing"][-1]
     unknown = mf.calibrate.subtract_background(
         target.assign(s=target["s"] + coupling["s"]), coupling.assign_coords(measured=(("tx", "rx"), there))
     )

@@ -45,13 +45,13 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
         )
     s, other = sweep["s"].values, np.broadcast_to(background["s"].values, sweep["s"].shape)
     match = truth("match", match)
-    gain = _gain(s, other) if match else 1.0
-    left = by_blocks(s, lambda part, some: part.astype(complex) - gain * other[some].astype(complex))
     lacking = unmeasured(s, sweep["s"].get_axis_num("frequency"))
     if "measured" in background.variables:
         known = background["measured"].astype(bool)
         sweep = sweep.assign_coords(measured=known & sweep["measured"].astype(bool) if "measured" in sweep else known)
         lacking = lacking | ~known.values
+    gain = _gain(s, other, np.broadcast_to(lacking, s.shape)) if match else 1.0
+    left = by_blocks(s, lambda part, some: part.astype(complex) - gain * other[some].astype(complex))
     np.copyto(left, 0.0, where=lacking)
     if not left.any():
         raise InputError("background: is the same as the sweep, nothing is left; give the sweep of the empty scene")
@@ -60,14 +60,14 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
     return with_samples(sweep, left, f"background subtracted: {title}{matched}")
 
 
-def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating]) -> complex:
-    """The complex number times which the other samples leave least of the first ones."""
+def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) -> complex:
+    """The complex number times which the other samples leave least of the first ones, those lacking left out."""
     product, power = 0.0j, 0.0
     for some in blocks(len(s), s.nbytes):
-        mine, its = s[some].astype(complex), other[some].astype(complex)
+        mine, its = s[some].astype(complex), np.where(lacking[some], 0.0, other[some].astype(complex))
         product += complex(np.vdot(its, mine))
         power += float(np.vdot(its, its).real)
-    return product / power
+    return product / power if power > 0.0 else 1.0
 
 
 def _without_middle(s: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
