@@ -9,15 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-import xarray as xr
-from scans import ball, content, panel
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.diagnosis import diagnose
 from mirrorfold.diagnosis.direct import direct_findings
-from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.sweep.pairs import on_a_line, pairs_of
 
 MISTAKES = {
@@ -354,62 +351,6 @@ def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
     assert [finding["name"] for finding in mf.info("gappy.nc")["findings"]] == ["non-uniform-steps"]
 
 
-def raster_scan(seed, *, leakage):
-    """Speckle of a wall in focused beams, nearer than the focus."""
-    random = np.random.default_rng(seed)
-    frequency = np.linspace(270e9, 300e9, 401)
-    angle = np.linspace(-6.0, 6.0, 25)
-    spot, focus = 0.017, 1.6
-    from mirrorfold.common.beams import beam_direction, beam_radius
-
-    depth = random.uniform(0.5, 1.3, 1500)
-    aim = beam_direction(random.uniform(-6.5, 6.5, 1500), random.uniform(-6.5, 6.5, 1500))
-    width = beam_radius(depth, spot_radius=spot, focus_distance=focus, wavelength=1.05e-3)
-    beams = beam_direction(angle[:, None], angle).reshape(-1, 3)
-    off = depth * np.sqrt(np.maximum(1.0 - (beams @ aim.T) ** 2, 0.0))
-    echo = random.standard_normal((1500, 2)).view(complex)[:, 0] * np.exp(-2.0 * (off / width) ** 2) / width**2
-    k = 2 * np.pi * frequency / speed_of_light
-    s = (np.exp(-2j * k[:, None] * depth) @ echo.T).reshape(-1, 25, 25)
-    if leakage:
-        s += 0.1 * np.abs(s).max() * np.exp(-2j * k * 0.1)[:, None, None]
-    attrs = {} if leakage else {"spot_radius": spot, "focus_distance": focus}
-    sweep = mf.make_raster_sweep(s, frequency=frequency, azimuth=angle, elevation=angle, **attrs)
-    return mf.add_noise(sweep, snr_db=20.0, seed=seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("leakage", [False, True])
-def test_the_range_axis_of_a_scan_runs_forward(leakage):
-    for seed in range(3):
-        sweep = raster_scan(seed, leakage=leakage)
-        assert named(sweep) == ()
-        for repair in (mf.calibrate.conjugate, mf.calibrate.reverse_frequency):
-            assert named(repair(sweep)) == ("range-reversed",)
-        assert diagnose(sweep)[1]["waves"]
-
-
-@pytest.mark.slow
-def test_walls_alone_tell_which_way_range_runs():
-    """Without leakage, and with nothing known of the beam."""
-    wall = panel(center=(0.1, 2.0, 0.0), normal=(-0.3, -1.0, 0.1))
-    sweep = mf.simulate(parse_scene(content(wall, half=10.0)), seed=0, snr_db=10.0)
-    for name in ("spot_radius", "focus_distance"):
-        del sweep.attrs[name]
-    assert named(sweep) == ()
-    (finding,) = diagnose(mf.calibrate.reverse_frequency(sweep))[0]
-    assert finding.name == "range-reversed"
-    assert "flat" in finding.what
-    frames = mf.calibrate.conjugate(sweep).expand_dims(frame=2)
-    assert named(frames) == ("range-reversed",)
-
-
-def test_a_scan_of_which_nothing_is_known_is_not_judged():
-    sweep = raster_scan(0, leakage=False)
-    silent = sweep.drop_attrs().assign_attrs(mirrorfold_kind="sweep")
-    assert isinstance(silent, xr.Dataset)
-    assert diagnose(silent) == ([], {"waves": False, "exchange": False})
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", ["none", "conjugated", "reversed"])
 def test_mistakes_in_a_measured_ultrasonic_array(shared_data, mistake):
@@ -429,12 +370,3 @@ def test_mistakes_in_a_measured_ultrasonic_array(shared_data, mistake):
     sweep = mf.make_sweep(s, frequency=frequency[used], tx_position=place, rx_position=place, wave_speed=6300.0)
     waves = [finding.name for finding in diagnose(wrong(sweep, mistake))[0] if finding.name in str(MISTAKES)]
     assert tuple(waves) == MISTAKES[mistake]
-
-
-@pytest.mark.parametrize("snr_db", [None, 90.0])
-def test_beams_that_meet_nothing_are_no_silent_channels(snr_db):
-    """A ball in the middle of the scan: most beams pass beside it, and are 40 dB and more below those that meet it."""
-    scan = mf.simulate(content(ball(center=(0.0, 2.0, 0.0)), half=12.0, points=401), snr_db=snr_db)
-    power = np.mean(np.abs(scan["s"].values) ** 2, axis=0)
-    assert np.mean(power < 1e-4 * power.max()) > 0.5
-    assert diagnose(scan)[0] == []
