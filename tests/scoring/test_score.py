@@ -186,11 +186,22 @@ def test_the_scene_may_be_a_file(scene_file, reconstruction):
 
 @pytest.mark.parametrize(
     ("what", "words"),
-    [(xr.Dataset(), "got a Dataset, expected a reconstruction"), (xr.DataTree(), "no group 'objects'")],
+    [
+        (xr.Dataset(), "got a Dataset, expected a reconstruction"),
+        (xr.DataTree(), "no group 'objects'"),
+        (xr.DataTree(children={"objects": rebuilt([])["objects"]}), "no group 'mirrors'"),
+        (rebuilt([(0.0, np.nan)]), "holds a point that is not finite"),
+        (rebuilt([(1e20, 0.0)]), "holds a point that is farther away than"),
+    ],
 )
 def test_what_is_no_reconstruction_is_refused(what, words):
     with pytest.raises(mf.InputError, match=words):
         mf.score(what, make_scene(WALL))
+
+
+def test_points_without_confidence_cannot_be_chosen_by_it():
+    with pytest.raises(mf.InputError, match="have no confidence"):
+        mf.score(rebuilt(ON_WALL), make_scene(WALL), min_confidence=0.5)
 
 
 def test_hidden_figures_are_of_hidden_surfaces_and_of_all_points_away_from_what_is_in_sight():

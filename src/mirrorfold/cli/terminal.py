@@ -200,7 +200,7 @@ def show_score(score: PlanScore | VolumeScore) -> None:
     for mirror in score.mirrors:
         bent = mirror.curvature_error
         mirrors.add_row(
-            *(str(mirror.surface), number(mirror.angle_error_deg, ".3f"), number(mirror.offset_error_mm, ".2f")),
+            *(mirror.surface or "-", number(mirror.angle_error_deg, ".3f"), number(mirror.offset_error_mm, ".2f")),
             *([number(None if bent is None else 100.0 * bent, ".2f") if "curvature_error" in mirror else ""] * curved),
         )
     points = table_of("points against the truth")

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.types import Mask
+from mirrorfold.errors import InputError
 from mirrorfold.folding.settings import FoldSettings
 
 
@@ -17,13 +18,15 @@ def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = Non
     Raises
     ------
     InputError
-        If the confidence is no number from 0 to 1.
+        If the confidence is no number from 0 to 1, or the points have none.
     """
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if min_confidence is None:
         min_confidence = float(reconstruction.attrs.get("fold_min_confidence", 0.0))
     else:
         FoldSettings.rules()["min_confidence"].check("min_confidence", min_confidence)
+    if min_confidence > 0.0 and "confidence" not in objects:
+        raise InputError("reconstruction: its points have no confidence; leave min_confidence out")
     return objects.isel(point=objects["confidence"].values >= min_confidence) if min_confidence > 0.0 else objects
 
 

@@ -14,6 +14,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import whole_number, wrong_kind
+from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import pick_frame
@@ -153,8 +154,9 @@ def score(
     """
     if not isinstance(reconstruction, xr.DataTree):
         raise wrong_kind("score", reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
-    if "objects" not in reconstruction.children:
-        raise InputError("reconstruction: holds no group 'objects'; expected what `fold` or `reconstruct` returns")
+    for group in ("objects", "mirrors"):
+        if group not in reconstruction.children:
+            raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")
     bounces = whole_number("bounces", bounces)
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)
@@ -164,6 +166,8 @@ def score(
         held, given = (2, 3) if flat else (3, 2)
         raise InputError(f"reconstruction: has {held} dimensions and the scene {given}; score it against its own scene")
     points = np.stack([objects[axis].values for axis in ("xy" if flat else "xyz")], axis=-1)
+    if (wrong := unplaced(points)) is not None:
+        raise InputError(f"reconstruction: holds a point that {wrong}; fold again")
     cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
     told = sides(objects, scene)
     asked: dict[str, Any] = {}
