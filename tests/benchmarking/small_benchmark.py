@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import numpy as np
@@ -87,6 +88,33 @@ def short(image, sweep):
 
 def in_words(image, sweep):
     return {"points": "everywhere"}
+
+
+def imaginary(image, sweep):
+    return {"points": [[0.0, 1.0 + 1.0j]]}
+
+
+def half_a_bounce(image, sweep):
+    return {"points": [[0.0, 1.0]], "bounces": [0.5]}
+
+
+def far_away(image, sweep):
+    return {"points": [[1e300, 1.0]]}
+
+
+class OfItsOwn(BaseException):
+    pass
+
+
+def raises_its_own(image, sweep):
+    raise OfItsOwn
+
+
+def wanders(image, sweep):
+    print("where am I?")
+    os.chdir("/")
+    np.seterr(all="raise")
+    return {"points": []}
 
 
 NOT_CALLABLE = 3

@@ -69,7 +69,11 @@ def test_ours_finds_the_wall():
         ("infinite", "the method returned points that are not finite"),
         ("other_words", "the method returned a mapping with point, expected points"),
         ("short", "the method returned bounces of shape (2,), expected (1)"),
-        ("in_words", "the method returned points that are no numbers: the text 'everywhere'"),
+        ("in_words", "the method returned points that are no real numbers: the text 'everywhere'"),
+        ("imaginary", "the method returned points that are no real numbers: a list"),
+        ("half_a_bounce", "the method returned bounces that are no whole numbers of at least 0"),
+        ("far_away", "reconstruction: holds a point that is farther away than 1e+07 m"),
+        ("raises_its_own", "the method raised OfItsOwn"),
     ],
 )
 def test_a_method_that_fails_is_told_and_hurts_no_other(method, expected):
@@ -78,6 +82,7 @@ def test_a_method_that_fails_is_told_and_hurts_no_other(method, expected):
     assert (failed.scenes, failed.failures, other.failures) == (1, 1, 0)
     assert failed.errors[0].startswith(expected)
     assert "\n" not in failed.errors[0]
+    assert not failed.errors[0].endswith(":")
     assert other.figures["f_all"].mean > 0.0
     assert found.remarks == [f"small_benchmark:{method} failed on 1 of 1 scenes, most often so: {failed.errors[0]}"]
 
@@ -85,6 +90,15 @@ def test_a_method_that_fails_is_told_and_hurts_no_other(method, expected):
 def test_a_method_that_spoils_its_input_spoils_it_for_itself_alone():
     alone, after = run("strongest", seeds=[0]), run("spoils", "strongest", seeds=[0])
     assert after.results[1].figures == alone.results[0].figures
+
+
+def test_a_method_that_prints_and_wanders_does_so_apart(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    before = np.geterr()
+    run("wanders", seeds=[0], output="out")
+    assert (tmp_path / "out/scenes.jsonl").is_file()
+    assert np.geterr() == before
+    assert capsys.readouterr() == ("", "where am I?\n")
 
 
 def test_a_family_with_impossible_ranges_fails_and_the_others_go_on(monkeypatch):
@@ -120,6 +134,7 @@ def test_a_family_that_raises_fails_too():
         ({"seeds": 3}, "seeds: got the number 3, expected whole numbers"),
         ({"seeds": []}, "has no family, radar, method or seed"),
         ({"jobs": 0}, "jobs is 0"),
+        ({"sweeps": __file__}, "is no folder; give the path of one"),
     ],
 )
 def test_what_cannot_be_run_is_refused_before_any_work(arguments, expected):
@@ -308,6 +323,11 @@ def test_errors_that_nobody_knows_are_no_fault_of_a_reconstruction(reconstructio
         some = next(column for column in table.variables.values() if column.ndim == 1)
         unknown[group] = xr.DataTree(table.assign({name: (some.dims, np.full(some.shape, np.nan))}))
     assert as_reconstruction(unknown, image) is unknown
+
+
+def test_a_scan_of_two_polarizations_is_in_space():
+    scan = xr.DataArray(np.zeros((2, 1, 1, 1)), dims=("polarization", "range", "azimuth", "elevation"))
+    assert as_reconstruction({"points": [[0.0, 1.0, 2.0]]}, scan)["objects"]["z"].values.tolist() == [2.0]
 
 
 def test_a_reconstruction_that_is_not_finite_is_no_result(reconstruction, image):

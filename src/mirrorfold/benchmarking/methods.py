@@ -117,7 +117,7 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
             f"the method returned {described(result)}, expected a reconstruction (xarray.DataTree) or a mapping with "
             "points"
         )
-    axes_names = "xyz"[: 3 if image.dims == ("range", "azimuth", "elevation") else 2]
+    axes_names = "xyz"[: 3 if {"range", "azimuth", "elevation"} <= set(image.dims) else 2]
     known = ("points", "bounces", "initial", "mirrors")
     unknown = [str(name) for name in result if name not in known]
     if unknown or "points" not in result:
@@ -129,7 +129,10 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
     initial = _numbers(result, "initial", points.shape) if result.get("initial") is not None else points
     bounces = np.zeros(len(points), dtype=np.int32)
     if result.get("bounces") is not None:
-        bounces = _numbers(result, "bounces", (len(points),)).astype(np.int32)
+        counts = _numbers(result, "bounces", (len(points),))
+        bounces = np.clip(counts, 0, np.iinfo(np.int32).max).astype(np.int32)
+        if not (bounces == counts).all():
+            raise InputError("the method returned bounces that are no whole numbers of at least 0")
     if "mirrors" in result and len(axes_names) == 3:
         raise InputError("the method returned mirrors in space, which are judged in a reconstruction alone")
     ends = _numbers(result, "mirrors", (-1, 2, 2)) if result.get("mirrors") is not None else np.empty((0, 2, 2))
@@ -154,9 +157,11 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
 def _numbers(result: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> np.ndarray:
     """An item as finite numbers of a shape, in which -1 stands for any length; an empty one has any shape."""
     try:
+        if np.iscomplexobj(result[name]):
+            raise TypeError("their imaginary parts would be lost")
         values = np.asarray(result[name], dtype=float)
     except (TypeError, ValueError):
-        raise InputError(f"the method returned {name} that are no numbers: {described(result[name])}") from None
+        raise InputError(f"the method returned {name} that are no real numbers: {described(result[name])}") from None
     if not values.size and -1 in shape:
         values = values.reshape([0 if size == -1 else size for size in shape])
     fits = values.ndim == len(shape) and all(b in (-1, a) for a, b in zip(values.shape, shape, strict=True))

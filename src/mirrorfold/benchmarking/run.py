@@ -84,6 +84,8 @@ def benchmark(
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise InputError(f"jobs is {shown(jobs)}, expected a whole number of at least 1")
     for folder in (output, sweeps):
+        if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
+            raise InputError(f"{folder}: is no folder; give the path of one")
         if folder is not None:
             Path(folder).mkdir(parents=True, exist_ok=True)
     file = None if output is None else Path(output) / FILE
@@ -206,7 +208,8 @@ def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
             yield future.result()
     except BrokenProcessPool:
         raise InputError(
-            "benchmark: a process was ended from outside, perhaps for want of memory; use fewer jobs"
+            "benchmark: a process has ended midway, for want of memory, or because a method crashed or ended it; use "
+            "fewer jobs, or mend the method"
         ) from None
     except BaseException:  # an interruption need not wait for scenes that take minutes
         for child in active_children():

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import chdir, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import xarray as xr
 
 from mirrorfold import __version__
@@ -93,8 +96,11 @@ def _judged(
     function = load_method(method)
     given = image.copy(deep=True), None if sweep is None else sweep.copy(deep=True)
     try:
-        result = _timed(seconds, "fold", lambda: function(*given))
-    except (Exception, SystemExit) as error:  # whatever a method does wrong is its failure, not the benchmark's
+        with _apart():
+            result = _timed(seconds, "fold", lambda: function(*given))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a method does wrong is its failure, not the benchmark's
         return _line(task, method, seconds, known, error=_said(error, "the method raised"))
     try:
         found = _timed(seconds, "score", lambda: score(as_reconstruction(result, image), scene))
@@ -103,10 +109,17 @@ def _judged(
     return _line(task, method, seconds, known, score=found)
 
 
+@contextmanager
+def _apart() -> Iterator[None]:
+    """What a method prints goes to stderr, for stdout may be JSON; where it goes, and how it counts, ends with it."""
+    with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
+        yield
+
+
 def _said(error: BaseException, what: str) -> str:
     """An error in one sentence; those that are not meant for users say what happened first."""
     text = str(error) if isinstance(error, InputError) else f"{what} {type(error).__name__}: {error}"
-    return " ".join(text.split())
+    return " ".join(text.split()).removesuffix(":")
 
 
 def _line(
