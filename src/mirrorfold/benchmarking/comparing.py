@@ -90,6 +90,20 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
     for name, count in zip((first, second), alone, strict=True):
         if count:
             remarks.append(f"{count} {'scene is' if count == 1 else 'scenes are'} in {name} only, and left out.")
+    for name, methods, side in ((first, one, 0), (second, other, 1)):
+        unpaired = [method for method in methods if method not in {pair[side] for pair in pairs}]
+        if unpaired:
+            remarks.append(f"{', '.join(unpaired)}: in {name} only, and left out.")
+    remarks += [
+        f"{name}: failed on {count} of {found.scenes} scenes of {found.family} ({method}), which no difference counts."
+        for found in results
+        for name, method, count in zip(
+            (first, second), (found.first_method, found.second_method), found.failures, strict=True
+        )
+        if count
+    ]
+    if any(one.scenes == 1 for found in results for one in found.differences):
+        remarks.append("A difference on a single scene has no interval, and so no verdict.")
     return BenchmarkComparison(
         kind="benchmark comparison", first=str(first), second=str(second), results=results, remarks=remarks
     )

@@ -19,6 +19,9 @@ PANELS_A_ROW = 4
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 3.1
 """Of a method in a panel, and of a panel [inch]."""
 
+LEGEND_LETTERS, LEGEND_MARK = 150, 9
+"""Letters that a legend of the figure's width has room for, and what the mark of an entry takes of them."""
+
 OFFSET = 0.8
 """Share of a family's height over which its methods are spread."""
 
@@ -44,8 +47,9 @@ def benchmark(found: Benchmark) -> Figure:
         raise wrong_kind("plot.benchmark", found, "what mf.benchmark returns", reader="")
     methods = list(dict.fromkeys(result.method for result in found.results))
     rows = _rows([(result.family, result.radar) for result in found.results])
-    figure, panels = _panels(len(FIGURES), len(rows) * max(len(methods), 2))
-    for name, ax in zip(FIGURES, panels, strict=True):
+    names = _defined({name for result in found.results for name, one in result.figures.items() if one.scenes})
+    figure, panels = _panels(len(names), len(rows) * max(len(methods), 2))
+    for name, ax in zip(names, panels, strict=True):
         for result in found.results:
             number = methods.index(result.method)
             place = list(rows).index((result.family, result.radar)) + _aside(number, len(methods))
@@ -60,7 +64,10 @@ def benchmark(found: Benchmark) -> Figure:
         Line2D([], [], color=COLOURS[i % len(COLOURS)], marker="o", label=_with_failures(found, method))
         for i, method in enumerate(methods)
     ]
-    figure.legend(handles=[*colours, *marks], loc="outside lower center", ncols=6, frameon=False)
+    handles = [*colours, *marks]
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    columns = int(np.clip(LEGEND_LETTERS // (longest + LEGEND_MARK), 1, 6))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 
@@ -87,8 +94,9 @@ def benchmark_comparison(found: BenchmarkComparison) -> Figure:
             found.results, _labels([(result.family, result.radar) for result in found.results]), strict=True
         )
     ]
-    figure, panels = _panels(len(FIGURES), 2 * len(labels))
-    for name, ax in zip(FIGURES, panels, strict=True):
+    names = _defined({one.figure for result in found.results for one in result.differences if one.scenes})
+    figure, panels = _panels(len(names), 2 * len(labels))
+    for name, ax in zip(names, panels, strict=True):
         for place, result in enumerate(found.results):
             _draw_difference(ax, next(one for one in result.differences if one.figure == name), place)
         ax.axvline(0.0, color="black", linewidth=0.8, zorder=1)
@@ -97,6 +105,11 @@ def benchmark_comparison(found: BenchmarkComparison) -> Figure:
     figure.suptitle(f"{found.second} less {found.first}: mean difference, 95 % interval", fontsize=11)
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
+
+
+def _defined(known: set[str]) -> list[str]:
+    """Those figures in their order, the others having nothing to show; all where there is none."""
+    return [name for name in FIGURES if name in known or not known]
 
 
 def _rows(pairs: Sequence[tuple[str, str]]) -> dict[tuple[str, str], str]:
