@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
@@ -62,11 +63,13 @@ def test_one_figure_of_a_sweep_has_both(sweep, scan, tmp_path):
 
 
 def test_the_tree_names_every_mirror_and_counts_its_points(reconstruction, ax):
-    mf.plot.tree(reconstruction, ax)
+    with style.context("dark_background"):
+        mf.plot.tree(reconstruction, ax)
     mirror, root = sorted(text.get_text() for text in ax.texts)
     assert root.startswith("radar\n2 of objects")
     assert mirror == f"mirror 0\n{np.hypot(0.2, 0.7):.2f} m, 3 of objects"
     assert len(ax.lines) == 1
+    assert {text.get_color() for text in ax.texts} == {"black"}  # in white boxes
 
 
 def test_the_score_is_drawn_as_it_is(ax):
@@ -75,6 +78,8 @@ def test_the_score_is_drawn_as_it_is(ax):
     heights = [patch.get_height() for patch in ax.patches]
     assert heights == [0.9, 0.8, 0.85, 0.95, 0.0, 0.8, 0.85, 0.95]
     assert "\u2013" in [text.get_text() for text in ax.texts]
+    labels = [label.get_text().split("\n") for label in ax.get_xticklabels()]
+    assert labels == [[what, "at 2 cm"] for what in ("precision", "completeness", "F-score")] + [["F-score", "at 5 cm"]]
     with pytest.raises(mf.InputError, match="got a str"):
         mf.plot.score("0.9")
 

@@ -197,7 +197,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
         box = FancyBboxPatch((x - 0.82, y - 0.3), 1.64, 0.6, boxstyle="round,pad=0.03,rounding_size=0.12",
                              facecolor="white", edgecolor=colour, linewidth=1.6)  # fmt: skip
         ax.add_patch(box)
-        ax.annotate(text, (x, y), ha="center", va="center", fontsize="small")
+        ax.annotate(text, (x, y), ha="center", va="center", fontsize="small", color="black")
     ax.set(xlim=(-1.0, depth + 1.0), ylim=(-rows + 0.4, 0.6), aspect="auto")
     ax.set_axis_off()
     return ax
@@ -225,10 +225,10 @@ def score(score: dict[str, Any], ax: Axes | None = None) -> Axes:
     if not isinstance(score, dict) or "f_score_2cm" not in score:
         raise InputError(f"plot.score: got a {type(score).__name__}, expected what mirrorfold.score returns")
     names = {
-        "precision": "precision_2cm",
-        "completeness": "completeness_2cm",
-        "F-score": "f_score_2cm",
-        "F-score at 5 cm": "f_score_5cm",
+        "precision\nat 2 cm": "precision_2cm",
+        "completeness\nat 2 cm": "completeness_2cm",
+        "F-score\nat 2 cm": "f_score_2cm",
+        "F-score\nat 5 cm": "f_score_5cm",
     }
     ax = axes_or_new(ax, (5.6, 3.4))
     for k, (label, part, colour) in enumerate(
@@ -241,7 +241,7 @@ def score(score: dict[str, Any], ax: Axes | None = None) -> Axes:
             ax.bar(where, height, width=0.36, color=colour, label=label if i == 0 else None)
             ax.annotate(f"{height:.2f}" if value is not None else "\u2013", (where, height), xytext=(0, 2),
                         textcoords="offset points", ha="center", fontsize="small")  # fmt: skip
-    ax.set(ylim=(0.0, 1.12), ylabel="share, within 2 cm", yticks=np.linspace(0.0, 1.0, 6))
+    ax.set(ylim=(0.0, 1.12), ylabel="share", yticks=np.linspace(0.0, 1.0, 6))
     ax.set_xticks(range(len(names)), list(names))
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
