@@ -112,7 +112,9 @@ docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run 
 	@echo "open docs/_build/html/index.html"
 
 clean: ## remove what make has made
-	rm -rf docs/_build docs/gallery docs/reference/generated
+	rm -rf build docs/_build docs/gallery docs/reference/generated
+	rm -f docs/reference/commands.md docs/reference/json.md docs/reference/python.rst docs/development/dependencies.svg
+	rm -f docs/explanation/index.md
 	rm -rf $(VENV) .venv-lowest .venv-newest .uv demo dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 

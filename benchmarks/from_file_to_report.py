@@ -8,6 +8,7 @@ mirrors are from the true walls.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import resource
@@ -26,6 +27,7 @@ REPEATS = 3
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     table = Table(title="whole commands")
     for heading in ("what", "time [s]", "cores' time [s]", "error"):
         table.add_column(heading, justify="left" if heading == "what" else "right")

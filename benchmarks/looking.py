@@ -7,6 +7,7 @@ mirrors, relative to the brightest pixel.
 
 from __future__ import annotations
 
+import argparse
 import json
 import tempfile
 import threading
@@ -40,6 +41,7 @@ def timed(act: Callable[[int], Any], repeats: int = REPEATS) -> tuple[float, flo
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", "hidden_corner.toml"))))
     sweep = mf.simulate(scene)
     image = mf.focus(sweep, x=np.linspace(-2.3, 1.7, 800), y=np.linspace(0.2, 3.0, 600), tolerance=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 import time
 import warnings
@@ -16,6 +17,7 @@ PEER_FILES = 200
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     warnings.simplefilter("ignore")
     rng = np.random.default_rng(0)
     place = np.zeros((2, ELEMENTS, 3))

@@ -21,6 +21,14 @@ def test_what_a_benchmark_imports_is_there(script):
     assert "--sweeps" in done.stdout
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("script", ["from_file_to_report", "looking", "touchstone"])
+def test_a_benchmark_without_options_says_what_it_does_and_does_nothing(script):
+    run = [sys.executable, str(FOLDER / f"{script}.py"), "--help"]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout[:6]) == (0, "usage:"), done.stderr
+
+
 def test_an_ablation_leaves_out_what_steps_2_to_4_use(monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     from ablation import WITHOUT
