@@ -15,6 +15,7 @@ from scans import panel, scene
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
+from mirrorfold.cli.terminal import show_score
 from mirrorfold.scoring import volumes
 from mirrorfold.scoring.figures import CELL, Figures, thin
 from mirrorfold.scoring.floor_plans import truth as plan_truth
@@ -176,6 +177,11 @@ def test_in_an_empty_scene_every_point_is_invented():
     assert result["precision_2cm"] == 0.0
     assert result["accuracy_m"] is None
     assert result["mirrors"][0]["surface"] is None
+
+
+def test_a_mirror_that_is_none_of_the_walls_is_a_dash_in_the_table(capsys):
+    show_score(mf.score(rebuilt(ON_WALL, mirrors=[((0, 1), (1, 1))]), make_scene()))
+    assert "None" not in capsys.readouterr().out
 
 
 def test_the_scene_may_be_a_file(scene_file, reconstruction):

@@ -128,6 +128,8 @@ def score(
 
     Before anything is counted, points are thinned, in two dimensions and in three: all that lie in one cell of a square
     or cubic grid of one centimetre are replaced by their mean. How densely an image is sampled then does not matter.
+    Scores are made for rooms: where resolution cells are smaller than a centimetre, or mirrors shorter than 15, which
+    are not counted on to show anything, completeness means little.
 
     Parameters
     ----------
