@@ -110,6 +110,10 @@ def raises_its_own(image, sweep):
     raise OfItsOwn
 
 
+def crashes(image, sweep):
+    os._exit(1)
+
+
 def wanders(image, sweep):
     print("where am I?")
     os.chdir("/")

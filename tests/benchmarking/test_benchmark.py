@@ -259,6 +259,12 @@ def test_several_processes_find_the_same(tmp_path):
     assert len(read_lines(tmp_path / "scenes.jsonl")) == 6
 
 
+@pytest.mark.slow
+def test_a_method_that_ends_its_process_is_told_of():
+    with pytest.raises(mf.InputError, match="because a method crashed or ended it"):
+        run("crashes", seeds=range(2), jobs=2)
+
+
 def test_points_in_a_dict_are_scored_like_a_reconstruction():
     scene = draw(WALL, 0, radar=RADAR)
     points, _, _ = scene.surface[0].sample(0.005)
