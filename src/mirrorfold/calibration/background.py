@@ -1,4 +1,4 @@
-"""Background: what is measured without the thing of interest, and what leaks inside the instrument."""
+"""Background: what is measured without the object of interest, and what leaks inside the instrument."""
 
 from __future__ import annotations
 

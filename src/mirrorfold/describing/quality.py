@@ -1,9 +1,9 @@
-"""How well hidden things can be expected to be folded, before anything is measured.
+"""How well hidden objects can be expected to be folded, before anything is measured.
 
 The table `expected_quality.json` is made by ``mirrorfold reproduce frequency`` from random two-wall scenes by rays. It
 splits the hidden F-score into factors. Two depend on one length in resolution cells each: whether the wall that shows
-the hidden things is found at all, and how many of its echoes then lie within a distance of the truth. The third is what
-walls that mirror less leave of it.
+the hidden objects is found at all, and how many of its echoes then lie within a distance of the truth. The third is
+what walls that mirror less leave of it.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def expected_quality(
     """The hidden F-score to expect of objects of 10 to 40 cm that one wall shows.
 
     ``F(d) = mirrored(m) found(w / c_w) close(d / c)`` with the level m that the wall mirrors, its length w, the
-    diagonals c_w and c of the resolution cell at the wall and at the hidden things, and the distance d at which a point
-    counts as right. The factors are tables, interpolated over the level and the logarithms.
+    diagonals c_w and c of the resolution cell at the wall and at the hidden objects, and the distance d at which a
+    point counts as right. The factors are tables, interpolated over the level and the logarithms.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def expected_quality(
     aperture : float [m]
         Length of the transmitting array, and of the receiving one.
     range : float [m]
-        Way from the radar to the hidden things by the wall.
+        Way from the radar to the hidden objects by the wall.
     wall_range : float [m]
         Distance of the wall.
     wall : float [m], default 1

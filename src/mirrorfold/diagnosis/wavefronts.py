@@ -14,7 +14,7 @@ for a wave that contracts, and the delays may shift the wrong way:
   displaced.
 * Positions in the wrong unit fit to no wave at all.
 
-Echoes of small things and of flat faces differ: a face shows the image of the transmitter, so that the path changes
+Echoes of small objects and of flat faces differ: a face shows the image of the transmitter, so that the path changes
 with the distance of transmitter and receiver alone, by ``(x_i - x_k)^2 / 4 rho`` for a face ahead, while a point adds
 ``(x_i^2 + x_k^2) / 2 rho``. Taken for a point, a face seems to stand at twice its distance. Each gate is taken for that
 of the two to which it fits better: what the distance of transmitter and receiver adds to the path is the same for both,

@@ -55,7 +55,7 @@ FEWEST = 30
 """Points that make a body."""
 
 LARGEST_CLUSTER_GAP = 0.12
-"""Points further apart than this [m] belong to different things."""
+"""Points further apart than this [m] belong to different objects."""
 
 
 def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
@@ -86,7 +86,7 @@ def _largest_thing(points: Array) -> NDArray[np.bool_]:
 
 
 def _last_mirror(reconstruction: xr.DataTree, chain: str) -> Array:
-    """True place (3,) of the mirror through which a chain shows things."""
+    """True place (3,) of the mirror through which a chain shows objects."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     index = int(np.flatnonzero(mirrors["chain"].values == chain)[0])
     return np.array([float(mirrors[f"folded_center_{axis}"][index]) for axis in "xyz"])
@@ -101,7 +101,7 @@ def has_body(reconstruction: xr.DataTree) -> bool:
 def body(
     reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, floor_db: float = FLOOR_DB
 ) -> Figure:
-    """The largest hidden thing as it stands, seen from the front, and cut from the side.
+    """The largest hidden object as it stands, seen from the front, and cut from the side.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def body(
     ahead = np.array([*flat[:, 0], 0.0])
     if (_last_mirror(reconstruction, columns["chain"][hidden][mine][0]) - middle) @ ahead < 0.0:
         ahead = -ahead
-    # As whoever faces the thing sees it: its own right is on the left.
+    # As whoever faces the object sees it: its own right is on the left.
     across = np.cross([0.0, 0.0, 1.0], ahead)
     u, v = (points - middle) @ across, (points - middle) @ ahead
     x = np.arange(u.min() - 0.08, u.max() + 0.08, CELL)

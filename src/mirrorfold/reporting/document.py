@@ -151,7 +151,7 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
 
 
 def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
-    """True surfaces as polylines of points [m]; of a scene in space edges of walls, and sections of round things."""
+    """True surfaces as polylines of points [m]; of a scene in space edges of walls, and sections of round objects."""
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
         return [np.round(piece, 4).tolist() for piece in pieces]

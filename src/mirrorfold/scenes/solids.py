@@ -323,7 +323,7 @@ class Scene3D:
                 raise ValueError(f"patch {surface.name!r} lies on {surface.on!r}, expected one of {', '.join(solids)}")
 
     def _repr_html_(self) -> str:
-        """The floor plan of the panels, with dots where other things stand, and the facts, for notebooks."""
+        """The floor plan of the panels, with dots where other objects stand, and the facts, for notebooks."""
         strokes = []
         for surface in self.surface:
             if isinstance(surface, Patch):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 NEAR = 0.06
-"""An echo is taken for that of a thing, or of its mirror image, that stands this close [m] to where the echo is shown:
+"""An echo is taken for that of an object, or of its mirror image, that is this close [m] to where the echo is shown:
 twice what a thick pane delays it."""
 
 SPACING = 0.002
@@ -38,7 +38,7 @@ class Sides(NamedTuple):
     doubtful : float or None
         Share of the echoes whose probability to have passed lies between 0.1 and 0.9.
     distance : float or None
-        Median distance [m] of echoes that passed, and were taken for such, from the nearest thing.
+        Median distance [m] of echoes that passed, and were taken for such, from the nearest object.
     """
 
     right: Number = None
@@ -62,7 +62,7 @@ class Behind(NamedTuple):
     incidence : array [rad]
         Angle at which their line of sight meets the wall.
     before, after : arrays [m]
-        Distance from the nearest thing in the image, and where they were put.
+        Distance from the nearest object in the image, and where they were put.
     """
 
     initial: Array
@@ -83,7 +83,7 @@ class Walls(NamedTuple):
 
     Attributes
     ----------
-    things : (n, d) array [m]
+    objects : (n, d) array [m]
         Samples of all other surfaces.
     images : (m, d) array [m]
         Of these in the walls.
@@ -93,7 +93,7 @@ class Walls(NamedTuple):
         ... and under which angles.
     """
 
-    things: Array
+    objects: Array
     images: Array
     met: Mask
     incidence: Array
@@ -108,7 +108,7 @@ def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
     others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
     if not walls or not others:
         return None
-    things = np.concatenate(others)
+    objects = np.concatenate(others)
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
     met, incidence, images = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan), []
     sight = (places - radar) / np.linalg.norm(places - radar, axis=1)[:, None]
@@ -117,14 +117,14 @@ def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
         here, normal = (along < 1.0) & (place >= 0.0) & (place <= 1.0), segment_normal(start, end)
         incidence[here] = np.arccos(np.clip(np.abs(sight[here] @ normal), 0.0, 1.0))
         met |= here
-        images.append(reflect(things, start, normal))
-    return Walls(things, np.concatenate(images), met, incidence)
+        images.append(reflect(objects, start, normal))
+    return Walls(objects, np.concatenate(images), met, incidence)
 
 
 def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
     """What the echoes behind half-transparent walls truly are: reflected by the wall, or passed through it.
 
-    That follows from where the image shows them: near the mirror image of a thing, or near a thing. None where there is
+    That follows from where the image shows them: near the mirror image of an object, or near one. None where there is
     no half-transparent wall, or nothing behind it, or the points do not say where the image shows them.
     """
     axes = "xy" if isinstance(scene, Scene) else "xyz"
@@ -142,7 +142,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
         walls = walls_of_space(scene, initial)
     if walls is None:
         return None
-    tree = cKDTree(walls.things)
+    tree = cKDTree(walls.objects)
     shown, there = cKDTree(walls.images).query(initial)[0], tree.query(initial)[0]
     known = walls.met & (np.minimum(shown, there) < NEAR)
     if not known.any():

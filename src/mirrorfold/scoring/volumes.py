@@ -108,14 +108,14 @@ def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
     sheets, others = [sheet for _, sheet in found if sheet], [solid for solid, sheet in found if not sheet]
     if not sheets or not others:
         return None
-    things = _samples(others)[0]
+    objects = _samples(others)[0]
     origin = np.array(scene.scanner.origin)
     met, incidence = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan)
     for sheet in sheets:
         which, cosine = sheet.met(np.broadcast_to(origin, places.shape), places)
         met[which], incidence[which] = True, np.arccos(np.clip(cosine, 0.0, 1.0))
-    images = [reflect(things, *_face_towards(sheet, origin)) for sheet in sheets]
-    return Walls(things, np.concatenate(images), met, incidence)
+    images = [reflect(objects, *_face_towards(sheet, origin)) for sheet in sheets]
+    return Walls(objects, np.concatenate(images), met, incidence)
 
 
 def _face_towards(sheet: Sheet, place: Array) -> tuple[Array, Array]:

@@ -34,13 +34,13 @@ COVERED = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Facing:
-    """The view of a hidden thing from where its echoes came.
+    """The view of a hidden object from where its echoes came.
 
     Attributes
     ----------
     middle : (3,) array [m]
     right, ahead : (3,) arrays
-        Horizontal unit vectors: to the right in the picture, and from the thing to the viewer.
+        Horizontal unit vectors: to the right in the picture, and from the object to the viewer.
     """
 
     middle: Array

@@ -52,7 +52,7 @@ def way_name(way: Way) -> str:
 def image_in(way: Way) -> Isometry:
     """The map from true places to where the initial image shows what is seen by way of these mirrors.
 
-    The last mirror's image of the thing is what the mirror before it shows: the last reflects first.
+    The last mirror's image of the object is what the mirror before it shows: the last reflects first.
     """
     image = Isometry.identity()
     for face in way:

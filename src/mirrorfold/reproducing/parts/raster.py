@@ -45,7 +45,7 @@ class Wall:
     Attributes
     ----------
     chain : str
-        By which it shows things.
+        By which it shows objects.
     center, normal : (3,) arrays [m]
         The normal has length one.
     corners : (4, 3) array [m]

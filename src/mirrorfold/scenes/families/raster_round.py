@@ -35,14 +35,14 @@ SCANNER = replace(
 """The aperture of the usual scanner, of 7 cm radius, focused nearer: its beam is as much narrower there."""
 
 STEEPEST = 0.3
-"""Cosine to the normal, 72 degrees, under which a mirror shows the middle of a thing at least; limbs show nothing."""
+"""Cosine to the normal, 72 degrees, under which a mirror shows the middle of an object at least; limbs show nothing."""
 
 APART = 0.45
-"""Distance of the middles of two hidden things [m]."""
+"""Distance of the middles of two hidden objects [m]."""
 
 CLOTH = {"material": {"permittivity": 2.6, "conductivity": 3.0}, "diffuse_fraction": 0.5}
 METAL = {"material": "pec", "diffuse_fraction": 0.5}
-"""How hidden things scatter, as those of the shipped scenes."""
+"""How hidden objects scatter, as those of the shipped scenes."""
 
 
 def _shown(shape: RoundSurface, place: np.ndarray, radar: Radar) -> bool:

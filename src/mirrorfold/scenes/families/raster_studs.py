@@ -1,8 +1,8 @@
-"""A family of scenes in space with a board of drywall on studs: a thing behind it, and another that it reflects.
+"""A family of scenes in space with a board of drywall on studs: an object behind it, and another that it reflects.
 
 The board is a mirror and a window at once. At 300 GHz plasterboard of 12.5 mm takes 30 dB of a wave on one way, by the
 fit of Recommendation ITU-R P.2040, and nothing behind it is seen: so the scanner works at 112 to 128 GHz, where it
-takes 6 dB. Half of the rooms hold a sheet of steel, too, which shows the same thing beside the view.
+takes 6 dB. Half of the rooms hold a sheet of steel, too, which shows the same object beside the view.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CENTRES = 0.4, 0.625
 """Distances of studs [m]: three or two to a board of 1.25 m."""
 
 BESIDE_DEG = 12.0
-"""How far outside of the view the middle of the thing before the board stands: half a body at 1.5 m."""
+"""How far outside of the view the middle of the object before the board stands: half a body at 1.5 m."""
 
 WOOD = {"material": "wood", "diffuse_fraction": 0.5}
 
@@ -75,7 +75,7 @@ def _thing(random: Generator, name: str, place: Array, towards: Array) -> Surfac
 
 
 def studs(random: Generator, radar: Radar) -> list[Surface]:
-    """A board on studs turned by 25 to 50 degrees, a thing behind it, one beside the view, perhaps a sheet of steel."""
+    """A board on studs turned by 25 to 50 degrees, an object behind it, one beside the view, maybe a sheet of steel."""
     steel = bool(random.random() < 0.5)
     edge = radar.scanner["azimuth"]["stop"] + BESIDE_DEG
     for _ in range(MOST_DRAWS):
@@ -83,11 +83,11 @@ def studs(random: Generator, radar: Radar) -> list[Surface]:
         place = named(surfaces, "target")
         if abs(beam_angles(np.array(place.get("center") or place["position"]))[0]) > edge:
             return surfaces
-    raise InputError(f"studs: in none of {MOST_DRAWS} draws a thing stands beside the view of radar {radar.name!r}")
+    raise InputError(f"studs: in none of {MOST_DRAWS} draws an object stands beside the view of radar {radar.name!r}")
 
 
 def _room(random: Generator, steel: bool) -> list[Surface]:
-    """One of them, wherever the things stand."""
+    """One of them, wherever the objects stand."""
     side = float(random.choice([-1.0, 1.0]))
     incidence, distance = float(random.uniform(25.0, 50.0)), float(random.uniform(1.7, 2.0))
     # The steel takes the outer third of the view on the side to which the board reflects.
@@ -127,7 +127,7 @@ def _room(random: Generator, steel: bool) -> list[Surface]:
 FAMILIES = (
     Family(
         name="raster studs",
-        what="a board of 9.5-15 mm on studs at 25-50 degrees: a thing stands behind it, another it shows by reflection",
+        what="a board of 9.5-15 mm on studs at 25-50 degrees: an object stands behind it, it reflects another",
         engine="raster",
         make=studs,
         bounces=1,

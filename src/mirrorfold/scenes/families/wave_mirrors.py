@@ -22,7 +22,7 @@ PANE_OUTLINE = 1200.0
 """Length of all surfaces [wavelengths] where one of them is a dielectric wall, on which most of the unknowns lie."""
 
 FINE = near("230 GHz", 257)
-"""A pillar shows things small: range cells of 0.75 cm tell them apart."""
+"""A pillar shows objects small: range cells of 0.75 cm tell them apart."""
 
 SHORT = replace(
     near("122 GHz", 121),

@@ -29,7 +29,7 @@ from mirrorfold.sweep import add_noise, make_raster_sweep
 from mirrorfold.sweep.polarization import join_polarizations
 
 STEP_PER_BEAM = 2.0
-"""Largest scan step in beam radii at the focus: things between two beams are seen by neither beyond it."""
+"""Largest scan step in beam radii at the focus: objects between two beams are seen by neither beyond it."""
 
 
 def simulate_raster(
@@ -68,7 +68,7 @@ def simulate_raster(
     Raises
     ------
     InputError
-        If returns would wrap around, the scan would miss things between its beams, or nothing returns at all.
+        If returns would wrap around, the scan would miss objects between its beams, or nothing returns at all.
     """
     if not force:
         check_step(scene)
@@ -189,7 +189,7 @@ def check_points(scene: Scene3D, echoes: Echoes3D) -> None:
 
 
 def check_step(scene: Scene3D) -> None:
-    """Refuse a scan step so wide that things between two beams are seen by neither.
+    """Refuse a scan step so wide that objects between two beams are seen by neither.
 
     Raises
     ------

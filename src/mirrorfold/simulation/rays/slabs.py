@@ -128,7 +128,7 @@ def kept(series: Series) -> Series:
 
 
 def all_of(*series: Series) -> Series:
-    """What remains of waves that meet one thing after another."""
+    """What remains of waves that meet one surface after another."""
     first, *others = series
     for other in others:
         both = [(a * b, late + later) for (a, late), (b, later) in product(first, other)]
