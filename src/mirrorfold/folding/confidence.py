@@ -65,8 +65,8 @@ OWN_ERROR = 0.3
 """Standard error of an echo's own place, in resolution cells along and across the line of sight."""
 
 
-Shares = Callable[[Array], Array]
-"""Measures `confocal_share` of echoes, (n,), by their positions (n, d) [m] in the image."""
+Shares = Callable[[Array, Array], Array]
+"""Measures `confocal_share` of echoes, (n,), by their positions (n, d) [m] in the image and amplitudes (n,)."""
 
 
 def judged(points: Points, found: Found, shares: Shares | None = None) -> Points:
@@ -106,7 +106,7 @@ def measured(points: Points, shares: Shares) -> Points:
     """The points with the shares of the objects among them; faces of mirrors, strong and straight, need none."""
     objects = points.mirror == ""
     share = np.full(len(points.initial), np.nan)
-    share[objects] = shares(points.initial[objects])
+    share[objects] = shares(points.initial[objects], points.amplitude[objects])
     return replace(points, confocal=share)
 
 

@@ -27,12 +27,12 @@ class Measured:
     beside : callable, optional
         What the antennas see past the ends of the mirrors of an order, see `half_shadows`.
     share : callable, optional
-        How much of the energy of echoes at places (n, 2) [m] came back the way it went, (n,).
+        How much of the energy of echoes at places (n, 2) [m] with amplitudes (n,) came back the way it went, (n,).
     """
 
     explain: Callable[[Echoes], Names] | None = None
     beside: Callable[[Order, Echoes], Hems] | None = None
-    share: Callable[[Array], Array] | None = None
+    share: Callable[[Array, Array], Array] | None = None
 
 
 Teller = Callable[[ImageView], Measured]

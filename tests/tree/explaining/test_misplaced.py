@@ -1,4 +1,4 @@
-"""Echoes that come from elsewhere: what was measured of each of them, and what it says."""
+"""Echoes that come from elsewhere: what was measured of them, once in each resolution cell, and what it says."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_verdicts_follow_from_the_ratios(view, monkeypatch, lobe):
     assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), None, view).size
 
 
-def test_each_echo_is_measured_once_by_itself(view, monkeypatch):
+def test_a_cell_is_measured_once_at_its_brightest_echo(view, monkeypatch):
     calls = []
 
     def measured(sweep, view, range_, u):
@@ -60,34 +60,21 @@ def test_each_echo_is_measured_once_by_itself(view, monkeypatch):
         return 10.0 * range_ / RANGE_CELL
 
     monkeypatch.setattr(module, "confocal_share", measured)
-    places, known = cells(view, [40.1, 40.4, 40.4, 50.2], [5.2, 5.4, 5.4, 5.2]), {}
-    np.testing.assert_allclose(confocal(places, None, view, known), [401.0, 404.0, 404.0, 502.0])
-    assert calls == [[40.1, 40.4, 50.2]]
-    # Of the next call only what is new is measured.
+    places, amplitude = cells(view, [40.1, 40.4, 40.7, 50.2], [5.2, 5.4, 5.6, 5.2]), np.array([1.0, 3.0, 2.0, 1.0])
+    known = {}
+    np.testing.assert_allclose(confocal(places, amplitude, None, view, known), [404.0, 404.0, 404.0, 502.0])
+    assert calls == [[40.4, 50.2]]
+    # One more cell: only that is measured.
     more = np.concatenate([places, cells(view, [60.3], [5.2])])
-    assert confocal(more, None, view, known)[-1] == pytest.approx(603.0)
+    assert confocal(more, np.append(amplitude, 1.0), None, view, known)[-1] == pytest.approx(603.0)
     assert calls[1:] == [[60.3]]
-    assert not confocal(np.empty((0, 2)), None, view, known).size
+    assert not confocal(np.empty((0, 2)), np.empty(0), None, view, known).size
     assert len(calls) == 2
-
-
-@pytest.mark.parametrize("turned", [0.0, 0.3, 0.5, 0.7])
-def test_the_flanks_of_a_ghost_go_with_it_wherever_cells_begin(view, monkeypatch, turned):
-    """Weaker echoes within half a cell of a ghost are of its waves; stronger ones, and those farther away, are not."""
-    monkeypatch.setattr(module, "grating_lobe", lambda sweep: 0.0)
-    beside = np.array([0.0, 0.9, -0.9, 0.8, 1.1]) * GHOST_CELLS
-    places = cells(view, np.full(5, 40.0 + turned), 7.0 + turned + beside)
-    echoes = echoes_at(view, places, np.array([1.0, 0.9, 0.3, 1.1, 0.5]))
-    ratio = np.array([0.1, 1.0, 1.0, 1.0, 1.0])
-    monkeypatch.setattr(module, "lobe_level", lambda sweep, view, range_, u: np.zeros(len(u)))
-    monkeypatch.setattr(module, "wrapping_ratio", lambda sweep, view, range_, u: np.ones(len(u)))
-    monkeypatch.setattr(module, "direction_ratio", lambda sweep, view, range_, u: ratio)
-    assert_array_equal(misplaced(echoes, None, view), [MIXED, MIXED, MIXED, "", ""])
 
 
 def test_what_was_known_before_holds_within_half_a_cell(view):
     known = cells(view, [40.0, 50.0], [5.0, 5.0])
     asked = cells(view, [40.0 + 0.99 * GHOST_CELLS, 50.0 + 1.01 * GHOST_CELLS, 50.0], [5.0, 5.0, 5.0])
-    assert_array_equal(known_confocal(asked, view, known, np.array([0.3, 0.8])), [0.3, np.nan, 0.8])
-    assert np.isnan(known_confocal(asked, view, np.empty((0, 2)), np.empty(0))).all()
+    assert_array_equal(known_confocal(asked, np.ones(3), view, known, np.array([0.3, 0.8])), [0.3, np.nan, 0.8])
+    assert np.isnan(known_confocal(asked, np.ones(3), view, np.empty((0, 2)), np.empty(0))).all()
     assert_array_equal(known_ghosts(echoes_at(view, asked), view, known, np.array([LATE, MIXED])), [LATE, "", MIXED])
