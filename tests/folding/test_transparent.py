@@ -57,7 +57,7 @@ def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen):
 def test_doors_that_only_what_stands_behind_them_tells_are_asked_too(seen, monkeypatch):
     scene, sweep, image = seen
     monkeypatch.setattr(lines, "MINIMUM_CELLS", 30.0)  # 0.94 m, longer than the door
-    monkeypatch.setattr(short_rows, "OUTSHINES", 1.0)  # whose face is nearly as bright as what it shows
+    monkeypatch.setattr(short_rows, "OUTSHINES_DB", 0.0)  # whose face is nearly as bright as what it shows
     found = mf.fold(image, sweep=sweep)
     assert found.attrs["fold_minimum_length"] > 0.93
     assert np.isfinite(found["mirrors"].to_dataset()["thickness"].values).any()

@@ -59,7 +59,7 @@ def plan(
         from mirrorfold.plotting import planning as plot_plan
 
         with written_whole(output) as temporary:
-            save_figure(plot_plan.plan(found, asked), temporary)
+            save_figure(plot_plan.plan(found, roughness=asked.roughness, detection_db=asked.detection_db), temporary)
         files.append(str(output))
     if json:
         show_json(found.but(files=files))

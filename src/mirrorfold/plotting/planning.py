@@ -10,7 +10,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.decibels import COLOURS
-from mirrorfold.describing.plan_settings import PlanSettings
 from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.walls import shares
 
@@ -23,15 +22,17 @@ SPECTRUM = (50e9, 1000e9)
 SPECTRUM_ANGLES = (0.0, 45.0, 75.0)
 
 
-def plan(found: Plan, asked: PlanSettings) -> Figure:
+def plan(found: Plan, *, roughness: tuple[float, float | None], detection_db: float = 13.0) -> Figure:
     """Draw what `mirrorfold.plan` found.
 
     Parameters
     ----------
     found : Plan
         As `mirrorfold.plan` returns it.
-    asked : PlanSettings
-        What was given to it.
+    roughness : (rms height, correlation length or None) [m]
+        As it was given to it.
+    detection_db : float [dB]
+        Likewise.
 
     Returns
     -------
@@ -40,9 +41,9 @@ def plan(found: Plan, asked: PlanSettings) -> Figure:
     figure, panels = plt.subplots(2, 2, figsize=(12.0, 8.5), layout="constrained")
     name = next(iter(found.walls))
     centre = 0.5 * sum(found.band_hz)
-    _over_angle(panels[0, 0], name, centre, asked.roughness)
-    _over_frequency(panels[0, 1], name, found.band_hz, asked.roughness)
-    _bounces(panels[1, 0], found, name, asked.detection_db)
+    _over_angle(panels[0, 0], name, centre, roughness)
+    _over_frequency(panels[0, 1], name, found.band_hz, roughness)
+    _bounces(panels[1, 0], found, name, detection_db)
     _resolution(panels[1, 1], found, centre)
     return figure
 
