@@ -6,6 +6,9 @@ Only this file decides which functions serve an image and which a volume.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
+from hashlib import sha256
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -113,6 +116,23 @@ def find_mirrors(
     find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
     with one_thread():
         return find(echoes, view, minimum_length=length, tested=tested)
+
+
+def remembering() -> Callable[..., Sequence[Mirror]]:
+    """`find_mirrors` for one view, which remembers its answers: rounds of steps 2 to 4 often ask the same again."""
+    answers: dict[bytes, Sequence[Mirror]] = {}
+
+    def find(view: View, echoes: Echoes, *, known: Array | None = None, **options: Any) -> Sequence[Mirror]:
+        if known is not None:
+            return find_mirrors(view, echoes, known=known, **options)
+        asked = sha256(repr(sorted(options.items())).encode())
+        for field in fields(echoes):
+            asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
+        if (key := asked.digest()) not in answers:
+            answers[key] = find_mirrors(view, echoes, **options)
+        return answers[key]
+
+    return find
 
 
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:

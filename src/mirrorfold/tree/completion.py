@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from mirrorfold.detection.echoes import Echoes
@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 
 
 def completed(
-    mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, settings: FoldSettings
+    mirrors: Sequence[Mirror],
+    order: Order,
+    view: ImageView,
+    echoes: Echoes,
+    settings: FoldSettings,
+    find: Callable[..., Sequence[Mirror]] = find_mirrors,
 ) -> list[Mirror]:
     """The mirrors, each with what objects hide of it, and walls that the radar sees edge-on."""
     clear = order.sight.cover.clear
@@ -30,7 +35,7 @@ def completed(
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
     shortest = settings.minimum_length or 0.0
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
-    found = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
+    found = find(view, sighted, minimum_length=0.5 * shortest)
     halves = [row for row in found if isinstance(row, LineMirror)]
     whole = joined(halves, view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]

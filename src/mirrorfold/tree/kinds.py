@@ -15,7 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_echoes
+from mirrorfold.detection.finding import find_echoes, remembering
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
@@ -60,7 +60,8 @@ def find_every_kind(
     short : bool
         Whether mirrors may be shorter than those that their own echoes tell.
     """
-    again = partial(find_tree, view, settings=settings, measured=measured)
+    find = remembering()
+    again = partial(find_tree, view, settings=settings, measured=measured, find=find)
     found, rows, bent = again(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
@@ -71,7 +72,7 @@ def find_every_kind(
     if not found.windows:
         steps = Steps(
             heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
-            glance=partial(find_tree, view, settings=replace(settings, copies=False)),
+            glance=partial(find_tree, view, settings=replace(settings, copies=False), find=find),
             again=again,
         )
         if settings.curved:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,7 @@ def find_tree(
     walls: Mask | None = None,
     measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
+    find: Callable[..., Sequence[Mirror]] = find_mirrors,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -63,17 +65,20 @@ def find_tree(
         tested in its turn.
     besides : sequence of Mirror
         Mirrors besides those that are found, see `mirrorfold.tree.showing`.
+    find : callable
+        Step 2, with the arguments of `find_mirrors`.
     """
     measured = measured or Measured()
+    agree = partial(agreed, view, settings=settings, known=known, besides=besides, find=find)
     account, hems = _Account(echoes), Hems.nothing()
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
         echoes = account.echoes
-        order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
+        order, seen = agree(echoes, walls=walls, hems=hems)
         if measured.beside is not None and not (told := measured.beside(order, seen)).same(hems):
             hems = told
-            order, seen = agreed(view, echoes, settings, known, walls, besides, hems)
+            order, seen = agree(echoes, walls=walls, hems=hems)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
@@ -149,6 +154,7 @@ def agreed(
     walls: Mask | None = None,
     besides: Sequence[Mirror] = (),
     hems: Hems | None = None,
+    find: Callable[..., Sequence[Mirror]] = find_mirrors,
 ) -> tuple[Order, Echoes]:
     """Mirrors and their order in turn, until both agree with what is visible.
 
@@ -158,7 +164,7 @@ def agreed(
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
-        mirrors = find_mirrors(view, rows, minimum_length=length, tested=tested, known=known)
+        mirrors = find(view, rows, minimum_length=length, tested=tested, known=known)
         mirrors = hems.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         if (
@@ -167,7 +173,7 @@ def agreed(
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = hems.on(completed(mirrors, order, view, echoes, settings), view)
+            more = hems.on(completed(mirrors, order, view, echoes, settings, find), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *besides], view, echoes, settings, walls)
         # What a curved mirror shows of a flat one is not straight.

@@ -1,0 +1,57 @@
+"""What remembers the mirrors of a view gives those that a new search would find, and searches for nothing twice."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import diffuse, radar_view, together
+
+from mirrorfold.detection import find_echoes, find_mirrors, finding
+from mirrorfold.detection.finding import remembering
+
+
+def lines(mirrors):
+    return [mirror.ends.tolist() for mirror in mirrors]
+
+
+@pytest.fixture(scope="module")
+def seen():
+    view = radar_view(*together(diffuse((-0.5, 1.2), (0.5, 1.3), 0), diffuse((0.9, 0.9), (0.7, 1.9), 1)))
+    return view, find_echoes(view)
+
+
+def test_the_same_question_is_answered_once_and_any_other_anew(seen, monkeypatch):
+    view, echoes = seen
+    asked = []
+
+    def counted(view, echoes, **options):
+        asked.append(options)
+        return find_mirrors(view, echoes, **options)
+
+    monkeypatch.setattr(finding, "find_mirrors", counted)
+    find = remembering()
+    hidden = replace(echoes, visible=echoes.position[:, 0] < 0.6)
+    questions = [
+        (echoes, {}), (echoes, {"minimum_length": 0.3}), (hidden, {"minimum_length": 0.3}),
+        (echoes, {"minimum_length": 0.3, "tested": False}),
+    ]  # fmt: skip
+    for again in range(2):
+        for which, options in questions:
+            assert lines(find(view, which, **options)) == lines(find_mirrors(view, which, **options))
+        assert len(asked) == len(questions), again
+    # Equal echoes are the same question, whichever object holds them.
+    copy = replace(echoes, position=echoes.position.copy())
+    find(view, copy)
+    assert len(asked) == len(questions)
+    assert len(find(view, echoes)) == 2
+    assert len(find(view, hidden, minimum_length=0.3)) == 1
+
+
+def test_given_mirrors_are_never_remembered(seen):
+    view, echoes = seen
+    find = remembering()
+    for start in (-0.5, -0.4):
+        given = np.array([[[start, 1.2], [0.5, 1.3]]])
+        assert find(view, echoes, known=given)[0].ends[0, 0] == pytest.approx(start, abs=0.02)
