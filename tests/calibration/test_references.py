@@ -33,6 +33,25 @@ def test_a_background_of_another_band_or_array_is_refused():
         mf.calibrate.subtract_background(sweep_of([(0, 1)]), sweep_of([(0, 1)]))
 
 
+STEPS = {
+    "background": lambda sweep: mf.calibrate.subtract_background(sweep, sweep_of([(0.3, 0.4)])),
+    "elements": lambda sweep: mf.calibrate.apply_elements(
+        sweep, mf.calibrate.estimate_elements(sweep_of([(0.0, 0.9)]), at=(0.0, 0.9))
+    ),
+    "reference": lambda sweep: mf.calibrate.normalise_by_reference(sweep, sweep_of([(0.0, 1.0)]), at=(0.0, 1.0)),
+    "cable": lambda sweep: mf.calibrate.remove_cable(sweep, 0.2),
+}
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_no_step_that_takes_the_instrument_away_is_undone_by_a_raw_background(step):
+    scene, empty = sweep_of([(0.0, 0.9), (0.1, 0.5)]), sweep_of([(0.1, 0.5)])
+    done = STEPS[step](scene)
+    with pytest.raises(mf.InputError, match="background: the sweep has been through the step"):
+        mf.calibrate.subtract_background(done, empty)
+    assert mf.calibrate.subtract_background(done, STEPS[step](empty))["s"].values.any()
+
+
 def test_the_mean_of_a_scan_is_its_leakage():
     clean = sweep_of([(0.3, 0.5)], elements=41, shift=0.02)
     leakage = 30.0 * np.exp(-2j * np.pi / speed_of_light * clean["frequency"].values * 0.2)

@@ -68,6 +68,7 @@ def test_calibration_makes_the_hidden_things_appear(truth):
     alone = replace(truth, surface=(Circle(name="sphere", center=SPHERE, radius=RADIUS),))
     sphere = mf.calibrate.remove_cable(measured(alone, tx_delay, rx_delay, 2), CABLE)
     repaired = mf.calibrate.apply_elements(raw, mf.calibrate.estimate_elements(sphere, at=SPHERE, radius=RADIUS))
+    # Short mirrors, for which a smeared image has candidates without end, are not sought before.
     before = mf.score(mf.fold(mf.focus(raw, tolerance=1e-3), minimum_length=0.3), truth)
     after = mf.score(mf.reconstruct(repaired), truth)
     assert (before["hidden"]["f_score_2cm"] or 0.0) < 0.3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -135,8 +136,16 @@ def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas
             )
 
 
-OF_THE_INSTRUMENT = ("background subtracted", "of the elements removed", "divided by the response", "of cable removed")
-"""Words of the steps that take the instrument away; a second sweep of the same instrument needs the same ones."""
+OF_THE_INSTRUMENT = tuple(
+    re.compile(step)
+    for step in (
+        "background subtracted",
+        "delays.* of the elements removed",
+        "divided by the response",
+        "cable of .* removed",
+    )
+)
+"""Steps that take the instrument away, as they begin in the history; a second sweep of it needs the same ones."""
 
 
 def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
@@ -147,9 +156,9 @@ def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
     InputError
         With the step; `name` is that of the second sweep.
     """
-    for words in OF_THE_INSTRUMENT:
-        done = [step for step in history(sweep) if words in step]
-        if done and not any(words in step for step in history(other)):
+    for kind in OF_THE_INSTRUMENT:
+        done = [step for step in history(sweep) if kind.match(step)]
+        if done and not any(kind.match(step) for step in history(other)):
             raise InputError(
                 f"{name}: the sweep has been through the step '{done[0]}' and the {name} has not; give the sweep "
                 "as it was measured, or both with the same steps"
