@@ -37,6 +37,9 @@ volume."""
 
 VOLUME = ("range", "azimuth", "elevation")
 
+Finder = Callable[..., Sequence[Mirror]]
+"""Step 2, with the arguments and the result of `find_mirrors`."""
+
 
 def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
     """The radar's own view of an image (y, x), of the plan view of voxels (z, y, x), or of a raster volume.
@@ -118,7 +121,7 @@ def find_mirrors(
         return find(echoes, view, minimum_length=length, tested=tested)
 
 
-def remembering() -> Callable[..., Sequence[Mirror]]:
+def remembering() -> Finder:
     """`find_mirrors` for one view, which remembers its answers: rounds of steps 2 to 4 often ask the same again."""
     answers: dict[bytes, Sequence[Mirror]] = {}
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_mirrors
+from mirrorfold.detection.finding import Finder, find_mirrors
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.search.edge_on import edge_on
@@ -27,7 +27,7 @@ def completed(
     view: ImageView,
     echoes: Echoes,
     settings: FoldSettings,
-    find: Callable[..., Sequence[Mirror]] = find_mirrors,
+    find: Finder = find_mirrors,
 ) -> list[Mirror]:
     """The mirrors, each with what objects hide of it, and walls that the radar sees edge-on."""
     clear = order.sight.cover.clear

@@ -12,7 +12,7 @@ import numpy as np
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_mirrors
+from mirrorfold.detection.finding import Finder, find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -46,7 +46,7 @@ def find_tree(
     walls: Mask | None = None,
     measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
-    find: Callable[..., Sequence[Mirror]] = find_mirrors,
+    find: Finder = find_mirrors,
 ) -> Found:
     """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
 
@@ -66,7 +66,7 @@ def find_tree(
     besides : sequence of Mirror
         Mirrors besides those that are found, see `mirrorfold.tree.showing`.
     find : callable
-        Step 2, with the arguments of `find_mirrors`.
+        Step 2: `find_mirrors`, or another function with its arguments.
     """
     measured = measured or Measured()
     agree = partial(agreed, view, settings=settings, known=known, besides=besides, find=find)
@@ -154,7 +154,7 @@ def agreed(
     walls: Mask | None = None,
     besides: Sequence[Mirror] = (),
     hems: Hems | None = None,
-    find: Callable[..., Sequence[Mirror]] = find_mirrors,
+    find: Finder = find_mirrors,
 ) -> tuple[Order, Echoes]:
     """Mirrors and their order in turn, until both agree with what is visible.
 
