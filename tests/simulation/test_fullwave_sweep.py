@@ -109,6 +109,7 @@ def test_script_without_a_guard_is_told_so_instead_of_hanging(scene_file, tmp_pa
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
     assert "lacks `if __name__" in done.stderr.splitlines()[-1]
+    assert "leaked" not in done.stderr
 
 
 @pytest.mark.slow

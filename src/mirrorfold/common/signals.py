@@ -75,10 +75,19 @@ def start_tracker() -> None:
 
     It ignores Ctrl-C and SIGTERM, but would die of a closed terminal too early and have others complain of it. A signal
     that is blocked while a process starts stays blocked in it.
+
+    Raises
+    ------
+    RuntimeError
+        If this process is itself a worker that is still reading a script without `if __name__ == "__main__":`. It would
+        fail a moment later, as it starts its first worker, and leave semaphores behind of which the tracker complains.
     """
+    from multiprocessing import resource_tracker
+    from multiprocessing.spawn import get_preparation_data
+
+    get_preparation_data("")
     if not hasattr(signal, "pthread_sigmask"):
         return
-    from multiprocessing import resource_tracker
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
