@@ -21,7 +21,7 @@ Where the faces are rough, with heights of rms h, each meeting takes its share o
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,15 +85,58 @@ def slab(
     -------
     R, T : (...) complex arrays, broadcast from all.
     """
-    r, q, cosine = fresnel(permittivity, angle, polarization), inside(permittivity, angle), np.cos(angle)
+    factors = _within(permittivity, thickness, wavenumber, angle, rms_height)
+    return _coefficients(fresnel(permittivity, angle, polarization), factors)
+
+
+def both_polarizations(
+    permittivity: ArrayLike,
+    thickness: ArrayLike,
+    wavenumber: ArrayLike,
+    angle: ArrayLike,
+    *,
+    rms_height: ArrayLike = 0.0,
+) -> tuple[tuple[Coefficient, Coefficient], tuple[Coefficient, Coefficient]]:
+    """R and T of a `slab` for TE, and for TM: what does not depend on the polarization is computed once."""
+    factors = _within(permittivity, thickness, wavenumber, angle, rms_height)
+    te, tm = (_coefficients(fresnel(permittivity, angle, name), factors) for name in POLARIZATIONS)
+    return te, tm
+
+
+class _Factors(NamedTuple):
+    """What waves take on at a slab, whatever their polarization: `way`, of one way through it, `straight`, of the same
+    way beside it; and of coherence, where faces are rough, as it is reflected outside, inside, and as it passes a face.
+    """
+
+    way: Coefficient
+    straight: Coefficient
+    front: Array
+    inside: Array
+    entry: Array
+
+
+def _within(
+    permittivity: ArrayLike, thickness: ArrayLike, wavenumber: ArrayLike, angle: ArrayLike, rms_height: ArrayLike
+) -> _Factors:
+    """The factors of a slab."""
+    q, cosine = inside(permittivity, angle), np.cos(angle)
     turn = np.asarray(wavenumber) * thickness
-    way = np.exp(-1j * turn * q)
     height = (np.asarray(wavenumber) * rms_height) ** 2
-    front, within = np.exp(-2.0 * height * cosine**2), r * np.exp(-2.0 * height * q.real**2)
-    entry = (1.0 - r**2) * np.exp(-height * (q.real - cosine) ** 2)
+    return _Factors(
+        way=np.exp(-1j * turn * q),
+        straight=np.exp(1j * turn * cosine),
+        front=np.exp(-2.0 * height * cosine**2),
+        inside=np.exp(-2.0 * height * q.real**2),
+        entry=np.exp(-height * (q.real - cosine) ** 2),
+    )
+
+
+def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coefficient]:
+    """R and T of a slab by the reflection coefficient r of its front face."""
+    way, within, entry = factors.way, r * factors.inside, (1.0 - r**2) * factors.entry
     around = 1.0 - (within * way) ** 2
-    reflected = r * front - entry * within * way**2 / around
-    return np.asarray(reflected), np.asarray(entry * way / around * np.exp(1j * turn * cosine))
+    reflected = r * factors.front - entry * within * way**2 / around
+    return np.asarray(reflected), np.asarray(entry * way / around * factors.straight)
 
 
 def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 
-TILE = 512
+TILE = 256
 """Paths that are taken through a block at a time; their phasors stay in the first-level cache."""
 
 
@@ -104,7 +104,7 @@ def next_fields(pieces: Sequence[Paths], field: NDArray[np.complex64]) -> NDArra
     return field
 
 
-@njit(error_model="numpy", nogil=True)
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _proceed(
     start: NDArray[np.int64],
     point: NDArray[np.int32],
@@ -117,14 +117,25 @@ def _proceed(
 ) -> None:
     """Add the phasors to the field (frequencies, n, points), and take them from each frequency to the next.
 
-    For the antennas n from the first up to, and without, the last.
+    For the antennas n from the first up to, and without, the last. Real and imaginary parts lie in arrays of their own,
+    which processors multiply several at a time.
     """
+    real, imag, turn_real, turn_imag, bend_real, bend_imag = np.empty((6, TILE))
     for n in range(first_antenna, last_antenna):
         for first in range(start[n], start[n + 1], TILE):
-            last = min(first + TILE, start[n + 1])
+            count = min(TILE, start[n + 1] - first)
+            for i in range(count):
+                real[i], imag[i] = phasor[first + i].real, phasor[first + i].imag
+                turn_real[i], turn_imag[i] = turn[first + i].real, turn[first + i].imag
+                bend_real[i], bend_imag[i] = 1.0 + bend[first + i].real, bend[first + i].imag
             for f in range(field.shape[0]):
-                for i in range(first, last):
-                    field[f, n, point[i]] += phasor[i]
-                for i in range(first, last):
-                    phasor[i] *= turn[i]
-                    turn[i] *= 1.0 + bend[i]
+                for i in range(count):
+                    field[f, n, point[first + i]] += complex(real[i], imag[i])
+                for i in range(count):
+                    a, b, c, d = real[i], imag[i], turn_real[i], turn_imag[i]
+                    real[i], imag[i] = a * c - b * d, a * d + b * c
+                    turn_real[i] = c * bend_real[i] - d * bend_imag[i]
+                    turn_imag[i] = c * bend_imag[i] + d * bend_real[i]
+            for i in range(count):
+                phasor[first + i] = complex(real[i], imag[i])
+                turn[first + i] = complex(turn_real[i], turn_imag[i])

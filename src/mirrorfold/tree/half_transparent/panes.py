@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from mirrorfold.common.slabs import POLARIZATIONS, slab
+from mirrorfold.common.slabs import both_polarizations
 from mirrorfold.common.types import Array, Index, Mask
 
 Spectra = NDArray[np.complex128]
@@ -102,7 +102,7 @@ class Pairs:
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """The misfits of reflection and of transmission at walls (w,), (w, n) each."""
         walls = permittivity[:, None, None], thickness[:, None, None]
-        te, tm = (slab(*walls, self.wavenumber, self.angle[:, None], name) for name in POLARIZATIONS)
+        te, tm = both_polarizations(*walls, self.wavenumber, self.angle[:, None])
         reflected, passed = (parallel_misfit(self.te, self.tm, a**2, b**2) for a, b in zip(te, tm, strict=True))
         return reflected, passed
 

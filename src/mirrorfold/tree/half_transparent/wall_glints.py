@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import gammaln
 
-from mirrorfold.common.slabs import POLARIZATIONS, slab
+from mirrorfold.common.slabs import both_polarizations
 from mirrorfold.common.types import Array
 from mirrorfold.tree.half_transparent.panes import (
     MOST_ODDS,
@@ -141,7 +141,7 @@ class Glints:
         """
         eps, thickness, height = (each[:, None, None] for each in walls)
         wave = self.pairs.wavenumber, self.pairs.angle[:, None]
-        te, tm = (slab(eps, thickness, *wave, name, rms_height=height) for name in POLARIZATIONS)
+        te, tm = both_polarizations(eps, thickness, *wave, rms_height=height)
         reflected, passed = (self._of_kind(a**2, b**2, powers) for a, b in zip(te, tm, strict=True))
         return reflected, passed
 
@@ -161,11 +161,7 @@ class Glints:
         """The share of the power that no glint at the best delay explains, and the square of how unlike its levels in
         TE and TM then are, (w, n) each.
         """
-        k = self.pairs.wavenumber
-        middle = k.mean()
-        law = (k / middle) ** np.array(powers)[:, None]
-        waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
-        turn = (law.T[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
+        law, turn = self._trials(powers)
         levels, explained = [], np.zeros(())
         for echo, wall in ((self.te, te), (self.tm, tm)):
             model = wall * self.taper
@@ -180,6 +176,21 @@ class Glints:
         total = np.sum(np.abs(self.te) ** 2 + np.abs(self.tm) ** 2, axis=-1)
         misfit = 1.0 - _peak(explained.reshape(*explained.shape[:-1], len(powers), DELAYS.size)) / total
         return np.clip(misfit, 0.0, 1.0), difference.real**2 + phase**2
+
+    def _trials(self, powers: tuple[float, ...]) -> tuple[Array, Spectra]:
+        """Powers of frequency (powers, m), and them at all delays, (m, powers * delays)."""
+        if powers not in self._tried:
+            k = self.pairs.wavenumber
+            middle = k.mean()
+            law = (k / middle) ** np.array(powers)[:, None]
+            waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
+            self._tried[powers] = law, (law.T[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
+        return self._tried[powers]
+
+    @cached_property
+    def _tried(self) -> dict[tuple[float, ...], tuple[Array, Spectra]]:
+        """What `_trials` has given, by the powers."""
+        return {}
 
     def mixed(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of both kinds and of others, summed, (w,), and the share of what
