@@ -254,7 +254,7 @@ function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highes
     say(value);
   };
   show();
-  return { row: el("label", { class: "control", title: meaning }, el("span", {}, label), input, shown), show };
+  return { row: el("label", { class: kind === "switch" ? "control switch" : "control", title: meaning }, el("span", {}, label), input, shown), show };
 }
 
 function makeLive(panels) {

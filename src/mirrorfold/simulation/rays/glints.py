@@ -24,8 +24,9 @@ from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
 NODES = 64
 """Points on an arc between which the slope of the path length is searched for changes of sign."""
 
-BISECTIONS = 30
-"""Halvings of such an interval: they leave 1e-10 rad, and an error of the length of second order in that."""
+STEPS, FLAT = 60, 1e-12
+"""Steps of false position in such an interval, at most, and the slope at which they end: seven or eight will do. What
+is left of the slope is an error of the length of second order."""
 
 MOST = 4
 """Specular points that a circle has for two given ends, at most: Alhazen's problem is of fourth degree."""
@@ -90,10 +91,14 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
     rx_cosine = np.empty((*shape, len(rx_chain.facets)))
     place = np.empty((*shape, 2))
+    angles = arc[3] + arc[4] * np.arange(NODES + 1) / NODES
+    slopes = [_slopes(arc, angles, chain.images[-1]) for chain in (tx_chain, rx_chain)]
     in_shares(
         _glints,
         shape[0],
         arc,
+        angles,
+        *slopes,
         tx_chain.images,
         tx_chain.window,
         tx_chain.mirrors,
@@ -127,6 +132,16 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
     )
 
 
+def _slopes(arc: Array, angles: Array, ends: Array) -> Array:
+    """Derivative of the distance to each end (n, 2) along the arc, at angles (m,), (n, m)."""
+    normal = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    if arc[4] >= 2.0 * np.pi:
+        normal[-1] = normal[0]  # the last node of a circle is its first: rounding must not lose a root there
+    apart = arc[:2] + arc[2] * normal - ends[:, None]
+    slope = normal[:, 0] * apart[..., 1] - normal[:, 1] * apart[..., 0]
+    return np.asarray(slope / np.maximum(np.linalg.norm(apart, axis=-1), np.finfo(float).tiny))
+
+
 @njit(error_model="numpy", nogil=True)
 def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, by: float) -> float:
     """Derivative of the path length a - point - b along the arc."""
@@ -136,9 +151,38 @@ def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, 
     return float(cos * ((y - ay) / to_a + (y - by) / to_b) - sin * ((x - ax) / to_a + (x - bx) / to_b))
 
 
-@njit(makes_arrays=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
+def _root(
+    low: float, high: float, below: float, above: float, arc: Array, ax: float, ay: float, bx: float, by: float
+) -> float:
+    """The angle at which the slope is zero, between two at which it is `below` and `above`, of different signs.
+
+    By false position; an end that stays is given half its weight (the Illinois method: Dowell and Jarratt, BIT 11, 168,
+    1971).
+    """
+    stayed, root = 0, low
+    for _ in range(STEPS):
+        root = (low * above - high * below) / (above - below)
+        slope = _slope(np.cos(root), np.sin(root), arc, ax, ay, bx, by)
+        if abs(slope) < FLAT:
+            break
+        if (slope < 0.0) == (below < 0.0):
+            low, below = root, slope
+            above *= 0.5 if stayed == 1 else 1.0
+            stayed = 1
+        else:
+            high, above = root, slope
+            below *= 0.5 if stayed == -1 else 1.0
+            stayed = -1
+    return root
+
+
+@njit(error_model="numpy", nogil=True)
 def _glints(
     arc: Array,
+    angles: Array,
+    tx_slope: Array,
+    rx_slope: Array,
     tx_images: Array,
     tx_window: Array,
     tx_mirrors: Array,
@@ -158,32 +202,17 @@ def _glints(
     last: int,
 ) -> None:
     """Fill rows `first` to `last` of the (tx, rx, MOST) tables of glints; the share stays 0 where there is none."""
-    angles = arc[3] + arc[4] * np.arange(NODES + 1) / NODES
-    cos_nodes, sin_nodes = np.cos(angles), np.sin(angles)
-    if arc[4] >= 2.0 * np.pi:
-        # The last node of a circle is its first: rounding must not lose a root there.
-        cos_nodes[NODES], sin_nodes[NODES] = cos_nodes[0], sin_nodes[0]
     for n in range(first, last):
         ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
         for m in range(rx_images.shape[1]):
             bx, by = rx_images[-1, m, 0], rx_images[-1, m, 1]
             count = 0
-            previous = _slope(cos_nodes[0], sin_nodes[0], arc, ax, ay, bx, by)
-            for node in range(1, NODES + 1):
-                slope = _slope(cos_nodes[node], sin_nodes[node], arc, ax, ay, bx, by)
-                rises = previous < 0.0
-                changes = rises != (slope < 0.0)
-                previous = slope
-                if not changes or count == MOST:
+            for node in range(NODES):
+                before, after = tx_slope[n, node] + rx_slope[m, node], tx_slope[n, node + 1] + rx_slope[m, node + 1]
+                if (before < 0.0) == (after < 0.0) or count == MOST:
                     continue
-                low, high = angles[node - 1], angles[node]
-                for _ in range(BISECTIONS):
-                    middle = 0.5 * (low + high)
-                    if (_slope(np.cos(middle), np.sin(middle), arc, ax, ay, bx, by) < 0.0) == rises:
-                        low = middle
-                    else:
-                        high = middle
-                nx, ny = np.cos(0.5 * (low + high)), np.sin(0.5 * (low + high))
+                root = _root(angles[node], angles[node + 1], before, after, arc, ax, ay, bx, by)
+                nx, ny = np.cos(root), np.sin(root)
                 x, y = arc[0] + arc[2] * nx, arc[1] + arc[2] * ny
                 above_a = (ax - x) * nx + (ay - y) * ny
                 above_b = (bx - x) * nx + (by - y) * ny
