@@ -131,3 +131,12 @@ def test_more_images_make_a_plan_worth_more():
     once, often = explain(p, 1e-3), explain(p, 1e-3, frames=100)
     assert often.focusing_s > once.focusing_s
     assert often.algorithm != "exact"
+
+
+@pytest.mark.parametrize("name", ["coincident", "a robot's arc"])
+def test_what_is_forecast_is_laid_out_as_what_focuses(name):
+    """Algorithms get lengths in wavelengths; laid out in metres, their nodes and their costs were others."""
+    p = small(name, 440, 341)
+    forecast, focusing = explain(p, 1e-3), options(p.in_wavelengths, 1e-3)[0]
+    assert (forecast.algorithm, forecast.options[0].building_s) == (focusing.algorithm, focusing.cost.building)
+    assert forecast.extent["x"] == [-1.5, 1.5]

@@ -132,6 +132,8 @@ def explain(
     room: float = float("inf"),
 ) -> Choice:
     """The choice for a problem, in words and numbers; `room` is for tables, buffers and proof [bytes]."""
+    axes = {"z": problem.z, "y": problem.y, "x": problem.x}
+    problem = problem.in_wavelengths  # as it will be focused
     weighed = _weighed(problem, tolerance, frames)
     chosen = next(option for option, why in weighed if not why)
     proof = proof_cost(problem)
@@ -158,7 +160,6 @@ def explain(
                 memory_gb=option.cost.nbytes / GIGABYTE if known else None,
             )
         )
-    axes = {"z": problem.z, "y": problem.y, "x": problem.x}
     return Choice(
         kind="choice",
         algorithm=chosen.algorithm,
