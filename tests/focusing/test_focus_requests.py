@@ -10,6 +10,7 @@ import pytest
 from focusing_problems import BAND, line, small_sweep
 from scipy.constants import speed_of_light
 
+from mirrorfold import info
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import FocusPlan, default_grid, focus, prepare
 from mirrorfold.focusing.settings import FocusSettings
@@ -123,3 +124,40 @@ def test_the_dark_beside_bright_echoes_is_as_exact_as_asked(tolerance):
     bright = focus(sweep, x=np.linspace(0.05, 0.15, 6), y=np.linspace(1.05, 1.15, 6))
     assert abs(image).max() < 1e-3 * abs(bright).max()
     assert image.attrs["error"] <= tolerance
+
+
+def test_antennas_along_the_wrong_axis_are_told():
+    """Of arrays that stand along the range, or upright, the default floor plan shows ranges alone."""
+    upright, along = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+    places = line(8, 0.5e-3)
+    for axis, direction in (("y", along), ("z", upright)):
+        turned = places[:, :1] * direction
+        sweep = small_sweep(tx_position=(("tx", "axis"), turned), rx_position=(("rx", "axis"), turned))
+        with pytest.warns(UserWarning, match=f"stand along {axis}"):
+            focus(sweep)
+        assert "end-on" in [finding["name"] for finding in info(sweep)["findings"]]
+        focus(sweep, x=np.linspace(-0.1, 0.1, 5), y=np.linspace(0.3, 0.4, 5))  # pixels that are given are meant so
+        focus(sweep.assign_attrs(scene_center=[0.5, 0.0, 0.0]))
+    for degrees in (0.0, 45.0, 60.0, 180.0):
+        direction = [np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0]
+        turned = places[:, :1] * direction
+        sweep = small_sweep(tx_position=(("tx", "axis"), turned), rx_position=(("rx", "axis"), turned))
+        assert "end-on" not in [finding["name"] for finding in info(sweep)["findings"]]
+
+
+@pytest.mark.parametrize(("heights", "height"), [
+    ((0.0, 0.0), 0.0),
+    ((0.0, 0.015), 0.0),
+    ((-0.02, 0.01), 0.0),
+    ((0.003, 0.003), 0.0),
+    ((1.0, 1.0), 1.0),
+    ((1.0, 1.015), 1.0075),
+    ((-0.8, -0.8), -0.8),
+])  # fmt: skip
+def test_the_image_lies_at_the_height_of_an_array_that_stands_far_above(heights, height):
+    """A point at the array's height stands where it is, not nearer by ``z^2 / 2r``."""
+    tx, rx = line(8, 0.5e-3, z=heights[0]), line(8, 0.5e-3, z=heights[1])
+    sweep = small_sweep(tx_position=(("tx", "axis"), tx), rx_position=(("rx", "axis"), rx))
+    image = focus(sweep, x=np.linspace(-0.1, 0.1, 5), y=np.linspace(0.3, 0.4, 5))
+    assert float(image["z"]) == pytest.approx(height)
+    assert float(focus(sweep, x=np.linspace(-0.1, 0.1, 5), y=np.linspace(0.3, 0.4, 5), z=0.0)["z"]) == 0.0

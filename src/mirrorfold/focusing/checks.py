@@ -18,11 +18,13 @@ from mirrorfold.focusing.grid import default_grid, extent
 from mirrorfold.focusing.problem import Problem, pixel_axis
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import (
+    AXES_REMEDY,
     MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
     antenna_positions,
     check_sweep,
     check_waves,
+    end_on,
     is_raster,
     wave_speed,
     wavenumber,
@@ -59,6 +61,13 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
             "profile: a single x and many y"
         )
     if x is None or y is None:
+        along = end_on(sweep)
+        if along is not None:
+            warnings.warn(
+                f"the antennas stand along {along}: in the floor plan before them, which lies in y, they tell ranges "
+                f"and hardly a direction; {AXES_REMEDY}",
+                stacklevel=4,  # the line that called `focus` or `FocusPlan`
+            )
         own_x, own_y = default_grid(frequency, tx, rx, wave_speed(sweep), centre=centre)
         x, y = own_x if x is None else x, own_y if y is None else y
     apodization = settings.apodization
@@ -72,7 +81,7 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
         rx_weight=window(None if monostatic else rx_window, len(rx), "apodization"),
         x=pixel_axis(x, "x"),
         y=pixel_axis(y, "y"),
-        z=pixel_axis((0.0 if centre is None else centre[2]) if z is None else z, "z"),
+        z=pixel_axis(_height(tx, rx, centre) if z is None else z, "z"),
         monostatic=monostatic,
     )
     _check_pixels(problem, extent(frequency, tx, rx, wave_speed(sweep)).ambiguous_range, centre)
@@ -118,6 +127,18 @@ def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
             check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
             return sweep
     return check_sweep(sweep)
+
+
+def _height(tx: Array, rx: Array, centre: Array | None) -> float:
+    """Of the pixels by default [m]: that of the scene's centre, or else zero, or that of an array that stands farther
+    from there than it is long: what it shows would seem too near by ``z^2 / 2r``.
+    """
+    if centre is not None:
+        return float(centre[2])
+    heights = np.concatenate([tx[:, 2], rx[:, 2]])
+    gap = max(float(heights.min()), -float(heights.max()), 0.0)
+    length = max(float(np.linalg.norm(np.ptp(places, axis=0))) for places in (tx, rx))
+    return float(0.5 * (tx[:, 2].mean() + rx[:, 2].mean())) if gap > length else 0.0
 
 
 def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None) -> None:

@@ -16,12 +16,14 @@ from __future__ import annotations
 from mirrorfold.sweep.checks import STEP_TOLERANCE, Doubt, check_sweep, check_waves, doubts, frequency_unit_of
 from mirrorfold.sweep.facts import (
     AXES,
+    AXES_REMEDY,
     MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
     TIME_CONVENTION,
     ambiguous_range,
     antenna_positions,
+    end_on,
     frequency_step,
     is_monostatic,
     is_raster,
@@ -35,6 +37,7 @@ from mirrorfold.sweep.polarization import join_polarizations
 
 __all__ = [
     "AXES",
+    "AXES_REMEDY",
     "MONOSTATIC_DIMENSIONS",
     "PAIR_DIMENSIONS",
     "RASTER_DIMENSIONS",
@@ -47,6 +50,7 @@ __all__ = [
     "check_sweep",
     "check_waves",
     "doubts",
+    "end_on",
     "frequency_step",
     "frequency_unit_of",
     "is_monostatic",

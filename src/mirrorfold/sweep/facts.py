@@ -19,6 +19,15 @@ MONOSTATIC_DIMENSIONS = ("frequency", "position")
 
 RASTER_DIMENSIONS = ("frequency", "azimuth", "elevation")
 
+AXES_REMEDY = (
+    'name the axes of the positions anew when importing (axes = ["y", "-x", "z"]), or give the place of the scene as '
+    "scene_center, or the pixels x and y"
+)
+"""Where antennas do not stand along x."""
+
+ASKEW, UPRIGHT = 0.5, 0.01
+"""An array turned by more than 63 degrees, which sees its own side; and one as wide as the errors of its positions."""
+
 
 def is_raster(sweep: xr.Dataset) -> bool:
     """Whether a sweep is that of a raster scan."""
@@ -53,6 +62,18 @@ def radar_position(sweep: xr.Dataset) -> Array:
         return np.array(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
     tx, rx = antenna_positions(sweep)
     return np.asarray(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)))
+
+
+def end_on(sweep: xr.Dataset) -> str | None:
+    """The axis, y or z, along which all antennas stand that should stand along x: in the floor plan that lies before
+    them in y they tell ranges, and hardly a direction. None where they stand otherwise, or around a scene.
+    """
+    if is_raster(sweep) or sweep.attrs.get("scene_center") is not None:
+        return None
+    spans = [span for span in (np.ptp(places, axis=0) for places in antenna_positions(sweep)) if span.any()]
+    if spans and all(span[0] < ASKEW * span[1] and span[2] <= span[1] for span in spans):
+        return "y"
+    return "z" if spans and all(max(span[0], span[1]) < UPRIGHT * span[2] for span in spans) else None
 
 
 def frequency_step(sweep: xr.Dataset) -> float:
