@@ -95,6 +95,10 @@ def test_what_will_go_wrong_is_remarked():
     assert any("grating lobes" in remark for remark in mf.plan(**BASE | {"pitch": 2e-3})["remarks"])
     assert not mf.plan(**BASE, rx_pitch=2e-3, materials=["concrete"], target=1e-6)["remarks"][1:]
     assert any("smooth" in remark for remark in mf.plan(**BASE, roughness=(0.0, None))["remarks"])
+    far = mf.plan(**BASE | {"band": (890e9, 900e9)}, materials=["pec", "glass"])["remarks"]
+    assert [remark for remark in far if "extrapolated" in remark] == [
+        "The fit of glass holds from 1 to 450 GHz; what is said of it here is extrapolated."
+    ]
     assert any("Not even" in r for r in mf.plan(**BASE, instrument=Instrument(power_dbm=-150))["remarks"])
 
 

@@ -148,8 +148,10 @@ def test_walls_that_cannot_be_are_refused(wall, said):
         make_scene(GLASS | ends | wall)
 
 
-def test_material_without_permittivity_at_the_band_is_refused():
-    band = {"start": 800e9, "stop": 900e9, "points": 11}
+@pytest.mark.parametrize("thickness", [6e-3, None])
+def test_material_without_permittivity_at_the_band_is_refused(thickness):
+    band, wall = {"start": 800e9, "stop": 900e9, "points": 11}, {"start": [-1, 1], "end": [1, 1]}
     with pytest.raises(InputError, match="no permittivity at 900 GHz"):
-        make_scene(GLASS | {"start": [-1, 1], "end": [1, 1], "material": "glass"}, band=band)
-    make_scene(GLASS | {"start": [-1, 1], "end": [1, 1]}, band=band)
+        make_scene(GLASS | wall | {"material": "glass", "thickness": thickness}, band=band)
+    make_scene(GLASS | wall | {"thickness": thickness}, band=band)
+    make_scene(GLASS | wall | {"material": "pec", "thickness": None}, band=band)

@@ -17,6 +17,7 @@ from mirrorfold.describing.resolution import Arrays, resolution
 from mirrorfold.describing.walls import ANGLES, Wall, wall
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
+from mirrorfold.scenes.materials import FITTED, is_fitted
 
 if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.facts import Choice
@@ -170,7 +171,12 @@ def _remarks(
     asked: PlanSettings, leg: float, ambiguous: float, by_noise: int, by_ambiguity: int, wall: Wall
 ) -> list[str]:
     """What will go wrong, from the bounces [-1 for none at all] above the noise, and within the ambiguous range [m]."""
-    remarks = []
+    remarks = [
+        f"The fit of {name} holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g} GHz; what is said of it here is "
+        "extrapolated."
+        for name in asked.materials
+        if not is_fitted(name, asked.band)
+    ]
     if by_ambiguity < 0:
         remarks.append(
             f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {asked.range:g} m; "

@@ -133,13 +133,30 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
     made_of = material(name)
     if not isinstance(made_of, Dielectric):
         raise InputError(f"material {name!r} has no permittivity, as no wave enters it; choose a dielectric")
-    outside = np.max(frequency) > FITTED[1] or np.min(frequency) < FITTED[0]
-    if isinstance(name, str) and outside:
+    check_fitted(name, frequency)
+    return made_of.permittivity(frequency)
+
+
+def is_fitted(name: str | Substance, frequency: ArrayLike) -> bool:
+    """Whether it is known what a material is at frequencies [Hz]: metals and what is stated are so everywhere."""
+    if not isinstance(name, str) or not isinstance(material(name), Dielectric):
+        return True
+    return bool(np.max(frequency) <= FITTED[1] and np.min(frequency) >= FITTED[0])
+
+
+def check_fitted(name: str | Substance, frequency: ArrayLike) -> None:
+    """Refuse a material that was not measured anywhere near these frequencies [Hz].
+
+    Raises
+    ------
+    InputError
+        With what to do.
+    """
+    if not is_fitted(name, frequency):
         raise InputError(
             f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, its fit holds from "
             f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}"
         )
-    return made_of.permittivity(frequency)
 
 
 def material(name: str | Substance) -> Material:

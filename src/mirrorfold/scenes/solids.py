@@ -311,8 +311,7 @@ class Scene3D:
 
     def __post_init__(self) -> None:
         for surface in self.surface:
-            if isinstance(surface, Panel) and surface.thickness is not None:
-                materials.permittivity(surface.material, [self.band.start, self.band.stop])
+            materials.check_fitted(surface.material, [self.band.start, self.band.stop])
         names = [surface.name for surface in self.surface]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
