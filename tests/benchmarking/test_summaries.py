@@ -138,6 +138,19 @@ def test_tables_hold_what_was_found(line, tmp_path):
     assert "| 0.400 (0.400) |" in text
 
 
+def test_tables_show_curvatures_and_panes_where_there_are_any(line):
+    assert "curvature [%]" not in markdown(summarise(lines(line, [0.5])))
+    rows = [
+        one.but(score=one.score.but(mirrors=[mirror.but(curvature_error=error) for mirror in one.score.mirrors]))
+        for one, error in zip(lines(line, [0.5, 0.9], angles=[0.1, 0.1]), (0.01, 0.02), strict=True)
+    ]
+    rows[0] = rows[0].but(score=rows[0].score.but(sides_right=0.96, sides_doubtful=0.25, passed_m=0.004))
+    text = markdown(summarise(rows))
+    assert "| right sides | doubtful sides | passed [mm] | curvature [%] |" in text
+    assert "permittivity" not in text
+    assert "| 0.960 (0.960) | 0.250 (0.250) | 4.0 (4.0) | 1.50 1.00-2.00 (2.00) |" in text
+
+
 def test_the_picture_has_a_panel_for_each_figure_that_is_known_and_tells_failures(line):
     rows = [*lines(line, [0.5, 0.9]), line.but(method="other", family="f", seed=0, score=None, error="no")]
     figure = mf.plot.benchmark(summarise(rows))

@@ -67,3 +67,17 @@ def test_the_face_that_the_radar_sees_is_the_truth_of_a_pane(reconstruction, y, 
     (found,) = mf.score(held, floor_plans.make_scene(DOOR)).mirrors
     assert found.surface == "surface 0"
     assert found.offset_error_mm == pytest.approx(offset, abs=1e-6)
+
+
+@pytest.mark.parametrize("measured", [(6.0, 5.7e-3), (np.nan, np.nan)])
+def test_what_was_measured_of_a_pane_is_judged_by_the_true_one(reconstruction, measured):
+    held = with_mirror(reconstruction, [-0.3, 0.997], [0.3, 0.997])
+    own = {name: ("mirror", [value]) for name, value in zip(("permittivity", "thickness"), measured, strict=True)}
+    held["mirrors"] = held["mirrors"].to_dataset().assign(own)
+    (found,) = mf.score(held, floor_plans.make_scene(DOOR)).mirrors
+    if np.isnan(measured[0]):
+        assert "permittivity_error" not in found
+        assert "thickness_error" not in found
+    else:
+        assert found.permittivity_error == pytest.approx(6.0 / 5.79 - 1.0)  # glass, Recommendation ITU-R P.2040-4
+        assert found.thickness_error == pytest.approx(0.05)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +43,8 @@ class Figure:
 
 def _mirrors(score: Score, name: str) -> Number:
     """The mean error of the mirrors in line of sight that exist in truth."""
-    errors = [mirror[name] for mirror in score.mirrors if mirror.generation == 1 and mirror.surface is not None]
+    own = (mirror.get(name) for mirror in score.mirrors if mirror.generation == 1 and mirror.surface is not None)
+    errors = [error for error in own if error is not None]
     return float(np.mean(errors)) if errors else None
 
 
@@ -54,6 +55,16 @@ def _invented(figures: Any) -> float:
 
 def _millimetres(metres: Number) -> Number:
     return None if metres is None else 1e3 * metres
+
+
+def _percent(name: str) -> Callable[[Score], Number]:
+    """The mean error of the mirrors in line of sight, which is a share, in per cent."""
+
+    def read(score: Score) -> Number:
+        share = _mirrors(score, name)
+        return None if share is None else 100.0 * share
+
+    return read
 
 
 FIGURES = {
@@ -74,10 +85,25 @@ FIGURES = {
         Figure(
             "passed_mm", "passed [mm]", lambda s: _millimetres(s.get("passed_m")), high=False, digits=1, share=False
         ),
+        Figure("sides_doubtful", "doubtful sides", lambda s: s.get("sides_doubtful"), high=False),
+        *(
+            Figure(f"{name}_percent", f"{name} [%]", _percent(f"{name}_error"), high=False, digits=2, share=False)
+            for name in ("curvature", "permittivity", "thickness")
+        ),
     )
 }
 """F, precision and completeness are at 2 cm, in cells at 1.5 resolution cells. Angle and offset are the mean errors of
 the mirrors in line of sight. Invented cells are cells of a centimetre with points further than 10 cm from any surface.
 Right sides are the share of echoes behind half-transparent walls that are rightly taken for reflected, or for passed,
-and passed the median distance of the latter from the truth.
+passed the median distance of the latter from the truth, and doubtful sides the share of which it is left open. The
+errors of curvature, permittivity and thickness are means over the mirrors in line of sight that have them.
 """
+
+OFTEN_UNDEFINED = ("sides_right", "sides_doubtful", "passed_mm", "curvature_percent", "permittivity_percent",
+                   "thickness_percent")  # fmt: skip
+"""Figures that only curved mirrors and half-transparent walls have."""
+
+
+def shown_figures(usual: Sequence[str], results: Sequence[Any]) -> list[str]:
+    """Those figures of a table, and with them those that few families have, where a result defines them."""
+    return [*usual, *(name for name in OFTEN_UNDEFINED if any(one.figures[name].scenes for one in results))]

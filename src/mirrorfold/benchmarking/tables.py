@@ -6,7 +6,7 @@ import csv
 import json
 from pathlib import Path
 
-from mirrorfold.benchmarking.figures import FIGURES
+from mirrorfold.benchmarking.figures import FIGURES, shown_figures
 from mirrorfold.benchmarking.summaries import Benchmark, FamilyResult
 from mirrorfold.io.files import written_whole
 
@@ -15,7 +15,8 @@ COLUMNS = ("scenes", "mean", "low", "high", "median", "worst")
 
 SHOWN = ("f_all", "f_hidden", "precision_hidden", "completeness_hidden", "f_hidden_cells", "invented_cells",
          "angle_deg", "offset_mm")  # fmt: skip
-"""Figures of the table for a page; the others are in the files."""
+"""Figures of the table for a page, besides those of curved mirrors and half-transparent walls; the others are in the
+files."""
 
 
 def write_tables(found: Benchmark, folder: Path) -> list[Path]:
@@ -39,11 +40,12 @@ def write_tables(found: Benchmark, folder: Path) -> list[Path]:
 
 def markdown(found: Benchmark) -> str:
     """The mean of each figure, with its 95 % interval, and the worst scene in brackets."""
-    heads = ["family", "radar", "method", "scenes", "failures", *(FIGURES[name].label for name in SHOWN)]
+    shown = shown_figures(SHOWN, found.results)
+    heads = ["family", "radar", "method", "scenes", "failures", *(FIGURES[name].label for name in shown)]
     lines = [heads, ["---"] * len(heads)]
     for result in found.results:
         counts = [str(result.scenes), str(result.failures)]
-        lines.append([result.family, result.radar, result.method, *counts, *(cell(result, name) for name in SHOWN)])
+        lines.append([result.family, result.radar, result.method, *counts, *(cell(result, name) for name in shown)])
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return f"Mean over the scenes, its 95 % interval, and the worst scene in brackets.\n\n{table}\n"
 

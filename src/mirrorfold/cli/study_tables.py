@@ -49,10 +49,11 @@ def show_comparison(found: Comparison) -> None:
 
 def show_benchmark(found: Benchmark) -> None:
     """Print means of the figures in a line for each family, radar and method, and the worst of the hidden F-score."""
-    from mirrorfold.benchmarking.figures import FIGURES
+    from mirrorfold.benchmarking.figures import FIGURES, shown_figures
 
-    shown = ("f_all", "f_hidden", "precision_hidden", "f_hidden_cells", "invented_cells", "angle_deg", "offset_mm")
+    usual = ("f_all", "f_hidden", "precision_hidden", "f_hidden_cells", "invented_cells", "angle_deg", "offset_mm")
     for radar in dict.fromkeys(result.radar for result in found.results):
+        shown = shown_figures(usual, [result for result in found.results if result.radar == radar])
         table = table_of(f"radar {radar}: means over the scenes")
         for heading in ("family", "method"):
             table.add_column(heading, overflow="fold", min_width=max(len(one[heading]) for one in found.results))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,8 @@ class MirrorError(Record):
     generation: int
     length_m: float = fact("along the arc of a curved one")
     curvature_error: Number = fact("of a curved mirror, as a share of the true curvature", default=LEFT_OUT)
+    permittivity_error: Number = fact("of a half-transparent wall, as a share of the true one", default=LEFT_OUT)
+    thickness_error: Number = fact("of a half-transparent wall, as a share of the true one", default=LEFT_OUT)
 
 
 @dataclass(frozen=True)
@@ -55,16 +57,20 @@ class Face:
 
 
 def mirror_errors(
-    reconstruction: xr.DataTree, faces: list[Face], curves: Sequence[tuple[str, Array]] = ()
+    reconstruction: xr.DataTree,
+    faces: list[Face],
+    curves: Sequence[tuple[str, Array]] = (),
+    panes: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[MirrorError]:
     """Every detected mirror, at its true place, with the nearest face that it agrees with.
 
-    A curved mirror is compared with the nearest of the true `curves`, names and points (n, 2) [m], where one is near.
+    A curved mirror is compared with the nearest of the true `curves`, names and points (n, 2) [m], where one is near;
+    a half-transparent wall with permittivity and thickness [m] of the true ones, the `panes` by name.
     """
     found = reconstruction.children["mirrors"].to_dataset(inherit=False)
     places = mirror_places(found, "folded_") if curves and "curvature" in found else []
     radar = np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"])
-    rows = []
+    rows, panes = [], panes or {}
     for i in range(found.sizes["mirror"]):
         generation = int(found["generation"].values[i])
         bent = _curved_error(places[i], curves, generation) if places else None
@@ -88,9 +94,18 @@ def mirror_errors(
                 offset_error_mm=1e3 * abs(float((center - best.center) @ best.normal)) if best else None,
                 generation=generation,
                 length_m=length,
+                **(_pane_errors(found.isel(mirror=i), panes[best.surface]) if best and best.surface in panes else {}),
             )
         )
     return rows
+
+
+def _pane_errors(mirror: xr.Dataset, true: tuple[float, float]) -> dict[str, float]:
+    """How far permittivity and thickness that were measured of a wall are off, as shares of the `true` ones."""
+    names = "permittivity", "thickness"
+    if not all(name in mirror and np.isfinite(mirror[name]) for name in names):
+        return {}
+    return {f"{name}_error": abs(float(mirror[name]) / own - 1.0) for name, own in zip(names, true, strict=True)}
 
 
 def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation: int) -> MirrorError | None:

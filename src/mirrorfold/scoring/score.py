@@ -25,7 +25,7 @@ from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
-from mirrorfold.scoring.transparent import sides
+from mirrorfold.scoring.transparent import panes, sides
 from mirrorfold.scoring.truth import Array, Mask, Truth
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def score(
     if told.doubtful is not None:
         asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
     if isinstance(scene, Scene):
-        mirrors = mirror_errors(reconstruction, floor_plans.faces(scene), floor_plans.curves(scene))
+        mirrors = mirror_errors(reconstruction, floor_plans.faces(scene), floor_plans.curves(scene), panes(scene))
         every, hidden, each = _judge(
             points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
@@ -184,7 +184,7 @@ def score(
         return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **asked)
     from mirrorfold.scoring import volumes
 
-    mirrors = mirror_errors(reconstruction, volumes.faces(scene))
+    mirrors = mirror_errors(reconstruction, volumes.faces(scene), panes=panes(scene))
     whole, unseen, parts = _judge(points, cells, volumes.truth(scene, bounces=bounces), VolumeFigures, "reachable_m2")
     by_mirror = objects["bounces"].values > 0
     contrasts = volumes.patch_contrasts(scene, points[by_mirror], objects["amplitude"].values[by_mirror])

@@ -12,6 +12,7 @@ from mirrorfold.common.geometry import crossing, reflect, segment_normal
 from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.materials import permittivity
 from mirrorfold.scenes.visibility import CHORD, facets
 
 if TYPE_CHECKING:
@@ -97,6 +98,17 @@ class Walls(NamedTuple):
     images: Array
     met: Mask
     incidence: Array
+
+
+def panes(scene: Scene | Scene3D) -> dict[str, tuple[float, float]]:
+    """Permittivity, in the middle of the band, and thickness [m] of each half-transparent wall, by its name."""
+    middle = 0.5 * (scene.band.start + scene.band.stop)
+    walls = [(surface, getattr(surface, "thickness", None)) for surface in scene.surface]
+    return {
+        wall.name: (float(permittivity(wall.material, middle).real), thickness)
+        for wall, thickness in walls
+        if thickness is not None
+    }
 
 
 def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
