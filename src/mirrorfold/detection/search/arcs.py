@@ -7,6 +7,7 @@ by more than a straight mirror may. What is seen behind it tells whether it is a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -22,6 +23,7 @@ from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink, trusted
 from mirrorfold.detection.search.growing import CLIP, drawn
+from mirrorfold.detection.search.joined import joined
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
@@ -156,7 +158,9 @@ class _Arcs:
             free &= ~on_rows([fitted], self.view, self.echoes)
 
     def _parted(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
-        """Arcs that pass into each other, cut in the middle of what they share and fitted to what is left of each."""
+        """Arcs that pass into each other, cut in the middle of what they share and fitted to what is left of each, or
+        together where they are one smooth curve.
+        """
         for i, j in combinations(range(len(arcs)), 2):
             cell = self.view.cell_at(arcs[i].center)
             cut = []
@@ -170,10 +174,15 @@ class _Arcs:
                 middle = float(along[shared].mean())
                 cut.append(one.part(0.0, middle) if middle > 0.5 * one.length else one.part(middle, one.length))
             if len(cut) == 2:
-                arcs[i], arcs[j] = (
-                    self._fitted(part) or whole for part, whole in zip(cut, (arcs[i], arcs[j]), strict=True)
-                )
+                apart = [self._fitted(part) or whole for part, whole in zip(cut, (arcs[i], arcs[j]), strict=True)]
+                arcs[i], arcs[j] = self._joined(*apart) or apart
         return arcs
+
+    def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
+        """Two arcs as the halves of one smooth curve; None if they are none, or no arcs any more."""
+        first, second = self._centres(one), self._centres(other)
+        halves = None if first is None or second is None else joined((one, other), (first, second), self.view)
+        return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
         """The arc on the circle that fits best to the centres of power, as long as before; None if it is no arc."""
