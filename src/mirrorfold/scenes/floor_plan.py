@@ -20,7 +20,7 @@ from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import STRICT, Band, LinearArray
-from mirrorfold.scenes.materials import Substance, check_fitted
+from mirrorfold.scenes.materials import Substance, permittivity, warn_if_extrapolated
 from mirrorfold.scenes.messages import Entries, plain, say_plainly
 from mirrorfold.scenes.surfaces import (
     Arc,
@@ -62,7 +62,10 @@ class Scene:
 
     def __post_init__(self) -> None:
         for surface in self.surface:
-            check_fitted(surface.material, [self.band.start, self.band.stop])
+            if getattr(surface, "thickness", None) is not None:
+                permittivity(surface.material, [self.band.start, self.band.stop])
+            else:
+                warn_if_extrapolated(surface.material, [self.band.start, self.band.stop])
         names = [surface.name for surface in self.surface]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Literal, Protocol
@@ -133,7 +134,11 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
     made_of = material(name)
     if not isinstance(made_of, Dielectric):
         raise InputError(f"material {name!r} has no permittivity, as no wave enters it; choose a dielectric")
-    check_fitted(name, frequency)
+    if not is_fitted(name, frequency):
+        raise InputError(
+            f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, its fit holds from "
+            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}"
+        )
     return made_of.permittivity(frequency)
 
 
@@ -144,18 +149,13 @@ def is_fitted(name: str | Substance, frequency: ArrayLike) -> bool:
     return bool(np.max(frequency) <= FITTED[1] and np.min(frequency) >= FITTED[0])
 
 
-def check_fitted(name: str | Substance, frequency: ArrayLike) -> None:
-    """Refuse a material that was not measured anywhere near these frequencies [Hz].
-
-    Raises
-    ------
-    InputError
-        With what to do.
-    """
+def warn_if_extrapolated(name: str | Substance, frequency: ArrayLike) -> None:
+    """Tell of an opaque material that was not measured anywhere near these frequencies [Hz]."""
     if not is_fitted(name, frequency):
-        raise InputError(
-            f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, its fit holds from "
-            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}"
+        warnings.warn(
+            f"material {name!r} is extrapolated to {np.max(frequency) / 1e9:g} GHz, its fit holds from "
+            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}",
+            stacklevel=2,
         )
 
 

@@ -311,7 +311,10 @@ class Scene3D:
 
     def __post_init__(self) -> None:
         for surface in self.surface:
-            materials.check_fitted(surface.material, [self.band.start, self.band.stop])
+            if isinstance(surface, Panel) and surface.thickness is not None:
+                materials.permittivity(surface.material, [self.band.start, self.band.stop])
+            else:
+                materials.warn_if_extrapolated(surface.material, [self.band.start, self.band.stop])
         names = [surface.name for surface in self.surface]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
