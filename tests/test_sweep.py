@@ -51,6 +51,7 @@ def test_a_valid_sweep_passes_unchanged(sweep):
         (lambda s: s.drop_vars("frequency"), "no coordinate 'frequency'"),
         (lambda s: s.transpose("tx", "frequency", "rx", "axis"), r"expected \(frequency, tx, rx\)"),
         (lambda s: s.isel(frequency=slice(0)), "s is empty"),
+        (lambda s: s.assign_coords(frequency=s["frequency"] + 0.0 * s["tx"]), "frequency has dimensions"),
         (lambda s: s.assign(s=abs(s["s"])), "expected complex numbers"),
         (lambda s: s.isel(axis=slice(2)), "three axes"),
         (

@@ -48,6 +48,14 @@ def test_a_plan_made_from_the_geometry_is_the_one_that_focuses(large, plans_made
     assert len(plans_made) == 2
 
 
+@pytest.mark.parametrize("name", ["frequency", "tx_position", "rx_position"])
+def test_a_geometry_along_other_dimensions_is_refused(large, name):
+    sweep, _ = large
+    geometry = sweep.drop_vars(["s", name])
+    with pytest.raises(InputError, match=f"{name} has dimensions"):
+        FocusPlan(geometry.assign({name: sweep[name].rename({sweep[name].dims[0]: "other"})}))
+
+
 def test_the_same_geometry_again_needs_no_second_plan_until_the_cache_is_cleared(large, plans_made):
     sweep, settings = large
     plan_cache.clear()

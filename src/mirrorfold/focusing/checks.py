@@ -122,7 +122,10 @@ def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
         names: tuple[str, ...] = ("frequency", "tx_position", "rx_position")
         if "antenna_position" in sweep.variables:
             dims, names = MONOSTATIC_DIMENSIONS, ("frequency", "antenna_position")
-        if set(names) <= set(sweep.variables) and all(sweep[name].ndim for name in names):
+        if set(names) <= set(sweep.variables):
+            for name, dim in zip(names, dims, strict=True):
+                if sweep[name].dims[:1] != (dim,):
+                    raise InputError(f"sweep: {name} has dimensions {dict(sweep[name].sizes)}, expected {dim!r} first")
             shape = tuple(len(sweep[name]) for name in names)
             check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
             return sweep

@@ -89,6 +89,8 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     else:
         _check_positions(sweep, places, refuse)
     _check_attrs(sweep, refuse)
+    if sweep["frequency"].dims != ("frequency",):
+        raise refuse(f"frequency has dimensions {dict(sweep['frequency'].sizes)}, expected (frequency) alone")
     frequency = sweep["frequency"].values
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
