@@ -104,8 +104,8 @@ soak: $(READY) ## two hours of hard use: kills, full disks, damage, lost workers
 fuzz: $(READY) ## damaged input of every kind for MINUTES=10; goes on where the last run has ended
 	nice -n 10 $(PYTHON) benchmarks/fuzz.py --minutes $(MINUTES)
 
-api: | $(UV_FILE) ## compare the public face with that of the last release
-	$(UV) tool run griffe check --search src mirrorfold
+api: $(READY) ## compare the public face with that of the last release
+	$(PYTHON) docs/public_face.py
 
 docs: $(DOCS_READY) ## the documentation, in docs/_build/html; the examples run for its gallery
 	MPLBACKEND=Agg $(PYTHON) -m sphinx -W --keep-going -q -d docs/_build/doctrees docs docs/_build/html

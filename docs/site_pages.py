@@ -23,10 +23,8 @@ GROUPS = {
     ),
     "Before and after a measurement": ("plan", "info"),
     "From the sweep to the folded scene": (
-        "focus", "FocusPlan", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct", "pick_frame", "score",
-        "benchmark", "reproduce", "compare",
         "focus", "FocusPlan", "FocusOperator", "plan_view", "to_voxels", "fold", "FoldPlan", "reconstruct",
-        "pick_frame", "score", "benchmark", "compare",
+        "pick_frame", "score", "benchmark", "reproduce", "compare",
     ),
     "Pages": ("report", "view"),
     "Errors": ("InputError",),

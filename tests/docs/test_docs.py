@@ -24,6 +24,9 @@ PAGES = [
 ]
 """Pages as they are read on a code host; those that a build of the site has left among them are left out below."""
 
+NONE_YET = ("examples/plot_NAME.py", "src/mirrorfold/_version.py")
+"""Files that are named and need not exist: one to write, one that comes with an installation."""
+
 MADE = ("docs/gallery", "docs/explanation/index.md", "docs/reference/commands.md", "docs/reference/json.md")
 
 
@@ -48,6 +51,15 @@ def test_links_lead_to_files_and_headings(page):
         assert led.exists(), f"{page.name} leads to {target}"
         assert not str(led.relative_to(ROOT)).startswith(MADE), f"{page.name} leads to {target}, which a build makes"
         assert not anchor or anchor in anchors(led), f"{page.name} leads to {target}, and no heading is called so"
+
+
+def test_files_that_pages_and_settings_name_exist():
+    files = [*PAGES, *(ROOT / ".github").rglob("*.yml"), ROOT / "pyproject.toml", ROOT / "Makefile"]
+    folders = "asv_bench|benchmarks|conda|docs|examples|src|tests"
+    named = re.compile(rf"(?<![\w./-])(?:{folders})/[\w./-]+\.(?:py|toml|json|yaml)\b")
+    for file in files:
+        for name in named.findall(file.read_text(encoding="utf-8")):
+            assert (ROOT / name).exists() or name in NONE_YET, f"{file.name} names {name}"
 
 
 def test_what_pages_show_as_toml_is_toml():
