@@ -32,6 +32,33 @@ def test_the_time_gate_cuts_what_it_should_and_nothing_late_by_default():
             mf.calibrate.time_gate(both, start, stop)
 
 
+@pytest.mark.parametrize("monostatic", [True, False])
+def test_the_time_gate_of_a_distant_scene_counts_around_its_centre(monostatic):
+    """The ambiguous range is 1.5 m; the scene lies ten metres away and reaches 0.7 m to either side of its centre."""
+    frequency = np.linspace(60e9, 64e9, 41)
+    place = np.stack([np.linspace(-0.5, 0.5, 12), np.zeros(12), np.zeros(12)], axis=1)
+    centre = np.array([0.0, 10.0, 0.0])
+
+    def seen(y):
+        s = echoes(frequency, place, place, [(0.0, y)])
+        if monostatic:
+            s = np.stack([s[:, n, n] for n in range(12)], axis=1)
+            return mf.make_monostatic_sweep(s, frequency=frequency, antenna_position=place, scene_center=centre)
+        return mf.make_sweep(s, frequency=frequency, tx_position=place, rx_position=place, scene_center=centre)
+
+    near, late = seen(9.4), seen(10.6)
+    both = near.assign(s=near["s"] + late["s"])
+    np.testing.assert_allclose(mf.calibrate.time_gate(both)["s"], both["s"], atol=1e-5)
+    inner = slice(8, -8)
+    for gate, kept, cut in (({"start": 10.0}, late, near), ({"stop": 10.0}, near, late)):
+        gated = mf.calibrate.time_gate(both, **gate)["s"][inner]
+        assert np.abs(gated - kept["s"][inner]).mean() < 0.06
+        assert np.abs(gated - cut["s"][inner]).mean() > 0.8
+    for start, stop in ((0.0, 0.5), (9.0, None), (None, 10.8)):
+        with pytest.raises(mf.InputError, match="the ambiguous range around the scene_center"):
+            mf.calibrate.time_gate(both, start, stop)
+
+
 def test_bad_channels_and_frequencies_are_found_and_filled():
     random = np.random.default_rng(4)
     clean = sweep_of([(0.1 * n - 0.3, 0.5 + 0.1 * n) for n in range(6)], frequencies=201)

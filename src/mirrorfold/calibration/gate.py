@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.calibration.record import by_blocks, with_samples
 from mirrorfold.common.arguments import number
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import ambiguous_range, check_sweep
+from mirrorfold.sweep import ambiguous_range, antenna_positions, check_sweep, is_monostatic, is_raster
 
 FLANK_CELLS = 3.0
 """Length of the flanks of a gate in range cells: the transform of a raised cosine of that length has died out before
@@ -28,7 +29,8 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     start : float [m], optional
         Range, half a path, from which on echoes are kept. By default everything early is kept too.
     stop : float [m], optional
-        Range up to which echoes are kept; by default up to the ambiguous range.
+        Range up to which echoes are kept; by default up to the ambiguous range. Of a sweep with a `scene_center` both
+        lie within half of that range around this place.
 
     Returns
     -------
@@ -43,28 +45,49 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     frequency = sweep["frequency"].values.astype(float)
     if frequency.size < 2:
         raise InputError("time_gate: the sweep has a single frequency, so ranges cannot be told apart; sweep a band")
-    farthest = ambiguous_range(sweep)
-    first = 0.0 if start is None else number("start", start, "m")
-    last = farthest if stop is None else number("stop", stop, "m")
-    if not 0.0 <= first < last <= farthest * (1.0 + 1e-9):
+    span = ambiguous_range(sweep)
+    earliest, latest = _unambiguous(sweep, span)
+    first = earliest if start is None else number("start", start, "m")
+    last = latest if stop is None else number("stop", stop, "m")
+    if not (np.all(earliest <= first) and np.all(first < last) and np.all(last <= latest + 1e-9 * span)):
+        where = "" if sweep.attrs.get("scene_center") is None else " around the scene_center"
         raise InputError(
-            f"time gate from {first:g} to {last:g} m, expected 0 <= start < stop <= {farthest:.4g} m, "
-            "the ambiguous range"
+            f"time gate from {np.min(first):g} to {np.max(last):g} m, expected {np.max(earliest):.4g} <= start < stop <= "
+            f"{np.min(latest):.4g} m, the ambiguous range{where}"
         )
     s = np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
-    gated = by_blocks(s, lambda part, _: gate_samples(part, farthest, first, last), axis=1)
+
+    def kept(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complex128]:
+        ends = (end if np.ndim(end) == 0 else np.broadcast_to(end, s.shape[1:])[some] for end in (first, last))
+        return gate_samples(part, span, *ends)
+
+    gated = by_blocks(s, kept, axis=1)
     gated = np.moveaxis(gated, 0, sweep["s"].get_axis_num("frequency"))
-    return with_samples(sweep, gated, f"time gate from {first:g} to {last:g} m")
+    return with_samples(sweep, gated, f"time gate from {np.mean(first):g} to {np.mean(last):g} m")
 
 
-def gate_samples(s: NDArray[np.complexfloating], farthest: float, start: float, stop: float) -> NDArray[np.complex128]:
-    """Samples (frequency, ...) of what arrives between two ranges [m], which count around the ambiguous range [m]."""
+def _unambiguous(sweep: xr.Dataset, span: float) -> tuple[Array, Array]:
+    """The ranges [m] between which each channel tells echoes apart: its own, or all the same."""
+    centre = sweep.attrs.get("scene_center")
+    if centre is None or is_raster(sweep):
+        return np.zeros(()), np.full((), span)
+    tx, rx = (np.linalg.norm(places - np.asarray(centre, dtype=float), axis=1) for places in antenna_positions(sweep))
+    middle = tx if is_monostatic(sweep) else 0.5 * (tx[:, None] + rx)
+    return middle - 0.5 * span, middle + 0.5 * span
+
+
+def gate_samples(
+    s: NDArray[np.complexfloating], farthest: float, start: ArrayLike, stop: ArrayLike
+) -> NDArray[np.complex128]:
+    """Samples (frequency, ...) of what arrives between two ranges [m], the same or one for each channel (...), which
+    count around the ambiguous range [m].
+    """
     count = len(s)
     flank = FLANK_CELLS * farthest / count
+    start, stop = np.asarray(start), np.asarray(stop)
     middle, half = 0.5 * (start + stop), 0.5 * (stop - start)
-    away = np.arange(count) * farthest / count - middle
+    away = (np.arange(count) * farthest / count).reshape(-1, *[1] * (s.ndim - 1)) - middle
     away = np.abs((away + 0.5 * farthest) % farthest - 0.5 * farthest)
-    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip((away - half) / flank, 0.0, 1.0))
     profile = np.fft.ifft(s, axis=0)
-    profile *= weight.reshape(-1, *[1] * (s.ndim - 1))
+    profile *= 0.5 + 0.5 * np.cos(np.pi * np.clip((away - half) / flank, 0.0, 1.0))
     return np.asarray(np.fft.fft(profile, axis=0))
