@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import main
@@ -165,3 +166,14 @@ def test_a_curved_mirror_comes_back_as_the_same_arc(reconstruction, tmp_path, na
     center, radius = (found[0] for found in circle_through(*arc[:, None]))
     assert len(plan.lines[0]) > 2
     np.testing.assert_allclose(np.linalg.norm(plan.lines[0] - center, axis=1), radius, rtol=1e-3)
+
+
+def test_a_curved_mirror_whose_middle_lies_between_its_ends_is_a_line(reconstruction, tmp_path):
+    first = mf.fold(reconstruction, mirrors=[np.array([WALL[0], [0.47, 1.22], WALL[1]])])
+    mirrors = first["mirrors"].to_dataset(inherit=False)
+    for axis in "xy":
+        middle = 0.5 * (mirrors[f"folded_{axis}0"] + mirrors[f"folded_{axis}1"])
+        mirrors[f"folded_{axis}m"] = middle
+    first["mirrors"] = xr.DataTree(mirrors)
+    drawn = read_plan(mf.export(first, tmp_path / "plan.dxf")).lines[0]
+    np.testing.assert_allclose(drawn, np.array(WALL)[:, :2], atol=1e-9)

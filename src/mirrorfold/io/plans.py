@@ -7,6 +7,7 @@ standard (RFC 7946); plans of rooms do not, and neither do those read and writte
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arcs import arc_through, by_three, circle_through, mirror_places
+from mirrorfold.common.arcs import Arc, arc_through, by_three, in_line, mirror_places
 from mirrorfold.common.arguments import path_of
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
@@ -106,10 +107,10 @@ def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:
         attribs = {"layer": layer}
         if layer == POINTS:
             drawn = space.add_point(place[0], attribs)
-        elif len(place) == 3:
+        elif len(place) == 3 and not in_line(*place):
             drawn = space.add_arc(**_arc(place), dxfattribs=attribs)
         else:
-            drawn = space.add_line(*place, attribs)
+            drawn = space.add_line(place[0], place[-1], attribs)
         drawn.set_xdata("MIRRORFOLD", [(1000, f"{name}={value}") for name, value in facts.items()])
     document.saveas(path)
 
@@ -131,11 +132,10 @@ def write_geojson(reconstruction: xr.DataTree, path: Path) -> None:
 
 def _arc(place: Array) -> dict[str, Any]:
     """Center, radius and angles [degree], counter-clockwise, of the arc through three points."""
-    (center,), (radius,) = circle_through(*place[:, None])
-    first, middle, last = (float(np.degrees(np.arctan2(*(point - center)[::-1]))) for point in place)
-    if (middle - first) % 360.0 > (last - first) % 360.0:
-        first, last = last, first
-    return {"center": tuple(center), "radius": float(radius), "start_angle": first, "end_angle": last}
+    arc = Arc.through(*place)
+    start, end = (arc.first, arc.last) if arc.turn > 0.0 else (arc.last, arc.first)
+    angles = {"start_angle": math.degrees(start), "end_angle": math.degrees(end)}
+    return {"center": tuple(arc.center), "radius": arc.radius, **angles}
 
 
 def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dict[str, Any]]]:

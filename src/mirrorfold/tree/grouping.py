@@ -31,9 +31,3 @@ def connected(pairs: Index, count: int) -> Index:
     """The number of the group that each of so many echoes belongs to, (count,), where those of pairs (n, 2) touch."""
     touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
     return np.asarray(connected_components(touching, directed=False)[1])
-
-
-def strongest(group: Index, amplitude: Array) -> Index:
-    """Which echo is the strongest of each group, by the group and amplitude of every echo, (n,) each: (groups,)."""
-    order = np.lexsort([-amplitude, group])
-    return order[np.unique(group[order], return_index=True)[1]]

@@ -18,13 +18,13 @@ from scipy.ndimage import maximum_filter
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal, signed_distance
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.explaining.late_walls import APART_CELLS
 from mirrorfold.tree.explaining.true_walls import BEYOND, EXPECTED_CELLS, strongest_flat, true_ends
-from mirrorfold.tree.grouping import object_numbers, strongest
+from mirrorfold.tree.grouping import object_numbers
 
 NEAR_CELLS = 1.0, 2.0
 """How far, in range cells and in cells aside, the earlier echoes of a series may be from where they are expected: an
@@ -67,7 +67,7 @@ def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: V
     if not found.any():
         return found
     number = object_numbers(view, echoes.range, echoes.direction)
-    return np.asarray(found[strongest(number, echoes.amplitude)][number])
+    return np.asarray(found[strongest_of(number, echoes.amplitude)][number])
 
 
 class _Brightest:

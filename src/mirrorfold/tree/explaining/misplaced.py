@@ -9,13 +9,12 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
-from mirrorfold.tree.grouping import strongest
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
 """True echoes have ratios near one, glints of faces somewhat less, mixed paths far below a half. Where antennas are
@@ -82,7 +81,7 @@ def _once_a_cell(
     range_, u = view.to_polar(position)
     cells = view.in_cells(position).T.astype(np.intp)
     cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
-    brightest = strongest(cell, amplitude)
+    brightest = strongest_of(cell, amplitude)
     where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
     if new := [place for place in where if place not in known]:
         range_, sine = np.array([place[1:] for place in new]).T
