@@ -40,6 +40,10 @@ class InputError(ValueError):
         super().__init__(shortened(sentence))
 
 
+class EndedError(InputError):
+    """A process that shared the work has ended before its time; the input need not be wrong: exit code 1."""
+
+
 def shortened(sentence: str) -> str:
     """The sentence without the middle of what is too long in it.
 

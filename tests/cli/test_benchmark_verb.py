@@ -14,6 +14,7 @@ METHODS = """
 calls = 0
 def nothing(image, sweep): return {'points': []}
 def wrong(image, sweep): raise ValueError('wrong\\nfrom the start')
+def crashes(image, sweep): __import__('os')._exit(3)
 def stopped(image, sweep):
     global calls
     calls += 1
@@ -63,6 +64,12 @@ def test_failures_are_told_and_the_work_is_done(run, capsys):
         "judged_here:wrong failed on 1 of 1 scenes, most often so: the method raised ValueError: wrong from the start"
     )
     assert printed.err == f"mirrorfold: note: {expected}\n"
+
+
+@pytest.mark.slow
+def test_a_process_that_crashes_is_no_wrong_input(run, capsys):
+    assert run("--seeds", "0:2", "--jobs", "2", "-o", "out", method="crashes") == 1
+    assert "because a method crashed or ended it" in capsys.readouterr().err
 
 
 def test_an_interruption_keeps_what_is_done_and_says_how_to_go_on(run, capsys, tmp_path):

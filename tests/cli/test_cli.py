@@ -17,6 +17,7 @@ import xarray as xr
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, hidden_dask, main
 from mirrorfold.cli.schema import check
+from mirrorfold.errors import EndedError
 
 NEEDED = {
     "demo": [],
@@ -345,6 +346,15 @@ def test_a_remark_is_given_once_however_many_frames_have_it(monkeypatch, capsys)
     monkeypatch.setattr("mirrorfold.cli.program.run", frames)
     assert main(["focus"]) == 0
     assert capsys.readouterr().err == "mirrorfold: note: y reaches beyond\n"
+
+
+def test_a_process_that_ends_is_no_wrong_input(monkeypatch, capsys):
+    def ended(arguments):
+        raise EndedError("workers: a worker process has ended")
+
+    monkeypatch.setattr("mirrorfold.cli.program.run", ended)
+    assert main(["simulate"]) == 1
+    assert capsys.readouterr().err == "mirrorfold: workers: a worker process has ended\n"
 
 
 def test_dask_is_hidden_from_xarray_only_while_a_verb_runs(monkeypatch):

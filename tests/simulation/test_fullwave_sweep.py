@@ -18,7 +18,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.errors import InputError
+from mirrorfold.errors import EndedError, InputError
 from mirrorfold.simulation.fullwave import sweep as fullwave
 from mirrorfold.simulation.fullwave.estimate import estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
@@ -143,7 +143,7 @@ def test_a_cluster_that_goes_is_told_in_a_sentence(scene_file):
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-        pytest.raises(mf.InputError, match=r"cluster at .* was lost, or its workers ended"),
+        pytest.raises(EndedError, match=r"cluster at .* was lost, or its workers ended"),
     ):
         mf.simulate(
             scene_file, solver="fullwave", scheduler=cluster.scheduler_address,

@@ -22,7 +22,7 @@ from mirrorfold.benchmarking.summaries import Benchmark, summarise
 from mirrorfold.common.arguments import listed, shown, wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
-from mirrorfold.errors import InputError
+from mirrorfold.errors import EndedError, InputError
 from mirrorfold.scenes.families import FAMILIES, Family, Radar, draw, family_named, radar_named, radars_of
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
         for future in as_completed([pool.submit(judge, task) for task in tasks]):
             yield future.result()
     except BrokenProcessPool:
-        raise InputError(
+        raise EndedError(
             "benchmark: a process has ended midway, for want of memory, or because a method crashed or ended it; use "
             "fewer jobs, or mend the method"
         ) from None

@@ -52,8 +52,8 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     if not (np.all(earliest <= first) and np.all(first < last) and np.all(last <= latest + 1e-9 * span)):
         where = "" if sweep.attrs.get("scene_center") is None else " around the scene_center"
         raise InputError(
-            f"time gate from {np.min(first):g} to {np.max(last):g} m, expected {np.max(earliest):.4g} <= start < stop <= "
-            f"{np.min(latest):.4g} m, the ambiguous range{where}"
+            f"time gate from {np.min(first):g} to {np.max(last):g} m, expected {np.max(earliest):.4g} <= start < stop "
+            f"<= {np.min(latest):.4g} m, the ambiguous range{where}"
         )
     s = np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from mirrorfold import __version__
 from mirrorfold.cli.streams import flushed, open_streams, print_error, silence
 from mirrorfold.common.signals import ended_as_by_ctrl_c
-from mirrorfold.errors import InputError, printable
+from mirrorfold.errors import EndedError, InputError, printable
 
 NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
 """What a path may be that is wrong in itself: too long, or a link in a circle."""
@@ -201,7 +201,7 @@ def _attempt_until(signals: list[int], arguments: list[str]) -> int:
         _carry_out(arguments)
         sys.stdout.flush()
     except InputError as error:
-        return _complain(error, str(error), WRONG_INPUT)
+        return _complain(error, str(error), FAILED if isinstance(error, EndedError) else WRONG_INPUT)
     except KeyboardInterrupt as error:
         code = SIGNALLED + signals[0] if signals else INTERRUPTED
         return _complain(error, str(error) or "interrupted; nothing was written", code)

@@ -21,7 +21,7 @@ from mirrorfold.common.leftovers import remove_leftovers, temporary_prefix
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
-from mirrorfold.errors import InputError
+from mirrorfold.errors import EndedError, InputError
 from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System, scattered
 
@@ -86,7 +86,7 @@ def _in_processes(
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except BrokenProcessPool:
-            raise InputError(
+            raise EndedError(
                 "workers: a worker process has ended before its time, for want of memory or because the script that "
                 'started it lacks `if __name__ == "__main__":`; use fewer workers or add that line, and resume'
             ) from None
@@ -164,7 +164,7 @@ def _on_cluster(
             for future in completed(futures, loop=client.loop):
                 yield futures[future], future.result()
         except (KilledWorker, CancelledError, CommClosedError) as error:
-            raise InputError(
+            raise EndedError(
                 f"scheduler: the Dask cluster at {scheduler!r} was lost, or its workers ended again and again, perhaps "
                 f"for want of memory ({type(error).__name__}); mend it, and resume"
             ) from None
