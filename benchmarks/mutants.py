@@ -156,7 +156,9 @@ def survives(path: Path, tree: ast.Module | None, tests: list[str], seconds: flo
     SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
     import pytest
 
-    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests])))
+    # Hypothesis is shared by all forks, and pytest warns that it cannot rewrite its assertions any more.
+    quiet = ["-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    os._exit(int(pytest.main(["-x", "-q", *quiet, *tests])))
     return False
 
 

@@ -29,6 +29,15 @@ def test_a_benchmark_without_options_says_what_it_does_and_does_nothing(script):
     assert (done.returncode, done.stdout[:6]) == (0, "usage:"), done.stderr
 
 
+@pytest.mark.slow
+def test_a_mutant_is_tried_where_the_tests_accept_the_module_as_it_is():
+    module, tests = "src/mirrorfold/tree/completion.py", "tests/tree/test_completion.py"
+    words = [sys.executable, "benchmarks/mutants.py", module, "--tests", tests, "--sample", "1"]
+    done = subprocess.run(words, cwd=FOLDER.parent, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, done.stdout
+    assert f"{module}: 1 of " in done.stdout
+
+
 def test_an_ablation_leaves_out_what_steps_2_to_4_use(monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     from ablation import WITHOUT
