@@ -97,6 +97,7 @@ def _made(folder: Path) -> dict[str, bytes]:
         "sweep.nc": sweep,
         "image.nc": image,
         "reconstruction.nc": mf.fold(image, mirrors=[[[-0.2, 0.3], [0.2, 0.34]]]),
+        "reconstruction-curved.nc": mf.fold(image, mirrors=[[[-0.2, 0.3], [0.0, 0.31], [0.2, 0.34]]]),
     }
     volume = _volume()
     things |= {"image-volume.nc": volume, "reconstruction-volume.nc": mf.fold(volume, mirrors=[WALL])}

@@ -172,6 +172,24 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
 
 
 @pytest.mark.parametrize(
+    ("group", "change", "words"),
+    [
+        ("/", lambda d: d.assign(intensity=d["intensity"].astype("S3")), "'intensity' has type"),
+        ("/initial", lambda d: d.assign(initial=1j * d["initial"]), "'initial' has type complex"),
+        ("/objects", lambda d: d.assign(x_error=d["amplitude"].astype(str)), "'x_error' in the group /objects holds a"),
+        ("/objects", lambda d: d.assign(confocal=1.0), r"'confocal' .* has dimensions \(\)"),
+        ("/objects", lambda d: d.assign(passed=d["amplitude"]), "'wall' is missing"),
+        ("/mirrors", lambda d: d.assign(fill=d["strength"] > 0.0), "'fill' in the group /mirrors holds a value that is no"),
+        ("/mirrors", lambda d: d.assign(curvature=d["strength"]), "'xm' is missing"),
+    ],
+)
+def test_pictures_and_columns_that_hold_no_numbers_are_refused(reconstruction, group, change, words):
+    groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
+    with pytest.raises(InputError, match=words):
+        mf.save(xr.DataTree.from_dict(groups | {group: change(groups[group])}), "never.nc")
+
+
+@pytest.mark.parametrize(
     ("spoil", "words"),
     [
         (lambda i: i.transpose("x", "y"), r"has dimensions \('x', 'y'\)"),
@@ -182,6 +200,8 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
         (lambda i: i.isel(x=slice(None, None, -1)), "equal rising steps"),
         (lambda i: i.isel(y=[0, 1, 3, 4]), "equal rising steps"),
         (lambda i: i.where(i["x"] > 0.09), "1000 pixels of 2000 are not finite"),
+        (lambda i: i.assign_coords(z=np.nan), "z is nan, expected the one height"),
+        (lambda i: i.assign_coords(z="up"), "z is 'up', expected the one height"),
     ],
 )
 def test_an_image_is_checked(image, spoil, words, tmp_path):

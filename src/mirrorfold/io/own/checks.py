@@ -20,12 +20,19 @@ TEXTS = ("title", "instrument", "description", "remark", "command", "preset", "t
 PLACES = re.compile(r"(folded_)?(corner_)?[xyz]([01]|_initial)?")
 """Names of coordinates in the tables of a reconstruction."""
 
+NUMBERS = re.compile(
+    r"(folded_)?((center|normal|axis)_)?[xyz]m?|(\w+_)?error|frame|amplitude|bounces|confidence|confocal|interpolated|"
+    r"growth|passed|parent|generation|strength|fill|depth|curvature|permittivity|thickness|beyond_(start|end)"
+)
+"""Names of all other columns of numbers that we write there; some are not a number (NaN) where they mean nothing."""
+
 ROWS = {"/objects": "point", "/mirrors": "mirror"}
 """The dimension of each table of a reconstruction."""
 
 TOGETHER = {
-    "/objects": (("z", "z_initial"),),
+    "/objects": (("z", "z_initial"), ("passed", "wall", "decided")),
     "/mirrors": (
+        ("curvature", "xm", "ym", "folded_xm", "folded_ym"),
         tuple(f"{folded}z{end}" for folded in ("", "folded_") for end in "01"),
         tuple(f"{folded}corner_{axis}" for folded in ("", "folded_") for axis in "xyz"),
     ),
@@ -134,15 +141,13 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
         raise InputError(f"{source}: attr {prefix}frequency_stop is {shown(stop)}, expected more than {shown(start)}")
 
 
-def check_tables(nodes: Mapping[str, xr.DataTree], columns: Mapping[str, Mapping[str, Any]], source: str) -> None:
+def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
     """Refuse tables that lack some of their columns, places that are none, and columns that hold no numbers.
 
     Parameters
     ----------
     nodes : dict
         The groups of a reconstruction by their paths.
-    columns : dict
-        Names of the columns of each group.
     source : str
         Names the file in the message.
 
@@ -161,21 +166,22 @@ def check_tables(nodes: Mapping[str, xr.DataTree], columns: Mapping[str, Mapping
                 )
         for name, column in held.variables.items():
             expected = (row, "corner") if "corner_" in str(name) else (row,)
-            if PLACES.fullmatch(str(name)) and column.dims != expected:
+            ours = PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
+            if ours and column.dims != expected:
                 where = f"{source}: {name!r} in the group {group}"
                 raise InputError(f"{where} has dimensions {column.dims}, expected {expected}; fold again")
-            wrong = _wrong(str(name), column.values, name in columns[group])
+            wrong = _wrong(str(name), column.values)
             if wrong is not None:
                 raise InputError(f"{source}: {name!r} in the group {group} holds a value that {wrong}; fold again")
 
 
-def _wrong(name: str, values: Any, known: bool) -> str | None:
+def _wrong(name: str, values: Any) -> str | None:
     """What is wrong with a column; None where nothing is."""
     if PLACES.fullmatch(name):
         return unplaced(values)
-    if not known or name == "chain":
+    if not NUMBERS.fullmatch(name):
         return None
-    if values.dtype.kind not in "fiu":
+    if values.dtype.kind not in "fiu" and not (name == "interpolated" and values.dtype.kind == "b"):
         return "is no real number"
     if name == "amplitude" and not np.isfinite(values).all():
         return "is not finite"
@@ -221,7 +227,11 @@ def _check_axes(image: xr.DataArray, source: str) -> None:
     ------
     InputError
     """
-    for name in image_axes(image):
+    axes = image_axes(image)
+    plane = "z" in image.coords and axes == ("y", "x")
+    if plane and (image["z"].ndim or unplaced(image["z"].values) is not None):
+        raise InputError(f"{source}: z is {shown(image['z'].values)}, expected the one height of the plane in metres")
+    for name in axes:
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
         values = image[name].values
@@ -276,10 +286,13 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
                     f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
                 )
     for group, name in (("/", "intensity"), ("/initial", "initial")):
-        _check_axes(nodes[group].to_dataset()[name], f"{source}: {name}")
+        picture = nodes[group].to_dataset()[name]
+        if picture.dtype.kind not in "fiu":
+            raise InputError(f"{source}: {name!r} has type {picture.dtype}, expected real amplitudes; fold again")
+        _check_axes(picture, f"{source}: {name}")
     check_radar(reconstruction.attrs, source)
     check_facts(reconstruction.attrs, source, "image_")
-    check_tables(nodes, RECONSTRUCTION, source)
+    check_tables(nodes, source)
     for group, hidden in (("/objects", {"x", "y", "frame"}), ("/mirrors", {"frame"})):
         table = nodes[group].to_dataset(inherit=False)
         if hidden & set(table.data_vars):
