@@ -177,9 +177,10 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
         ("/", lambda d: d.assign(intensity=d["intensity"].astype("S3")), "'intensity' has type"),
         ("/initial", lambda d: d.assign(initial=1j * d["initial"]), "'initial' has type complex"),
         ("/objects", lambda d: d.assign(x_error=d["amplitude"].astype(str)), "'x_error' in the group /objects holds a"),
+        ("/objects", lambda d: d.assign(chain=d["chain"].astype("S3")), "'chain' in the group /objects holds a value"),
         ("/objects", lambda d: d.assign(confocal=1.0), r"'confocal' .* has dimensions \(\)"),
         ("/objects", lambda d: d.assign(passed=d["amplitude"]), "'wall' is missing"),
-        ("/mirrors", lambda d: d.assign(fill=d["strength"] > 0.0), "'fill' in the group /mirrors holds a value that is no"),
+        ("/mirrors", lambda d: d.assign(fill=d["strength"] > 0.0), "'fill' in the group /mirrors holds a value"),
         ("/mirrors", lambda d: d.assign(curvature=d["strength"]), "'xm' is missing"),
     ],
 )

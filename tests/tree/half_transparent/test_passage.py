@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from synthetic import diffuse, radar_view, together
@@ -11,7 +14,9 @@ from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.explaining.behind_walls import as_far_as_hidden
-from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED, passage
+from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED, _shown, _told, guess_transparent, passage
+from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST
+from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.rounds import find_tree
 
 WALL = np.array([0.45, 0.7]), np.array([0.825, 1.7])
@@ -27,21 +32,99 @@ ABOVE = np.array([0.6, 2.4]), np.array([1.0, 2.4])
 """A mirror beyond its end, whose way passes the wall by."""
 
 
-@pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
-def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
-    post = SHOWN + np.array([[0.0, 0.0], [0.06, 0.0], [0.0, 0.06]])
-    ghost = reflect(post, other[0], segment_normal(*other))
-    rough = (diffuse(*wall, seed) for seed, wall in enumerate((WALL, other)))
-    view = radar_view(
-        *together(*rough, (post, np.full(3, 20.0)), (ghost, np.full(3, 20.0))), noise=1e-3, reach=(0.3, 4.5)
-    )
+ASIDE = np.array([0.95, 1.9])
+"""Another one, which no other mirror shows."""
+
+LEFT = reflect(SHOWN, WALL[0], segment_normal(*WALL))
+"""Where the wall would show what seems to stand behind it."""
+
+
+def find(*others, objects):
+    """What steps 2 to 4 find of the wall, other mirrors and objects, the wall's node, and how they are found anew."""
+    rough = (diffuse(*wall, seed) for seed, wall in enumerate((WALL, *others)))
+    post = np.array([[0.0, 0.0], [0.06, 0.0], [0.0, 0.06]])
+    posts = ((place + post, np.full(3, 20.0)) for place in objects)
+    ghosts = ((reflect(SHOWN + post, other[0], segment_normal(*other)), np.full(3, 20.0)) for other in others)
+    view = radar_view(*together(*rough, *posts, *ghosts), noise=1e-3, reach=(0.3, 4.5))
     echoes = find_ridges(view)
     settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
-    found = find_tree(view, echoes, settings, known=np.array([WALL, other]))
+
+    def again(*, echoes):
+        return find_tree(view, echoes, settings, known=np.array([WALL, *others]))
+
+    found = again(echoes=echoes)
     (node,) = [
         node for node in found.tree.mirrors if np.allclose(np.sort(node.line.ends, axis=0), np.sort(WALL, axis=0))
     ]
-    passed = passage(found, view, node, found.tree.folds(), as_far_as_hidden(found))
-    near = np.linalg.norm(node.objects.position - SHOWN, axis=1) < 0.02
-    assert near.any()
-    np.testing.assert_allclose(passed[near], expected)
+    return found, node, view, again
+
+
+def near(echoes, place):
+    close = np.linalg.norm(echoes.position - place, axis=1) < 0.02
+    assert close.any()
+    return close
+
+
+def passed(found, node, view):
+    return passage(found, view, node, found.tree.folds(), as_far_as_hidden(found))
+
+
+@pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
+def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
+    found, node, view, again = find(other, objects=[SHOWN, ASIDE])
+    np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], expected)
+    asked = []
+
+    def once_more(*, echoes):
+        asked.append(echoes)
+        return again(echoes=echoes)
+
+    result = guess_transparent(found, view, found.echoes, again=once_more)
+    if expected == UNDECIDED:
+        assert result is found
+        assert not asked
+        return
+    (window,) = result.windows
+    assert window.decided == BY_GEOMETRY
+    assert (np.linalg.norm(window.echoes.position - SHOWN, axis=1) < 0.08).all()
+    np.testing.assert_allclose(window.probability, GUESS)
+    assert len(window.tested) == len(window.passed) == len(node.objects)
+    assert len(asked[0]) == len(found.echoes) - len(window.echoes)
+    curved = MirrorTree(SimpleNamespace(curved=True), node.face.take([]), node.objects.take([]), chain=(9,))
+    beside = found._replace(tree=replace(found.tree, mirrors=(*found.tree.mirrors, curved)))
+    assert guess_transparent(beside, view, found.echoes, again=once_more) is beside
+
+
+def test_what_stands_before_a_wall_and_seems_to_behind_was_reflected():
+    found, node, view, again = find(objects=[SHOWN, LEFT])
+    np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], 1.0 - GUESS)
+    assert guess_transparent(found, view, found.echoes, again=again) is found
+
+
+def test_an_object_at_both_places_tells_nothing():
+    found, node, view, _ = find(ABOVE, objects=[SHOWN, LEFT])
+    np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], UNDECIDED)
+
+
+def test_what_is_seen_directly_behind_a_wall_tells_nothing():
+    found, node, view, _ = find(objects=[SHOWN])
+    (wall,) = found.tree.mirrors
+    same = found._replace(tree=replace(found.tree, objects=wall.objects))
+    np.testing.assert_allclose(passed(same, node, view), UNDECIDED)
+
+
+@pytest.mark.parametrize(("cells", "expected"), [(FEWEST - 1, False), (FEWEST, True)])
+def test_so_many_cells_of_an_object_tell_of_all_its_echoes(cells, expected):
+    view = SimpleNamespace(cell_numbers=lambda position: position[:, 0].astype(int))
+    echoes = SimpleNamespace(position=np.arange(10.0)[:, None] // np.array([2.0]))
+    number = np.repeat([0, 1], [8, 2])
+    told = echoes.position[:, 0] < cells
+    np.testing.assert_array_equal(_told(number, told, view, echoes), (number == 0) & expected)
+
+
+def test_places_are_the_same_up_to_a_cell_and_a_half_there():
+    """The radar stands at (1, 0) m, and a cell is a tenth of the range."""
+    view = SimpleNamespace(dimensions=2, radar=np.array([1.0, 0.0]), cell=lambda range_: 0.1 * range_)
+    places = np.array([[2.0, 0.0], [4.0, 0.0]])
+    np.testing.assert_array_equal(_shown(view, places, [places + np.array([0.2, 0.0])]), [False, True])
+    assert not _shown(view, places, []).any()

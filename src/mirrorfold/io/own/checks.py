@@ -26,6 +26,9 @@ NUMBERS = re.compile(
 )
 """Names of all other columns of numbers that we write there; some are not a number (NaN) where they mean nothing."""
 
+WORDS = {"caustic", "chain", "decided", "explanation", "surface", "wall"}
+"""Columns of texts."""
+
 ROWS = {"/objects": "point", "/mirrors": "mirror"}
 """The dimension of each table of a reconstruction."""
 
@@ -142,7 +145,7 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
 
 
 def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
-    """Refuse tables that lack some of their columns, places that are none, and columns that hold no numbers.
+    """Refuse tables that lack some of their columns, places that are none, and columns that hold no numbers, or texts.
 
     Parameters
     ----------
@@ -166,7 +169,7 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
                 )
         for name, column in held.variables.items():
             expected = (row, "corner") if "corner_" in str(name) else (row,)
-            ours = PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
+            ours = name in WORDS or PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
             if ours and column.dims != expected:
                 where = f"{source}: {name!r} in the group {group}"
                 raise InputError(f"{where} has dimensions {column.dims}, expected {expected}; fold again")
@@ -179,6 +182,8 @@ def _wrong(name: str, values: Any) -> str | None:
     """What is wrong with a column; None where nothing is."""
     if PLACES.fullmatch(name):
         return unplaced(values)
+    if name in WORDS:
+        return None if all(isinstance(value, str) for value in values.flat) else "is no text"
     if not NUMBERS.fullmatch(name):
         return None
     if values.dtype.kind not in "fiu" and not (name == "interpolated" and values.dtype.kind == "b"):
