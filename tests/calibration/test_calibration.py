@@ -13,6 +13,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.calibration.autofocus import entropy
+from mirrorfold.calibration.displacement import fit_displacement
 from mirrorfold.calibration.masking import find_bad
 
 MICROMETRE = 1e-6
@@ -115,6 +116,33 @@ def test_the_displacement_of_the_apertures_is_found_from_two_places():
     assert length == pytest.approx(cable, abs=20 * MICROMETRE)
     moved = mf.calibrate.displace_receivers(sweeps[0], found)
     np.testing.assert_allclose(moved["rx_position"], rx + found)
+
+
+def test_errors_of_the_displacement_are_those_that_are_made():
+    """Receivers have delays of their own of 0.1 mm, and the samples noise."""
+    frequency, tx, rx = np.linspace(270e9, 300e9, 61), line(9, centre=(-0.05, 0, 0)), line(9, centre=(0.05, 0, 0))
+    truth, places = np.array([3e-3, -2e-3, 0.0]), [(-0.5, 0.7), (0.5, 0.8), (0.0, 1.0)]
+    ratios = []
+    for seed in range(12):
+        own = np.random.default_rng(seed).normal(0.0, 1e-4, 9)
+        sweeps = [
+            mf.add_noise(
+                with_delays(
+                    mf.make_sweep(
+                        echoes(frequency, tx, rx + truth, [p]), frequency=frequency, tx_position=tx, rx_position=rx
+                    ),
+                    np.zeros(9), own,
+                ),
+                snr_db=10.0, seed=10 * seed + n,
+            )
+            for n, p in enumerate(places)
+        ]  # fmt: skip
+        found = fit_displacement(sweeps, at=places)
+        assert found.error[2] == np.inf  # nothing tells of heights
+        ratios.append((found.vector - truth)[:2] / found.error[:2])
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 2.0
+    alone = fit_displacement(sweeps[0], at=places[0])
+    assert alone.error[1] == np.inf  # a single place tells of the array's direction alone
 
 
 @pytest.mark.parametrize("truth", [(15e-3, -4e-3, 3e-3), (0.0, 8e-3, 0.0)])

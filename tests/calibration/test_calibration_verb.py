@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -71,7 +72,9 @@ def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     assert "more than the 20 mm" in capsys.readouterr().err  # delays of single elements are no displacement of all
     mf.save(mf.calibrate.remove_cable(sweep_of([(0.0, 0.8)]), -0.7), "sphere.nc")
     assert main(["calibrate", "scene.nc", "-o", "moved.nc", *given[2:], "--find-displacement"]) == 0
-    assert "known modulo 2.99792 m" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "known modulo 2.99792 m" in printed
+    assert re.search(r"standard errors of the displacement: \S+, unknown, unknown mm", printed)
     np.testing.assert_allclose(mf.load("moved.nc")["rx_position"], mf.load("scene.nc")["rx_position"], atol=1e-5)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -31,6 +32,10 @@ class Calibration(Record):
     kind: Literal["sweep"]
     processing: list[str] = fact("every step so far")
     rx_displacement_m: list[float] | None = fact(default=LEFT_OUT)
+    rx_displacement_error_m: list[Number] | None = fact(
+        "standard errors by what the receivers disagree; none where the places of the sphere do not tell",
+        default=LEFT_OUT,
+    )
     cable_length_m: Number = fact("electrical length that all pairs share, by the sphere", default=LEFT_OUT)
     cable_period_m: Number = fact("length of cable that the sweep cannot tell from none, c / df", default=LEFT_OUT)
     elements_residual_m: Number = fact(default=LEFT_OUT)
@@ -229,8 +234,11 @@ def calibrate(
             empty = response = None
             facts["cable_period_m"] = 2.0 * ambiguous_range(result) * electrical
         if sphere and find_displacement:
-            vector, length = mf.calibrate.estimate_displacement(spheres, **known)
-            facts |= {"rx_displacement_m": [float(part) for part in vector], "cable_length_m": length * electrical}
+            from mirrorfold.calibration.displacement import fit_displacement
+
+            vector, length, error = fit_displacement(spheres, **known)
+            facts |= {"rx_displacement_m": vector.tolist(), "rx_displacement_error_m": error.tolist()}
+            facts["cable_length_m"] = length * electrical
             result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length * electrical)
         elif sphere:
             found = mf.calibrate.estimate_elements(spheres, **known)
@@ -258,6 +266,8 @@ def calibrate(
     for step in done.processing:
         say(step)
     if done.rx_displacement_m is not None:
+        errors = [f"{1e3 * one:.2g}" if math.isfinite(one) else "unknown" for one in error]
+        say(f"standard errors of the displacement: {', '.join(errors)} mm")
         say(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
     if done.elements_residual_m is not None:
         say(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
