@@ -106,13 +106,6 @@ def test_an_object_at_both_places_tells_nothing():
     np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], UNDECIDED)
 
 
-def test_what_is_seen_directly_behind_a_wall_tells_nothing():
-    found, node, view, _ = find(objects=[SHOWN])
-    (wall,) = found.tree.mirrors
-    same = found._replace(tree=replace(found.tree, objects=wall.objects))
-    np.testing.assert_allclose(passed(same, node, view), UNDECIDED)
-
-
 @pytest.mark.parametrize(("cells", "expected"), [(FEWEST - 1, False), (FEWEST, True)])
 def test_so_many_cells_of_an_object_tell_of_all_its_echoes(cells, expected):
     view = SimpleNamespace(cell_numbers=lambda position: position[:, 0].astype(int))
