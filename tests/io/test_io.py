@@ -171,6 +171,13 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
         mf.save(wrong, "never.nc")
 
 
+def bent(mirrors):
+    """The columns of a curved mirror."""
+    return {"curvature": mirrors["x0"]} | {
+        f"{folded}{axis}m": mirrors["x0"] for folded in ("", "folded_") for axis in "xy"
+    }
+
+
 @pytest.mark.parametrize(
     ("group", "change", "words"),
     [
@@ -182,6 +189,16 @@ def test_variables_with_wrong_dimensions_are_refused(reconstruction):
         ("/objects", lambda d: d.assign(passed=d["amplitude"]), "'wall' is missing"),
         ("/mirrors", lambda d: d.assign(fill=d["strength"] > 0.0), "'fill' in the group /mirrors holds a value"),
         ("/mirrors", lambda d: d.assign(curvature=d["strength"]), "'xm' is missing"),
+        (
+            "/mirrors",
+            lambda d: d.assign(bent(d) | {"xm": np.nan * d["x0"]}),
+            "'xm' in the group /mirrors holds a value",
+        ),
+        (
+            "/mirrors",
+            lambda d: d.assign(bent(d) | {"curvature": 1e300 * d["x0"]}),
+            "'curvature' in the group /mirrors holds",
+        ),
     ],
 )
 def test_pictures_and_columns_that_hold_no_numbers_are_refused(reconstruction, group, change, words):

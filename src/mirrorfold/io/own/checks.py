@@ -26,6 +26,9 @@ NUMBERS = re.compile(
 )
 """Names of all other columns of numbers that we write there; some are not a number (NaN) where they mean nothing."""
 
+BENT = re.compile(r"curvature|(folded_)?[xyz]m")
+"""Columns that tell how a curved mirror is bent; those of straight mirrors may be NaN."""
+
 WORDS = {"caustic", "chain", "decided", "explanation", "surface", "wall"}
 """Columns of texts."""
 
@@ -167,6 +170,7 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
                 raise InputError(
                     f"{source}: {missing!r} is missing from the group {group}, which has {there[0]!r}; fold again"
                 )
+        bent = np.nan_to_num(held["curvature"].values) != 0.0 if _has_numbers(held, "curvature") else slice(0)
         for name, column in held.variables.items():
             expected = (row, "corner") if "corner_" in str(name) else (row,)
             ours = name in WORDS or PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
@@ -174,8 +178,14 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
                 where = f"{source}: {name!r} in the group {group}"
                 raise InputError(f"{where} has dimensions {column.dims}, expected {expected}; fold again")
             wrong = _wrong(str(name), column.values)
+            if wrong is None and BENT.fullmatch(str(name)):
+                wrong = unplaced(column.values[bent])
             if wrong is not None:
                 raise InputError(f"{source}: {name!r} in the group {group} holds a value that {wrong}; fold again")
+
+
+def _has_numbers(held: xr.Dataset, name: str) -> bool:
+    return name in held.variables and held[name].dtype.kind == "f" and held[name].ndim == 1
 
 
 def _wrong(name: str, values: Any) -> str | None:
