@@ -105,7 +105,7 @@ def with_arc(reconstruction, radius, depth=0.0, half=0.3):
     y = 2.0 + depth
     ends = dict(zip(("x0", "y0", "x1", "y1"), (-half, y + rise, half, y + rise), strict=True))
     values = {**{f"folded_{name}": [value] for name, value in ends.items()}, "curvature": [1.0 / radius]}
-    values |= {"folded_xm": [0.0], "folded_ym": [y]}
+    values |= {"xm": [0.0], "ym": [y], "folded_xm": [0.0], "folded_ym": [y]}
     nodes = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     nodes["/mirrors"] = nodes["/mirrors"].assign({name: ("mirror", value) for name, value in values.items()})
     return xr.DataTree.from_dict(nodes)

@@ -36,7 +36,7 @@ ROWS = {"/objects": "point", "/mirrors": "mirror"}
 """The dimension of each table of a reconstruction."""
 
 TOGETHER = {
-    "/objects": (("z", "z_initial"), ("passed", "wall", "decided")),
+    "/objects": (("z", "z_initial"), ("passed", "wall")),
     "/mirrors": (
         ("curvature", "xm", "ym", "folded_xm", "folded_ym"),
         tuple(f"{folded}z{end}" for folded in ("", "folded_") for end in "01"),
