@@ -129,6 +129,8 @@ def remembering() -> Finder:
         if known is not None:
             return find_mirrors(view, echoes, known=known, **options)
         asked = sha256(repr(sorted(options.items())).encode())
+        if isinstance(view, ImageView):
+            asked.update(view.elsewhere.tobytes())
         for field in fields(echoes):
             asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
         if (key := asked.digest()) not in answers:

@@ -21,9 +21,11 @@ from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itsel
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
+from mirrorfold.tree.explaining.cut_glints import cut_glints
 from mirrorfold.tree.explaining.half_shadows import Hems
 from mirrorfold.tree.explaining.late_walls import from_late_walls
-from mirrorfold.tree.explaining.misplaced import LATE
+from mirrorfold.tree.explaining.misplaced import LATE, MIXED
+from mirrorfold.tree.explaining.outshone import OUTSHONE
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
@@ -69,20 +71,22 @@ def find_tree(
         Step 2: `find_mirrors`, or another function with its arguments.
     """
     measured = measured or Measured()
-    agree = partial(agreed, view, settings=settings, known=known, besides=besides, find=find)
+    agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
     account, hems = _Account(echoes), Hems.nothing()
     repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
     while True:
         go_on()
         echoes = account.echoes
-        order, seen = agree(echoes, walls=walls, hems=hems)
+        order, seen = agree(view, echoes, walls=walls, hems=hems)
         if measured.beside is not None and not (told := measured.beside(order, seen)).same(hems):
             hems = told
-            order, seen = agree(echoes, walls=walls, hems=hems)
+            order, seen = agree(view, echoes, walls=walls, hems=hems)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
             account.put(clear & copies(order, seen), COPY)
+        if known is None and settings.opaque and not settings.published:
+            account.put(clear & cut_glints(order, seen), OUTSHONE)
         twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
             # Scattered echoes that pass for a wall go at once: nothing is seen by way of that wall.
@@ -91,10 +95,14 @@ def find_tree(
             account.put(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
         if measured.explain is not None:
             account.ask(measured.explain, clear)
-        if account.stays.all():
+        searched = known is None and not settings.published and isinstance(view, ImageView)
+        blurs = searched and measured.share is not None and account.blur(measured.share, clear & (order.face >= 0))
+        if account.stays.all() and not blurs:
             break
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
+        if searched:
+            view = view.knowing(account.elsewhere())
     # Neither what was scattered twice nor the radar's own image is an object, but each hides what is behind it.
     if twice.any():
         account.put(twice, SCATTERED)
@@ -103,6 +111,10 @@ def find_tree(
     if settings.opaque:
         account.put(radar_itself(tree, sight, seen), ITSELF)
     return Found(seen, tree, sight, *account.explained())
+
+
+OWN_SHARE = 0.5
+"""Share of the energy of an echo that must have come back the way it went: with less, most of it is from elsewhere."""
 
 
 class _Account:
@@ -118,6 +130,7 @@ class _Account:
         self._every = self.echoes = echoes
         self._index, self._trusted = np.arange(len(echoes)), np.zeros(len(echoes), dtype=bool)
         self._why = np.full(len(echoes), "", dtype=object)
+        self._blurs = np.zeros(len(echoes), dtype=bool)
 
     @property
     def stays(self) -> Mask:
@@ -139,6 +152,19 @@ class _Account:
         """Go on without those that something accounts for."""
         stays = self.stays
         self._index, self._trusted, self.echoes = self._index[stays], self._trusted[stays], self.echoes.take(stays)
+
+    def blur(self, share: Callable[[Array, Array], Array], which: Mask) -> bool:
+        """Ask of some of the `echoes` that stay, (n,), whether most of their energy came back by another way than it
+        went: where walls show them, their place says little of the wall. Returns whether any does that did not before.
+        """
+        asked = self._index[which & self.stays & ~self._blurs[self._index]]
+        blurs = asked[share(self._every.position[asked], self._every.amplitude[asked]) < OWN_SHARE]
+        self._blurs[blurs] = True
+        return bool(blurs.size)
+
+    def elsewhere(self) -> Array:
+        """Where the image shows echoes that came back by another way than they went, (m, d) [m]."""
+        return self._every.position[self._blurs | (self._why == MIXED)]
 
     def explained(self) -> tuple[Echoes, Names]:
         """All that something accounts for, and what does."""

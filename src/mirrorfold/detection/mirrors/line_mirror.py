@@ -17,6 +17,10 @@ from mirrorfold.detection.views.image_view import ImageView
 SPACING = 0.25
 """Step along a mirror, in range cells, from one profile across it to the next."""
 
+CLEAR_SHARE = 0.25
+"""Less than this share of a wall does not tell where it stands: then what echoes from elsewhere blur counts, too. What
+goes by both of two walls at right angles blurs up to two thirds of what is seen of one, at 79 GHz."""
+
 END_CELLS = 0.6
 """Profiles leave out this much of a slanting resolution cell at either end of a row."""
 
@@ -95,7 +99,7 @@ class LineMirror(Mirror):
         return beside, beside.copy(), across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
-        """A row along it, without its ends.
+        """A row along it, without its ends, and without what echoes from elsewhere blur, if they leave enough of it.
 
         A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the
         line, to opposite sides at the two ends, and turns a short wall. It does so as much as the cell's extents along
@@ -107,7 +111,9 @@ class LineMirror(Mirror):
         if left_out.any():
             left_out *= min(1.0, 0.5 * self.length / left_out.sum())
         count = max(8, int(self.length / (SPACING * view.range_cell)))
-        return self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
+        row = self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
+        clear = ~view.blurred(row)
+        return row[clear] if np.mean(clear) > CLEAR_SHARE else row
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
         """Square to it."""

@@ -165,6 +165,7 @@ def _sharpest(across: Array, along: Array, side: float, independent: float) -> t
     first, last = along.min(axis=0), along.max(axis=0)
     end = np.minimum(END_CELLS * side, 0.25 * (last - first))
     inner = np.flatnonzero(np.all((along >= first + end) & (along <= last - end), axis=1))
+    inner = inner if inner.size else np.arange(len(across))  # echoes from elsewhere may blur all but the ends
     independent *= inner.size / len(across)
     count = int(np.ceil(inner.size * min(1.0, ENOUGH / independent)))
     return np.sort(inner[np.argsort(across[inner], kind="stable")[:count]]), min(independent, ENOUGH)

@@ -6,7 +6,7 @@ lobes, shadows and lines of sight are simple in these coordinates, so the steps 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
@@ -39,6 +40,10 @@ EDGE_CELLS = 2
 
 OPAQUE_CELLS = 2.5
 """Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+
+BLURRED_CELLS = 1.25, 0.5
+"""An echo from elsewhere moves the centre of power of what stands less than this far beside it, in range cells and in
+cells across: a profile reaches over 0.75 cells and the echo itself over half a cell, in its own beam."""
 
 LARGEST_SINE = 0.985
 """Directions closer to the line of the array are left out: the array does not resolve them (80 degrees)."""
@@ -68,6 +73,8 @@ class ImageView(View):
         lie beyond it.
     noisy : bool
         Whether noise can be told from the image, see `noise_level`.
+    elsewhere : (m, 2) array [m]
+        Where the image shows echoes of which the sweep tells that they come from elsewhere.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -87,6 +94,22 @@ class ImageView(View):
     wavelength: float = np.inf
     ambiguous: float = np.inf
     noisy: bool = True
+    elsewhere: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def knowing(self, elsewhere: Array) -> ImageView:
+        """The same view once it is known where echoes (m, 2) [m] come from `elsewhere`."""
+        view = replace(self, elsewhere=elsewhere)
+        view.__dict__.update({name: kept for name, kept in vars(self).items() if name not in view.__dict__})
+        return view
+
+    def blurred(self, points: Array) -> Mask:
+        """Which places (n, 2) [m] cannot be told from what echoes from elsewhere show there."""
+        found = np.zeros(len(points), dtype=bool)
+        if len(self.elsewhere):
+            near, places = (self.in_cells(some) / BLURRED_CELLS for some in (self.elsewhere, points))
+            seen = np.isfinite(places).all(axis=1)  # not behind the radar
+            found[seen] = cKDTree(near).query(places[seen], p=np.inf)[0] <= 1.0
+        return found
 
     @property
     def axes(self) -> tuple[Array, ...]:
