@@ -95,13 +95,13 @@ def find_tree(
             account.put(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
         if measured.explain is not None:
             account.ask(measured.explain, clear)
-        searched = known is None and not settings.published and isinstance(view, ImageView)
+        searched = known is None and not settings.published
         blurs = searched and measured.share is not None and account.blur(measured.share, clear & (order.face >= 0))
         if account.stays.all() and not blurs:
             break
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
-        if searched:
+        if searched and isinstance(view, ImageView):
             view = view.knowing(account.elsewhere())
     # Neither what was scattered twice nor the radar's own image is an object, but each hides what is behind it.
     if twice.any():
