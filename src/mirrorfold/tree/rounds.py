@@ -22,6 +22,7 @@ from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
 from mirrorfold.tree.explaining.cut_glints import cut_glints
+from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Hems
 from mirrorfold.tree.explaining.late_walls import from_late_walls
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
@@ -102,7 +103,7 @@ def find_tree(
         walls = None if walls is None else walls[account.stays]
         account.leave_out()
         if searched and isinstance(view, ImageView):
-            view = view.knowing(account.elsewhere())
+            view = view.knowing(account.elsewhere(NEAREST_LENGTHS * view.glint))
     # Neither what was scattered twice nor the radar's own image is an object, but each hides what is behind it.
     if twice.any():
         account.put(twice, SCATTERED)
@@ -162,9 +163,12 @@ class _Account:
         self._blurs[blurs] = True
         return bool(blurs.size)
 
-    def elsewhere(self) -> Array:
-        """Where the image shows echoes that came back by another way than they went, (m, d) [m]."""
-        return self._every.position[self._blurs | (self._why == MIXED)]
+    def elsewhere(self, nearest: float) -> Array:
+        """Where the image shows echoes that came back by another way than they went, (m, d) [m].
+
+        Directions do not tell that of echoes nearer than `nearest` [m].
+        """
+        return self._every.position[(self._blurs | (self._why == MIXED)) & (self._every.range >= nearest)]
 
     def explained(self) -> tuple[Echoes, Names]:
         """All that something accounts for, and what does."""

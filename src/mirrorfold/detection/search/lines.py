@@ -115,18 +115,8 @@ class _Lines(Search[LineMirror]):
         """The heaviest unbroken row."""
         line = LineMirror(center, center + np.array([normal[1], -normal[0]]))
         position = line.along(self.echoes.position[near])
-        cell, weight = np.sqrt(self.square(line.direction, near)), self.weight[near]
-        row = self._row(line, position, cell, weight)
+        row = heaviest_row(position, np.sqrt(self.square(line.direction, near)), self.weight[near])
         return line.part(position[row].min(), position[row].max()), np.sort(near[row])
-
-    def _row(self, line: LineMirror, position: Array, cell: Array, weight: Array) -> Index:
-        """The heaviest unbroken row, see `heaviest_row`; echoes from elsewhere on the line break none and are none."""
-        points = self.view.elsewhere
-        on_it = points[np.abs(line.beside(points)) <= NEAR * self.view.extent(points, line.normal)]
-        filled = np.concatenate([position, line.along(on_it)])
-        cells = np.concatenate([cell, self.view.extent(on_it, line.direction)])
-        row = heaviest_row(filled, cells, np.concatenate([weight, np.zeros(len(on_it))]))
-        return row[row < len(position)]
 
     def shortest(self, mirror: LineMirror) -> float:
         """As given; of a mirror that faces the radar its glint, if that is shorter and can be told from a point's."""
@@ -171,7 +161,7 @@ class _Lines(Search[LineMirror]):
         position = mirror.along(near)
         # Its own echoes outweigh any other row on the same line.
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
-        row = self._row(mirror, position, self.view.extent(near, mirror.direction), weight)
+        row = heaviest_row(position, self.view.extent(near, mirror.direction), weight)
         longer = mirror.part(min(float(position[row].min()), 0.0), max(float(position[row].max()), mirror.length))
         longer = self._without_shining_ends(longer, self.every.take(np.flatnonzero(self.every.visible)[on_it][row]))
         mirror, stray = refined(longer, self.view, *LOBE)
