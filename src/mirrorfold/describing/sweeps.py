@@ -19,7 +19,7 @@ from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import antenna_positions, check_sweep, is_monostatic, is_raster, wave_speed
+from mirrorfold.sweep import AXES_REMEDY, antenna_positions, check_sweep, end_on, is_monostatic, is_raster, wave_speed
 
 Array = NDArray[np.float64]
 
@@ -194,6 +194,12 @@ def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
         ranges = [float(np.linalg.norm(np.asarray(sweep.attrs["scene_center"], dtype=float) - radar))]
     frequency = sweep["frequency"].values.astype(float)
     facts, remarks = resolution(frequency, tx_position, rx_position, wave_speed(sweep), ranges)
+    along = end_on(sweep)
+    if along is not None:
+        remarks.append(
+            f"All antennas stand along {along}, expected x, across the range: in the floor plan before them they tell "
+            f"ranges and hardly a direction; {AXES_REMEDY}."
+        )
     s = sweep["s"].values[..., None] if is_monostatic(sweep) else sweep["s"].values
     s = s.reshape((-1, *s.shape[-3:]))
     power = _mean_power(part for frame in s for part in frame)

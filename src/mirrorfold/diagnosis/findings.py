@@ -17,7 +17,7 @@ class Finding:
         For programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
         "non-uniform-steps", "aliasing", "grating-lobes", "not-reciprocal", "no-echo", "frequency-unit", "angle-unit",
-        "no-phase", "axes-exchanged", "end-on".
+        "no-phase", "axes-exchanged".
     what : str
         For people, one sentence.
     sure : float

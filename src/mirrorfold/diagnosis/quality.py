@@ -9,19 +9,16 @@ from numpy.typing import NDArray
 from mirrorfold.calibration.masking import Bad, find_bad
 from mirrorfold.common.plausible import one_part
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
-from mirrorfold.sweep import AXES_REMEDY, STEP_TOLERANCE, end_on, frequency_unit_of
+from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of
 
 MASK = "--mask"
 
 SURE_OF_UNIT = 0.95
 """The other explanation is a forgotten speed of the waves."""
 
-SURE_OF_PLACES = 0.9
-"""Arrays may be meant so, for volumes."""
-
 
 def sample_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Samples that are missing, dead, clipped or noise, unequal frequency steps, and antennas along the wrong axis.
+    """Samples that are missing, dead, clipped or noise, and frequencies that are not equally spaced.
 
     Parameters
     ----------
@@ -29,8 +26,7 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
         With a complex variable s; need not be valid otherwise.
     """
     phase = _phase_findings(sweep)
-    bad = phase or _bad_findings(find_bad(sweep), sweep)
-    return [*_unit_findings(sweep), *_place_findings(sweep), *bad, *_step_findings(sweep)]
+    return [*_unit_findings(sweep), *(phase or _bad_findings(find_bad(sweep), sweep)), *_step_findings(sweep)]
 
 
 def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
@@ -55,21 +51,6 @@ def _unit_findings(sweep: xr.Dataset) -> list[Finding]:
     highest = float(sweep["frequency"].max())
     what = f"The frequencies, up to {highest:g} Hz, are far too low for the array: they are probably in {unit}."
     return [Finding("frequency-unit", what, SURE_OF_UNIT, f"--frequency-unit {unit}")]
-
-
-def _place_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Antennas that stand along the wrong axis."""
-    try:
-        along = end_on(sweep)
-    except (KeyError, ValueError, TypeError):  # without places there is nothing to tell
-        return []
-    if along is None:
-        return []
-    what = (
-        f"All antennas stand along {along}; expected x, across the range: in the floor plan before them they tell "
-        "ranges and hardly a direction."
-    )
-    return [Finding("end-on", what, SURE_OF_PLACES, AXES_REMEDY, by_command=False)]
 
 
 def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:

@@ -21,12 +21,10 @@ from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itsel
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
-from mirrorfold.tree.explaining.cut_glints import cut_glints
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Hems
 from mirrorfold.tree.explaining.late_walls import from_late_walls
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
-from mirrorfold.tree.explaining.outshone import OUTSHONE
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
@@ -86,8 +84,6 @@ def find_tree(
         clear = sight.clear(echoes)
         if repeated:
             account.put(clear & copies(order, seen), COPY)
-        if known is None and settings.opaque and not settings.published:
-            account.put(clear & cut_glints(order, seen), OUTSHONE)
         twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
             # Scattered echoes that pass for a wall go at once: nothing is seen by way of that wall.

@@ -12,7 +12,6 @@ Told by the order of the mirrors, in each of the `rounds`:
 * `copies`: it repeats a stronger echo, by the tail of the pulse or a layer in a wall.
 * `rough_walls`: a rough wall scattered it towards another wall or an object, and back.
 * `short_cuts`: it went straight from a rough wall to an object, and back by way of mirrors.
-* `cut_glints`: it is a side lobe of a glint that only some of the antennas see.
 * `late_walls`: it went to and fro between two walls, and comes from beyond the ambiguous range.
 * `edges`: it is what a mirror shows, although it stands beside the mirror's end.
 * `shadowless`: the wall behind it goes on undimmed, so that it hides little.
