@@ -122,6 +122,12 @@ class Substance:
 FITTED = 1e9, 450e9
 """Frequencies [Hz] between which the recommendation's fits are stated, of one material or another."""
 
+ADVICE = (
+    f"its fit holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, "
+    "{permittivity = ..., conductivity = ...}"
+)
+"""Beyond these frequencies."""
+
 
 def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.complex128]:
     """Complex relative permittivity of a material at frequencies [Hz].
@@ -135,10 +141,7 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
     if not isinstance(made_of, Dielectric):
         raise InputError(f"material {name!r} has no permittivity, as no wave enters it; choose a dielectric")
     if not is_fitted(name, frequency):
-        raise InputError(
-            f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, its fit holds from "
-            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}"
-        )
+        raise InputError(f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, {ADVICE}")
     return made_of.permittivity(frequency)
 
 
@@ -152,11 +155,7 @@ def is_fitted(name: str | Substance, frequency: ArrayLike) -> bool:
 def warn_if_extrapolated(name: str | Substance, frequency: ArrayLike) -> None:
     """Tell of an opaque material that was not measured anywhere near these frequencies [Hz]."""
     if not is_fitted(name, frequency):
-        warnings.warn(
-            f"material {name!r} is extrapolated to {np.max(frequency) / 1e9:g} GHz, its fit holds from "
-            f"{FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, {{permittivity = ..., conductivity = ...}}",
-            stacklevel=2,
-        )
+        warnings.warn(f"material {name!r} is extrapolated to {np.max(frequency) / 1e9:g} GHz, {ADVICE}", stacklevel=2)
 
 
 def material(name: str | Substance) -> Material:

@@ -6,27 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import WAVELENGTH, empty_view
 
 from mirrorfold.common.geometry import turned
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.arcs import fitted_circle
 from mirrorfold.detection.search.joined import beside, joined
-from mirrorfold.detection.views.image_view import ImageView
 
-VIEW = ImageView(
-    radar=np.zeros(2),
-    along=np.array([1.0, 0.0]),
-    broadside=np.array([0.0, 1.0]),
-    range=np.arange(0.3, 3.0, 0.01),
-    u=np.arange(-0.9, 0.9, 0.0035),
-    amplitude=np.empty((0, 0)),
-    power=1.0,
-    range_cell=0.015,
-    u_cell=0.0107,
-    aperture_tx=80.0,
-    aperture_rx=80.0,
-    wavelength=1e-3,
-)
+VIEW = replace(empty_view(), wavelength=WAVELENGTH)
 
 JOINT, HEADING, LENGTH, RADII = np.array([0.7, 1.4]), np.radians(115.0), 0.5, (0.9, 1.1)
 

@@ -99,17 +99,23 @@ class ImageView(View):
     def knowing(self, elsewhere: Array) -> ImageView:
         """The same view once it is known where echoes (m, 2) [m] come from `elsewhere`."""
         view = replace(self, elsewhere=elsewhere)
-        view.__dict__.update({name: kept for name, kept in vars(self).items() if name not in view.__dict__})
+        kept = vars(self).keys() - vars(view).keys() - {"_elsewhere_in_cells"}
+        view.__dict__.update({name: vars(self)[name] for name in kept})
         return view
 
     def blurred(self, points: Array) -> Mask:
         """Which places (n, 2) [m] cannot be told from what echoes from elsewhere show there."""
         found = np.zeros(len(points), dtype=bool)
         if len(self.elsewhere):
-            near, places = (self.in_cells(some) / BLURRED_CELLS for some in (self.elsewhere, points))
+            places = self.in_cells(points) / BLURRED_CELLS
             seen = np.isfinite(places).all(axis=1)  # not behind the radar
-            found[seen] = cKDTree(near).query(places[seen], p=np.inf)[0] <= 1.0
+            found[seen] = self._elsewhere_in_cells.query(places[seen], p=np.inf)[0] <= 1.0
         return found
+
+    @cached_property
+    def _elsewhere_in_cells(self) -> cKDTree:
+        """The places `elsewhere`, in units of `BLURRED_CELLS`."""
+        return cKDTree(self.in_cells(self.elsewhere) / BLURRED_CELLS)
 
     @property
     def axes(self) -> tuple[Array, ...]:
