@@ -1,17 +1,24 @@
 """Step 1 of the algorithm: from the raw sweep to the complex image.
 
-Users call `focus` (in `imaging`), `FocusPlan` (`plan`) for frame after frame, `FocusOperator` (`operator`) for inverse
-problems, and beforehand `choose_algorithm` (`forecast`). `settings` declares what they may choose. From a sweep and the
-settings `checks` makes a `problem`: the sum to be computed, by default on the pixels of `grid`. `labels` puts
-coordinates and attributes on the image. The sum is computed in folders, each of which uses only those named before it:
+A sweep holds one complex sample for each frequency and each pair of a transmitter and a receiver. An echo from a pixel
+turns the phase of each sample by the length of its path, from the transmitter to the pixel and on to the receiver.
+Focusing undoes this phase and adds up all samples: where an object stands the terms add up in phase, elsewhere they
+cancel. Several algorithms compute this same sum; the fastest one that keeps to the tolerance is taken.
 
-    exact/       all pairs, for antennas anywhere: in float64 the reference, in single precision the image; errors
-    echoes/      for antennas anywhere: the part of a sweep that holds some ranges; whether an echo adds up in phase
-    lines/       antennas on one line or nearly so: one sector of the image, through a polar grid
-    predicting/  time and memory of each way on this machine
-    fast/        whole images of line arrays ("polar"), and of large arrays of any shape ("factorized")
-    choosing/    the fastest way, in strips where memory is short, held to the tolerance, and kept for the next sweep
-    scans/       raster scans, whose beams are focused by a lens: range profiles, volumes, floor plans and voxels
+Users call `focus` (module `imaging`) for one sweep, `FocusPlan` (`plan`) for many frames of one geometry,
+`FocusOperator` (`operator`) for inverse problems, and `choose_algorithm` (`forecast`) to predict time and memory.
+`settings` declares the keywords of all of them. `checks` makes a `Problem` (`problem`) of a sweep and the settings: the
+sum to be computed, by default on the pixels of `grid`. `labels` puts coordinates and attributes on the image. These
+folders compute the sum; each imports only from those above it:
+
+    exact/       the sum over all pairs, for any array: in float64 the reference, in single precision whole images;
+                 and the measured error of an image
+    echoes/      for any array: the part of a sweep that comes from some ranges, and how coherent an echo is
+    lines/       antennas on one line, or nearly so: one sector of the image, through a polar grid
+    predicting/  time and memory of each algorithm on this machine
+    fast/        whole images: of line arrays ("polar"), and of large arrays of any shape ("factorized")
+    choosing/    which algorithm is taken, strips where memory is short, and plans kept for the next sweep
+    scans/       raster scans, whose beams a lens focuses: range profiles, volumes, floor plans and voxels
 """
 
 from __future__ import annotations
@@ -30,7 +37,7 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.scans.range_profiles import focus_raster
     from mirrorfold.focusing.settings import FocusSettings
 
-_HOME = {
+_MODULE_OF = {
     "FocusOperator": "operator",
     "FocusPlan": "plan",
     "FocusSettings": "settings",
@@ -45,7 +52,7 @@ _HOME = {
     "sweep_grid": "grid",
     "to_voxels": "scans.gridding",
 }
-"""The module of each name: imported when first asked for, so that settings can be read without compiled kernels."""
+"""Public name -> its module, imported when the name is first used: settings can be read without compiled kernels."""
 
 __all__ = [
     "FocusOperator",
@@ -65,9 +72,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'mirrorfold.focusing' has no attribute {name!r}")
-    value = getattr(import_module(f"mirrorfold.focusing.{_HOME[name]}"), name)
+    value = getattr(import_module(f"mirrorfold.focusing.{_MODULE_OF[name]}"), name)
     globals()[name] = value
     return value
 

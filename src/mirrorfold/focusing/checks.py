@@ -1,4 +1,4 @@
-"""What is asked of focusing, checked: from a sweep and the settings to the problem that the algorithms solve."""
+"""Checks of a sweep, the settings and single frames; from sweep and settings follows the problem to be computed."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ from mirrorfold.sweep import (
 from mirrorfold.sweep.samples import complex_samples
 
 IMAGE_COPIES = 3
-"""Arrays of the size of the image that focusing holds at once."""
+"""Number of complex arrays of the size of the image that focusing holds at once."""
 
 NEAREST_PIXEL = 1e-3
-"""A pixel this close to an antenna, in wavelengths, or closer is taken to be at the antenna."""
+"""Distance of a pixel from an antenna, in wavelengths, below which the pixel counts as standing on the antenna."""
 
 
 def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset, Problem]:
-    """A sweep, or its geometry alone, checked and at the chosen wave speed; and its focusing problem on checked pixels.
+    """The checked sweep (or its geometry alone) at the chosen wave speed, and the focusing problem with its pixels.
 
     Raises
     ------
     InputError
-        With what is wrong with the request; see `focus`.
+        If the sweep or a setting cannot be used; see `focus`.
     """
     sweep = _check_measurement(sweep)
     if settings.wave_speed is not None:
@@ -89,7 +89,7 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
 
 
 def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem) -> NDArray[np.complex64]:
-    """The samples of one frame, of the shape that a problem has.
+    """The samples of one frame as a contiguous array, checked to have the shape that the problem expects.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem)
 
 
 def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
-    """A valid sweep of pairs or of one moving antenna; a geometry without data passes too."""
+    """Return the sweep, checked: of antenna pairs or of one moving antenna, with samples or as a geometry alone."""
     if not isinstance(sweep, xr.Dataset) or "s" in sweep:
         sweep = check_sweep(sweep)
         if is_raster(sweep):
@@ -133,8 +133,10 @@ def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def _height(tx: Array, rx: Array, centre: Array | None) -> float:
-    """Of the pixels by default [m]: that of the scene's centre, or else zero, or that of an array that stands farther
-    from there than it is long: what it shows would seem too near by ``z^2 / 2r``.
+    """Default height z [m] of the pixels: that of the scene's centre; without one, zero or the height of the array.
+
+    The height of the array is taken where all antennas are farther from the plane z = 0 than the array is long. In the
+    plane z = 0, an echo at the height z of the array and at range r would seem too near by ``z^2 / 2r``.
     """
     if centre is not None:
         return float(centre[2])
@@ -145,9 +147,9 @@ def _height(tx: Array, rx: Array, centre: Array | None) -> float:
 
 
 def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None) -> None:
-    """Refuse pixels on antennas and beyond the ambiguous range, and images that do not fit into memory.
+    """Refuse pixels on an antenna, grids all beyond the ambiguous range, and images that do not fit into memory.
 
-    Ranges count from the radar; where the scene has a centre, by half of them to either side of it.
+    Ranges count from the radar. Where the scene has a centre they count from there, up to half the ambiguous range.
     """
     check_room(
         IMAGE_COPIES * 8.0 * problem.pixels + TABLE_BYTES,
@@ -161,15 +163,15 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
     if nearest.min() < NEAREST_PIXEL * wavelength:
         spot = ", ".join(f"{value:g}" for value in antennas[int(np.argmin(nearest))])
         raise InputError(f"a pixel stands on the antenna at ({spot}) m; move or shorten the grid")
-    start, place = "the radar", problem.radar_position
+    origin_name, origin = "the radar", problem.radar_position
     if centre is not None:
-        start, place, ambiguous_range = "the centre of the scene", centre, 0.5 * ambiguous_range
-    spans = [np.abs(axis - place[n]) for n, axis in enumerate(axes)]
+        origin_name, origin, ambiguous_range = "the centre of the scene", centre, 0.5 * ambiguous_range
+    spans = [np.abs(axis - origin[n]) for n, axis in enumerate(axes)]
     closest = float(np.sqrt(sum(span.min() ** 2 for span in spans)))
     if closest > ambiguous_range:
         raise InputError(
-            f"the grid begins {closest:.3g} m from {start}, beyond the ambiguous range of {ambiguous_range:.3g} m; "
-            "move it nearer, or measure with a smaller frequency step"
+            f"the grid begins {closest:.3g} m from {origin_name}, beyond the ambiguous range of "
+            f"{ambiguous_range:.3g} m; move it nearer, or measure with a smaller frequency step"
         )
     beyond = [name for name, span in zip("xyz", spans, strict=True) if span.max() > ambiguous_range]
     if beyond:
@@ -181,8 +183,8 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
 
 
 def _gap(places: Array, axis: Array) -> Array:
-    """How far each place is from the nearest of the coordinates of an axis, (n,) [m]."""
-    rising = np.sort(axis)
-    after = np.searchsorted(rising, places)
-    before, after = (np.clip(n, 0, rising.size - 1) for n in (after - 1, after))
-    return np.asarray(np.minimum(np.abs(places - rising[before]), np.abs(places - rising[after])))
+    """Distance (n,) [m] of each place (n,) [m] from the nearest coordinate of an axis [m]."""
+    sorted_axis = np.sort(axis)
+    after = np.searchsorted(sorted_axis, places)
+    before, after = (np.clip(n, 0, sorted_axis.size - 1) for n in (after - 1, after))
+    return np.asarray(np.minimum(np.abs(places - sorted_axis[before]), np.abs(places - sorted_axis[after])))

@@ -1,4 +1,4 @@
-"""What `focus` will make of a sweep, told beforehand: the algorithm, its time and memory, and the labelled image."""
+"""Forecasts of `focus`, without focusing: the algorithm, its time and memory, and the image's shape and labels."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from mirrorfold.sweep import is_raster
 
 @takes(FocusSettings)
 def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> Choice:
-    """Which algorithm `focus` will take, what else is possible, and the predicted time and memory of each.
+    """The algorithm that `focus` will take, the other possible ones, and the predicted time and memory of each.
 
     Parameters
     ----------
     geometry : xarray.Dataset
         A sweep, or only its ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or ``antenna_position``).
     frames : int, default 1
-        Images that will be made with one plan.
+        Number of images that will be made with one plan.
     **given
 
     Returns
     -------
     Choice
-        Times are those of this machine with all its cores idle. Its speed is measured when it is first asked for, in a
+        Times hold for this machine with all its cores idle. The machine's speed is measured at the first call, in a
         quarter of a second, and kept in the user's cache folder.
 
     Raises
@@ -54,8 +54,9 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
 
 @takes(FocusSettings)
 def expected_image(geometry: xr.Dataset, **given: Any) -> xr.DataArray:
-    """The image that `focus` makes of a sweep, or the amplitude of a scan's volume, with its labels and without values:
-    one number stands for all.
+    """The labels of the image that `focus` will make of a sweep, or of the amplitude of a scan's volume.
+
+    All values are zero: one number in memory stands for all of them.
 
     Raises
     ------

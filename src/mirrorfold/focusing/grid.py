@@ -1,4 +1,4 @@
-"""Where to put the pixels: a grid from band, aperture and ambiguous range."""
+"""The default pixel grid, from the resolution cell and the ambiguous range of a sweep."""
 
 from __future__ import annotations
 
@@ -13,40 +13,41 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import antenna_positions, wave_speed
 
 FIELD_OF_VIEW = 0.9
-"""Largest |sin| of the angle off broadside that the default grid covers: ghosts stand far to the side."""
+"""Half width of the default grid in cross-range over its far range: the sine of the largest angle off broadside. It is
+large because ghosts stand far to the side."""
 
 CELLS_PER_RESOLUTION = 2.0
-"""Pixels in one resolution cell, each way."""
+"""Pixels per resolution cell, in range and in cross-range."""
 
 NEAR_SHARE = 1.0 / 6.0
-"""The nearest range of interest as a share of the ambiguous range: cross-range cells grow with range, and the
-pixel is sized for this range."""
+"""Nearest range of interest, as a share of the far range. Cross-range cells grow with range; the width of the pixels is
+chosen for this range."""
 
 MAXIMUM_PIXELS = 3_000_000
-"""The default grid never has more pixels than this: beyond it the pixels grow."""
+"""Number of pixels of the default grid, at most: where there would be more, the pixels are made larger."""
 
 RANGE_SHARE = 0.995
-"""The default grid ends just short of the ambiguous range."""
+"""Far end of the default grid, as a share of the ambiguous range: just short of it."""
 
 
 @dataclass(frozen=True)
 class Extent:
-    """What band and aperture can resolve.
+    """Resolution cell and range limits that follow from band and aperture.
 
     Attributes
     ----------
     range_resolution : float [m]
         ``c / (2 B)``.
     angle_resolution : float [rad]
-        ``lambda / (2 D)`` at broadside, of the two-way array of length D.
+        ``lambda / (2 D)`` at broadside, with the aperture D.
     ambiguous_range : float [m]
         ``c / (2 df)``; infinite for a single frequency.
     near : float [m]
-        Where the grid may begin along y: ahead of the foremost antenna by the aperture, and by a cell and two
-        wavelengths at least. Waves straight from antenna to antenna seem to come from half the aperture, surface waves
-        of a solid from nearly all of it.
+        The y at which the grid begins: the y of the foremost antenna plus the largest of aperture, range resolution
+        and two wavelengths. Nearer pixels would show coupling: waves straight from antenna to antenna seem to come
+        from ranges up to half the aperture, surface waves of a solid from ranges up to nearly all of it.
     aperture : float [m]
-        Length of the two-way array: half of the transmitters' length plus half of the receivers'.
+        Length D of the two-way array: half the length of the transmitters plus half that of the receivers.
     """
 
     range_resolution: float
@@ -57,7 +58,7 @@ class Extent:
 
 
 def extent(frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light) -> Extent:
-    """What `frequency` [Hz] and antennas at `tx`, `rx` (n, 3) [m] resolve."""
+    """Resolution and range limits of `frequency` [Hz] with antennas at `tx`, `rx` (n, 3) [m]."""
     step = (frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)
     band = step * frequency.size
     wavelength = wave_speed / float(frequency.mean())
@@ -82,15 +83,15 @@ def default_grid(
     maximum_pixels: int = MAXIMUM_PIXELS,
     centre: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Pixel coordinates x and y [m] that show everything the array can see.
+    """Pixel coordinates x and y [m] of everything that the array can see.
 
     y runs from just in front of the array to the ambiguous range R, x symmetrically over ``|x| <= 0.9 R`` around the
     array. Pixels are half a range resolution cell ``c/(2B)`` deep and half a cross-range cell
-    ``r lambda / (2 D)`` wide at the nearest range of interest r = R/6, but never wider than deep: an echo from the
-    side lies across the pixel grid. Depth and width grow together where there would be more than `maximum_pixels`.
+    ``r lambda / (2 D)`` wide at the nearest range of interest r = R/6, but never wider than deep: far to the
+    side, range runs along x. Where there would be more than `maximum_pixels`, depth and width grow by the same factor.
 
-    Around the centre of a scene, where one is given, the pixels fill the square that the unambiguous range allows; they
-    are half a cell wide.
+    Where the centre of a scene is given, the pixels fill a square around it, whose half diagonal is half the ambiguous
+    range; they are square, half a resolution cell wide.
 
     Parameters
     ----------
@@ -109,45 +110,47 @@ def default_grid(
     InputError
         If nothing lies between the array and the ambiguous range.
     """
-    see = extent(frequency, tx, rx, wave_speed)
+    limits = extent(frequency, tx, rx, wave_speed)
     if centre is not None:
         return _square(
-            see, centre, float(np.linalg.norm(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)) - centre)), maximum_pixels
+            limits, centre, float(np.linalg.norm(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)) - centre)), maximum_pixels
         )
-    far = RANGE_SHARE * see.ambiguous_range if np.isfinite(see.ambiguous_range) else 100.0 * see.near
+    far = RANGE_SHARE * limits.ambiguous_range if np.isfinite(limits.ambiguous_range) else 100.0 * limits.near
     centre = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
     side = FIELD_OF_VIEW * far
-    pitch_y = see.range_resolution / CELLS_PER_RESOLUTION
-    pitch_x = min(pitch_y, NEAR_SHARE * far * see.angle_resolution / CELLS_PER_RESOLUTION)
+    pitch_y = limits.range_resolution / CELLS_PER_RESOLUTION
+    pitch_x = min(pitch_y, NEAR_SHARE * far * limits.angle_resolution / CELLS_PER_RESOLUTION)
     last = 0.5 * float(tx[:, 1].mean() + rx[:, 1].mean()) + far
-    if last <= see.near:
+    if last <= limits.near:
         raise InputError(
-            f"pixels: the ambiguous range of {see.ambiguous_range:.3g} m ends before {see.near:.3g} m, the least "
-            f"distance at which an array of {see.aperture:.3g} m sees, with waves of {wave_speed:.3g} m/s; measure at "
-            "smaller frequency steps, correct wave_speed, or give the pixels x and y"
+            f"pixels: the ambiguous range of {limits.ambiguous_range:.3g} m ends before {limits.near:.3g} m, the least "
+            f"distance at which an array of {limits.aperture:.3g} m sees, with waves of {wave_speed:.3g} m/s; measure "
+            "at smaller frequency steps, correct wave_speed, or give the pixels x and y"
         )
-    wanted = 2.0 * side / pitch_x * (last - see.near) / pitch_y
+    wanted = 2.0 * side / pitch_x * (last - limits.near) / pitch_y
     growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
     pitch_x, pitch_y = growth * pitch_x, growth * pitch_y
     half = int(np.ceil(side / pitch_x))
     x = centre + pitch_x * np.arange(-half, half + 1)
-    y = see.near + pitch_y * np.arange(int((last - see.near) / pitch_y) + 1)
+    y = limits.near + pitch_y * np.arange(int((last - limits.near) / pitch_y) + 1)
     return np.asarray(x), np.asarray(y)
 
 
-def _square(see: Extent, centre: Array, distance: float, maximum_pixels: int) -> tuple[Array, Array]:
-    """Pixels about the centre of a scene at a distance [m], as far as ranges are unambiguous."""
+def _square(limits: Extent, centre: Array, distance: float, maximum_pixels: int) -> tuple[Array, Array]:
+    """Square grid x, y [m] of unambiguous ranges around the centre of a scene, at a distance [m] from the radar."""
     half = (
-        0.5 * see.ambiguous_range / np.sqrt(2.0) if np.isfinite(see.ambiguous_range) else 100.0 * see.range_resolution
+        0.5 * limits.ambiguous_range / np.sqrt(2.0)
+        if np.isfinite(limits.ambiguous_range)
+        else 100.0 * limits.range_resolution
     )
-    cell = min(see.range_resolution, max(distance, half) * see.angle_resolution) / CELLS_PER_RESOLUTION
+    cell = min(limits.range_resolution, max(distance, half) * limits.angle_resolution) / CELLS_PER_RESOLUTION
     pitch = max(cell, 2.0 * half / np.sqrt(maximum_pixels))
     steps = pitch * np.arange(-int(half / pitch), int(half / pitch) + 1)
     return np.asarray(centre[0] + steps), np.asarray(centre[1] + steps)
 
 
 def sweep_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
-    """The default grid x, y [m] of a sweep, at the speed of its own waves: see `default_grid`."""
+    """The default grid x, y [m] of a sweep, with the wave speed of the sweep: see `default_grid`."""
     centre = sweep.attrs.get("scene_center")
     return default_grid(
         sweep["frequency"].values,

@@ -1,4 +1,4 @@
-"""From a sweep to its image: `focus`."""
+"""`focus`: the image of a sweep, made by the fastest algorithm that keeps to the tolerance, and its measured error."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
 from mirrorfold.sweep import is_raster
 
 SMALLEST = float(np.finfo(np.float32).tiny)
-"""In place of the norm of an image that is zero everywhere."""
+"""Divisor in place of the norm of an image that is zero everywhere."""
 
 CHECKED_FRAMES = 8
-"""Of a sweep with more frames, as many are compared with the direct sum, evenly chosen."""
+"""At most so many frames of a sweep are compared with the float64 sum; they are chosen evenly."""
 
 
 @takes(FocusSettings)
 def focus(
     sweep: xr.Dataset, *, plans: PlanCache | None = None, progress: Progress | None = None, **given: Any
 ) -> xr.DataArray:
-    """Focus a sweep on a regular grid of pixels: the total focusing method, by the fastest way that is exact enough.
+    """Focus a sweep on a regular grid of pixels: the total focusing method, to a given tolerance.
 
     The image is ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` (Holmes, Drinkwater and
-    Wilcox 2005), with the distances R of pixel p from transmitter i and receiver k, the taper a over frequency and the
-    apodization w, v over the elements. Line arrays, and large arrays of any other shape, take a fast path where that
-    pays, all others the sum over all pairs. The image is compared with the float64 sum on random pixels, and made anew,
-    finer, until `tolerance` holds.
+    Wilcox 2005), with the distances R of pixel p from transmitter i and receiver k, the wavenumber k_m, the taper
+    a over frequency and the apodization w, v over the elements. For line arrays, and for large arrays of any other
+    shape, a fast algorithm computes this sum where that saves time; otherwise all pairs are summed. The image is
+    compared with the float64 sum on random pixels. If its error exceeds `tolerance`, it is made anew, more finely.
 
     Parameters
     ----------
@@ -57,8 +57,9 @@ def focus(
         ``s(frequency, azimuth, elevation)``. Leading dimensions, such as `frame`, are kept.
     **given
     plans : PlanCache, optional
-        Keeps what the fast path has prepared for this geometry and these settings, for the next sweep. By default one
-        for the whole process, `mirrorfold.focusing.plan_cache`; ``mirrorfold.focusing.plan_cache.clear()`` empties it.
+        Keeps the tables that a fast algorithm has made for this geometry and these settings, for the next sweep. By
+        default the cache of the whole process, `mirrorfold.focusing.plan_cache`;
+        ``mirrorfold.focusing.plan_cache.clear()`` empties it.
     progress : callable, optional
         Called as ``progress(done, total)`` now and then.
 
@@ -69,14 +70,15 @@ def focus(
         is the volume (range, azimuth, elevation), or with x, y and z its amplitude (z, y, x). Among its attrs:
         `radar_position`, `ambiguous_range` [m], `frequency_start`, `frequency_stop`, `frequency_step` [Hz],
         `wave_speed` [m/s]; of an array also `algorithm` ("polar", "factorized" or "exact", see `FocusPlan`) and
-        `error`, the relative L2 error that was measured, the largest where there are frames. Where the memory does not
-        hold the tables of the whole image it is made in `strips`, which may go by different algorithms.
+        `error`, the measured relative L2 error (of several frames, the largest). Where the memory does not hold the
+        tables of the whole image, it is made in strips, perhaps by different algorithms; the attr `strips` counts them.
 
     Raises
     ------
     InputError
-        If the sweep is not valid or has one element; if pixels stand on an antenna or all of them beyond the ambiguous
-        range; if the image does not fit into memory; for a setting that makes no sense.
+        If the sweep is not valid, or has one element and more than a range profile is wanted; if a pixel stands on an
+        antenna, or all pixels beyond the ambiguous range; if the image does not fit into memory, or single precision
+        does not reach the tolerance; for a setting that makes no sense.
     """
     settings = FocusSettings().with_given(**given)
     if is_raster(sweep):
@@ -135,31 +137,35 @@ def _focus_strips(
     room: float,
     progress: Progress | None,
 ) -> tuple[NDArray[np.complex64], float, set[str]]:
-    """Images (frames, z, y, x), relative L2 error and algorithms of all strips; the room [bytes] is for tables."""
+    """Images (frames, z, y, x), their relative L2 error, and the algorithms used; `room` [bytes] is left for tables.
+
+    The errors of the strips, weighted by the norms of their images, add as squares to the error of the whole image.
+    """
     if len(strips) == 1:
-        images, error, way = _focus_frames(problem, frames, tolerance, plans, room, progress)
-        return images, error, {way}
+        images, error, algorithm_used = _focus_frames(problem, frames, tolerance, plans, room, progress)
+        return images, error, {algorithm_used}
     count = len(strips)
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
-    norms, errors, ways = np.zeros(count), np.full(count, np.inf), [""] * count
+    norms, errors, used = np.zeros(count), np.full(count, np.inf), [""] * count
     step = counted(progress, count)
-    # How exact a strip must be follows from its power and that of the whole image: at first any error will do.
+    # The error of a strip may be tolerance * norm of the image / (sqrt(number of strips) * norm of the strip). Norms are
+    # known only after the first pass, which accepts any error; the second pass makes anew the strips that exceed this.
     goals = np.full(count, np.inf)
-    for again in (False, True):
+    for second_pass in (False, True):
         for n, strip in enumerate(strips):
-            if again and errors[n] <= goals[n]:
+            if second_pass and errors[n] <= goals[n]:
                 continue
             plans.clear()  # frees the tables of the strip before
-            part, errors[n], ways[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
+            part, errors[n], used[n] = _focus_frames(strip.problem, frames, tolerance, plans, room, None, goals[n])
             images[:, *strip.rows] = part
             norms[n] = np.linalg.norm(part)
-            if not again:
+            if not second_pass:
                 step()
         errors[norms == 0.0] = 0.0
-        whole = max(float(np.linalg.norm(norms)), SMALLEST)
-        goals = tolerance * whole / np.sqrt(count) / np.maximum(norms, SMALLEST)
+        image_norm = max(float(np.linalg.norm(norms)), SMALLEST)
+        goals = tolerance * image_norm / np.sqrt(count) / np.maximum(norms, SMALLEST)
     plans.clear()
-    return images, float(np.linalg.norm(errors * norms)) / whole, set(ways)
+    return images, float(np.linalg.norm(errors * norms)) / image_norm, set(used)
 
 
 def _focus_frames(
@@ -171,35 +177,36 @@ def _focus_frames(
     progress: Progress | None,
     goal: float | None = None,
 ) -> tuple[NDArray[np.complex64], float, str]:
-    """Images (frames, z, y, x) with the largest measured error and the algorithm used; the fast path must keep to the
-    goal, by default the tolerance.
+    """Images (frames, z, y, x), the largest relative L2 error measured on a frame, and the algorithm used.
+
+    The images are planned for `tolerance`; their measured error must keep under `goal`, by default the tolerance.
     """
     goal = tolerance if goal is None else goal
-    inner = progress if len(frames) == 1 else None
-    proven = prove(problem, tolerance, frames[0], plans, len(frames), inner, room, goal)
+    frame_progress = progress if len(frames) == 1 else None
+    proven = prove(problem, tolerance, frames[0], plans, len(frames), frame_progress, room, goal)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
     plan, finer = None if proven is None else proven.plan, EXACT_SHARE * tolerance
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     checked = set(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).astype(int))
-    worst, step = 0.0, counted(None if len(frames) == 1 else progress, len(frames))
+    largest_error, step = 0.0, counted(None if len(frames) == 1 else progress, len(frames))
     for n, s in enumerate(frames):
-        images[n] = plan(s) if plan is not None else focus_exact(problem, s, finer, inner)
+        images[n] = plan(s) if plan is not None else focus_exact(problem, s, finer, frame_progress)
         if n in checked and np.any(s):
             error = measured_error(problem, images[n], s, seed=n)
             while error > goal and (plan is not None or finer > FINEST_TOLERANCE):
-                # Of an image that is darker than its sweep, as beside all echoes, errors are a larger part.
+                # Where all echoes lie beside the image, it is dark, and the same absolute error is relatively larger.
                 finer = finer if plan is not None else max(finer * min(0.5, 0.5 * goal / error), FINEST_TOLERANCE)
                 plan = None
                 images[n] = focus_exact(problem, s, finer)
                 error = measured_error(problem, images[n], s, seed=n)
-            worst = max(worst, error)
+            largest_error = max(largest_error, error)
         step()
-    return images, worst, "exact" if plan is None else plan.algorithm
+    return images, largest_error, "exact" if plan is None else plan.algorithm
 
 
 def _ranges(problem: Problem) -> Array:
-    """Distance [m] of every pixel from the mean of the antenna positions, (z, y, x)."""
+    """Distance [m] of every pixel from the radar, (z, y, x)."""
     radar = problem.radar_position
     return np.asarray(
         np.sqrt(

@@ -1,4 +1,4 @@
-"""What goes with the values of an image: its coordinates, how it was made, and from what."""
+"""Coordinates and attributes of an image: where its pixels are, how it was made, and by which radar."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, r
 
 
 class Labels:
-    """Dimensions, coordinates and attributes of the images of a sweep, made once.
+    """Dimensions, coordinates and attributes of the images of a sweep, made once for all of them.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        Or its geometry alone.
+        A sweep, or its geometry alone.
     problem : Problem
     settings : FocusSettings
     leading : tuple, optional
@@ -55,52 +55,55 @@ class Labels:
         }
 
     def image(self, values: NDArray[np.complex64], attrs: dict[str, Any]) -> xr.DataArray:
-        """The values (..., z, y, x) with their labels, and attributes of their own."""
+        """The values (..., z, y, x) as a labelled image; `attrs` are added to the attributes."""
         if not self.volume:
             values = values[..., 0, :, :]
         return xr.DataArray(values, dims=self.dims, coords=self.coords, attrs=self.attrs | attrs, name="image")
 
 
 def array_direction(problem: Problem) -> Array:
-    """Unit vector (3,) along the arrays, its largest part positive; of planar arrays horizontal, of upright ones +x."""
+    """Unit vector (3,) along the antennas, its largest component positive.
+
+    Of a planar array the horizontal direction in which it is widest; of an upright line +x.
+    """
     offset = np.concatenate([problem.tx - problem.tx.mean(axis=0), problem.rx - problem.rx.mean(axis=0)])
     plane, along = _plane(offset)
     if plane:
         along = np.append(np.linalg.svd(offset[:, :2], full_matrices=False)[2][0], 0.0)
-    if np.abs(offset @ [*along[:2], 0.0]).max() <= EVEN * np.abs(offset).max():
+    if np.abs(offset @ [*along[:2], 0.0]).max() <= UPRIGHT_SHARE * np.abs(offset).max():
         return np.array([1.0, 0.0, 0.0])
     return np.asarray(along * (1.0 if along[np.argmax(np.abs(along))] > 0.0 else -1.0))
 
 
 def _aperture(places: Array, along: Array) -> float:
-    """Length [m] of antennas (n, 3) along a line; of those that fill a plane, in the direction `along`."""
+    """Length [m] of the line of antennas (n, 3) [m]; of antennas that fill a plane, their extent along `along`."""
     plane, _ = _plane(places - places.mean(axis=0))
     return float(np.ptp(places @ along) if plane else np.linalg.norm(np.ptp(places, axis=0)))
 
 
 def _plane(offset: Array) -> tuple[bool, Array]:
-    """Whether places (n, 3) about their mean fill a plane, and the unit vector along which they are spread most."""
+    """Whether places (n, 3) [m], less their mean, fill a plane, and the unit vector along which they extend most."""
     _, size, axes = np.linalg.svd(offset, full_matrices=False)
-    return len(size) > 1 and bool(size[1] > PLANE * size[0]), axes[0]
+    return len(size) > 1 and bool(size[1] > PLANAR_SHARE * size[0]), axes[0]
 
 
-PLANE = 0.1
-"""Antennas whose rms distance from a line is more than this part of that along it fill a plane."""
+PLANAR_SHARE = 0.1
+"""Antennas fill a plane, and no line, if their second rms extent is more than this share of the first (largest)."""
 
-EVEN = 1e-9
-"""Share of its length under which what an array spans in the floor plan is rounding: it stands upright."""
+UPRIGHT_SHARE = 1e-9
+"""An array stands upright if its extent in the floor plan is at most this share of its length: mere rounding."""
 
 
 def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
-    """What an image has to know about the measurement."""
+    """Attributes that describe the measurement: position, direction and aperture of the radar, and its band."""
     frequency = sweep["frequency"].values
-    see, along = extent(frequency, problem.tx, problem.rx, wave_speed(sweep)), array_direction(problem)
+    limits, along = extent(frequency, problem.tx, problem.rx, wave_speed(sweep)), array_direction(problem)
     attrs: dict[str, Any] = {
         "mirrorfold_kind": "image",
         "radar_position": problem.radar_position,
         "array_direction": along,
-        "ambiguous_range": see.ambiguous_range,
-        "range_resolution": see.range_resolution,
+        "ambiguous_range": limits.ambiguous_range,
+        "range_resolution": limits.range_resolution,
         "frequency_start": float(frequency[0]),
         "frequency_stop": float(frequency[-1]),
         "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
@@ -118,18 +121,18 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
 
 
 def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
-    """Refuse a valid sweep of another radar than the image says it was focused from; an image that says nothing passes.
+    """Refuse a valid sweep of another radar than the image's attributes tell of; missing attributes are not compared.
 
     Raises
     ------
     InputError
-        With what differs: the frequencies, or by more than a wavelength the place or the apertures of the arrays.
+        If the frequencies differ, or if the place or the apertures of the arrays differ by more than a wavelength.
     """
     frequency = sweep["frequency"].values
     step, wavelength = frequency_step(sweep), wave_speed(sweep) / float(frequency[-1])
     tx, rx = antenna_positions(sweep)
     along = np.asarray(image.attrs.get("array_direction", (1.0, 0.0, 0.0)), dtype=float)
-    own: dict[str, tuple[Any, float, str]] = {
+    expected: dict[str, tuple[Any, float, str]] = {
         "frequency_points": (frequency.size, 0.0, "frequencies"),
         "frequency_start": (frequency[0], 0.5 * step, "Hz at first"),
         "frequency_stop": (frequency[-1], 0.5 * step, "Hz at last"),
@@ -137,18 +140,19 @@ def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
         "tx_aperture": (_aperture(tx, along), wavelength, "m of transmitters"),
         "rx_aperture": (_aperture(rx, along), wavelength, "m of receivers"),
     }
-    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}  # of planes, in older files
-    for name, (value, tolerance, what) in own.items():
+    # The aperture of a planar array is its diagonal in older files.
+    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}
+    for name, (value, tolerance, what) in expected.items():
         held = np.asarray(image.attrs.get(name, value))
         same_kind = held.dtype.kind in "fiu" and held.shape == np.shape(value)
         most = np.linalg.norm(across[name]) if name in across else value
         if not same_kind or (held < value - tolerance).any() or (held > most + tolerance).any():
             raise InputError(
-                f"sweep: is of another radar than the image, {_said(value)} {what} in place of {_said(held)}; give the "
-                "sweep that the image was focused from, or none"
+                f"sweep: is of another radar than the image, {_as_text(value)} {what} in place of {_as_text(held)}; "
+                "give the sweep that the image was focused from, or none"
             )
 
 
-def _said(value: Any) -> str:
-    """A number, or several, for a message."""
+def _as_text(value: Any) -> str:
+    """A number, or several, as text for a message."""
     return ", ".join(f"{one:.7g}" if isinstance(one, float) else str(one) for one in np.ravel(value).tolist())

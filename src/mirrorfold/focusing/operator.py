@@ -1,4 +1,4 @@
-"""Imaging as a linear operator: the samples that reflectors make, and the adjoint, for solvers of inverse problems."""
+"""`FocusOperator`: the samples that reflecting pixels make, and focusing as the adjoint, for inverse problems."""
 
 from __future__ import annotations
 
@@ -25,23 +25,24 @@ from mirrorfold.focusing.problem import Problem, UnsuitedError
 from mirrorfold.focusing.settings import FocusSettings
 
 APPLICATIONS = 200
-"""Times that an operator is thought to be applied: building the fast path may take as long as so many of them save."""
+"""Number of times that an operator is assumed to be applied: its tables may take the time that they save on so many."""
 
 
 @takes(FocusSettings, without=("normalization", "memory_limit", "taper", "apodization"))
 class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
-    """The model of a measurement: from the reflectivity of every pixel to the samples, and its adjoint.
+    """The linear model of a measurement, from the reflectivities of the pixels to the samples, and its adjoint.
 
     Forward, for the chosen channels (m, i, k) of frequency, transmitter and receiver::
 
         s[m, i, k] = sum_p x[p] exp(-j k_m (R_i(p) + R_k(p))),
 
-    with the distances R of pixel p from the antennas; one moving antenna has R_i twice. The adjoint is the focusing sum
-    ``I[p] = sum_m,i,k s[m, i, k] exp(+j k_m (R_i(p) + R_k(p)))`` of `focus`, with all weights one: the matched filter,
-    or delay and sum. Spreading is part of the reflectivity, as it is in the images of `focus`.
+    with the distances R of pixel p from the antennas; for one moving antenna the path is ``2 R_i(p)``. The adjoint is
+    the focusing sum ``I[p] = sum_m,i,k s[m, i, k] exp(+j k_m (R_i(p) + R_k(p)))`` of `focus` with all weights one: the
+    matched filter, or delay and sum. The loss of amplitude by spreading of the waves counts as part of the
+    reflectivity, as in the images of `focus`.
 
-    It is a `scipy.sparse.linalg.LinearOperator`, so that the solvers of SciPy take it, and those of PyLops through
-    ``pylops.aslinearoperator``. Frames are the columns of a matrix.
+    This class is a `scipy.sparse.linalg.LinearOperator`: the solvers of SciPy take it, and those of PyLops through
+    ``pylops.aslinearoperator``. Several frames at once are the columns of a matrix.
 
     Parameters
     ----------
@@ -49,8 +50,8 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         A sweep, or only its geometry: ``frequency`` [Hz] and ``tx_position``, ``rx_position`` [m] (or
         ``antenna_position`` for one moving antenna).
     channels : bool array, optional
-        The channels that are measured, of shape (frequency, tx, rx) or (frequency, position) or what can be broadcast
-        to it. By default those that the sweep's ``measured`` names, else all.
+        True where a channel is measured, of shape (frequency, tx, rx) or (frequency, position), or a shape that can
+        be broadcast to it. By default the sweep's variable ``measured``; without it, all channels.
     **given
 
     Attributes
@@ -59,10 +60,11 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         Samples, pixels.
     channels : bool array
     algorithm : str
-        ``"polar"`` for the fast path of line arrays and its transpose, ``"exact"`` for the sums over all pairs.
+        ``"polar"`` for the fast algorithm of line arrays and its transpose, ``"exact"`` for the sums over all pairs.
     error : float
-        Relative L2 error of both directions on white noise, measured against the float64 sum; at most `tolerance`.
-        Forward and adjoint are each other's adjoint to rounding in single precision, some 1e-7, whatever the error.
+        Relative L2 error of the image of white noise, measured against the float64 sum; at most `tolerance`. The
+        forward direction uses the transposed tables, so that the two directions are adjoint to each other to the
+        rounding of single precision, some 1e-7, whatever the error.
 
     Raises
     ------
@@ -97,8 +99,8 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         self.channels = _channels(sweep, self._problem, channels)
         self._labels = Labels(sweep, self._problem, settings)
         scaled = self._problem.in_wavelengths
-        self._way, self.error = _proven(scaled, float(settings.tolerance))
-        self.algorithm = self._way.algorithm
+        self._implementation, self.error = _proven(scaled, float(settings.tolerance))
+        self.algorithm = self._implementation.algorithm
         super().__init__(np.complex64, (int(self.channels.sum()), self._problem.pixels))
 
     def samples(self, sweep: xr.Dataset | ArrayLike) -> NDArray[np.complex64]:
@@ -113,8 +115,8 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         return samples_of_frame(held, self._problem)[self.channels]
 
     def all_samples(self, values: ArrayLike) -> NDArray[np.complex64]:
-        """What reflectivities (pixels,) would give on all channels, chosen or not: the shape of a whole sweep."""
-        return self._way.samples(np.asarray(values, dtype=np.complex64).reshape(self._problem.shape))
+        """Samples that reflectivities (pixels,) give on all channels, chosen or not, in the shape of a whole sweep."""
+        return self._implementation.samples(np.asarray(values, dtype=np.complex64).reshape(self._problem.shape))
 
     def image(self, values: ArrayLike) -> xr.DataArray:
         """Values (pixels,) as an image with its coordinates and attributes, as `focus` returns it.
@@ -135,11 +137,11 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
     def _rmatvec(self, s: NDArray[Any]) -> NDArray[np.complex64]:
         data = np.zeros(self._problem.data_shape, dtype=np.complex64)
         data[self.channels] = np.asarray(s).ravel()
-        return self._way.focus(data).ravel()
+        return self._implementation.focus(data).ravel()
 
 
 class _Exact:
-    """The sums over all pairs and pixels."""
+    """Both directions as sums over all pairs and pixels."""
 
     algorithm = "exact"
 
@@ -159,7 +161,7 @@ class _Exact:
 
 
 class _Fast:
-    """The sectors of a plan and their transposes; pixels that are too near for them by the sums over all pairs."""
+    """Both directions by the sectors of a line array's plan; pixels nearer than these by the sums over all pairs."""
 
     algorithm = "polar"
 
@@ -196,7 +198,7 @@ class _Fast:
         return s
 
     def _pairs(self, part: Any) -> tuple[Any, ...]:
-        """Which samples are those of a part of the antennas."""
+        """Index that picks the samples of a part of the antennas out of those of all."""
         if part.part.problem.data_shape == self._plan.problem.data_shape:
             return (slice(None),)
         return slice(None), part.part.tx[:, None], part.part.rx[None, :]
@@ -224,17 +226,17 @@ def _channels(sweep: xr.Dataset, problem: Problem, channels: ArrayLike | None) -
 
 
 def _proven(problem: Problem, tolerance: float) -> tuple[_Fast | _Exact, float]:
-    """The fast path, made finer until the image of white noise is within the tolerance, or the sums over all pairs."""
+    """The fast algorithm, refined until white noise is imaged within the tolerance, else the exact sums; and the error."""
     noise = white_noise(problem)
-    asked = tolerance
+    finer = tolerance
     for _ in range(REFINEMENTS):
         try:
-            fast = _Fast(LineArrayPlan(problem, asked, lay_out(problem, asked, pair_sums_cost, APPLICATIONS)))
+            fast = _Fast(LineArrayPlan(problem, finer, lay_out(problem, finer, pair_sums_cost, APPLICATIONS)))
         except UnsuitedError:
             break
         error = measured_error(problem, fast.focus(noise), noise)
         if error <= SAMPLING_MARGIN * tolerance:
             return fast, error
-        asked *= min(0.5, 0.5 * tolerance / error)
+        finer *= min(0.5, 0.5 * tolerance / error)
     exact = _Exact(problem)
     return exact, measured_error(problem, exact.focus(noise), noise)

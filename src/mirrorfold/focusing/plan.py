@@ -1,4 +1,4 @@
-"""A reusable plan: focusing prepared once, for frame after frame of one geometry."""
+"""`FocusPlan`: what focusing prepares for one geometry, to image frame after frame."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from mirrorfold.focusing.labels import Labels
 from mirrorfold.focusing.settings import FocusSettings
 
 FRAMES = 20
-"""Images that a plan is thought to be made for: building it may take as long as so many of them save."""
+"""Number of frames that a plan is assumed to image: building it may take the time that it saves on this many."""
 
 
 @takes(FocusSettings, without=("normalization", "memory_limit"))
 class FocusPlan:
-    """Everything about an imaging task that does not depend on the data, ready to run frame by frame.
+    """Prepared focusing of one geometry: all that does not depend on the samples is computed once, for many frames.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ class FocusPlan:
         The pixels.
     tolerance : float
     algorithm : str
-        ``"polar"`` for the fast path of line arrays, through a polar grid; ``"factorized"`` for that of any array;
-        ``"exact"`` for the sum over all pairs.
+        ``"polar"`` for the fast algorithm of line arrays, by way of a polar grid; ``"factorized"`` for factorised
+        back-projection, for arrays of any shape; ``"exact"`` for the sum over all pairs.
     error : float
-        Relative L2 error of the image of white noise, measured on random pixels against the float64 sum.
+        Relative L2 error of the image of white noise, measured against the float64 sum on random pixels.
     build_time : float [s]
     nbytes : int
         Memory of the plan's tables [bytes].
@@ -105,7 +105,8 @@ class FocusPlan:
         Returns
         -------
         xarray.DataArray
-            As of `focus`, (y, x) or (z, y, x), to be folded or plotted. Its attr `error` is that of the plan.
+            The image as `focus` returns it, (y, x) or (z, y, x), to be folded or plotted. Its attr `error` is that
+            of the plan, measured on white noise.
 
         Raises
         ------
@@ -116,7 +117,7 @@ class FocusPlan:
         return self._labels.image(values, {"algorithm": self.algorithm, "error": self.error})
 
     def values(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> NDArray[np.complex64]:
-        """Pixels alone, (z, y, x), or (y, x) where there is one z: for real time, where even labels would cost.
+        """Image one frame without labels, (z, y, x), or (y, x) where there is one z: for real time.
 
         Parameters
         ----------

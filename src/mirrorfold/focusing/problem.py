@@ -1,4 +1,4 @@
-"""What is to be focused where: geometry, wavenumbers, weights and pixels, checked once, in float64."""
+"""The focusing problem: antennas, wavenumbers, weights and pixels of one focusing sum, in float64, without samples."""
 
 from __future__ import annotations
 
@@ -14,28 +14,34 @@ from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 
 COINCIDENT_PHASE = 1e-5
-"""Phase k d [rad] below which two antennas at the distance d count as standing at one place."""
+"""Two antennas at the distance d stand at the same place if their phase difference k d [rad] is smaller than this."""
 
 
 class UnsuitedError(Exception):
-    """The geometry has no structure that a fast way could use."""
+    """A fast algorithm cannot image this geometry, or would not be faster than the exact sum."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The sum ``I(p) = sum_m,i,k a[m] w[i] v[k] S[m,i,k] exp(+j k_m (R_i(p) + R_k(p)))`` without the samples S.
 
+    R_i(p) and R_k(p) are the distances of pixel p from transmitter i and receiver k.
+
     Attributes
     ----------
     k : (frequencies,) array [rad/m]
-        Wavenumbers, in uniform steps.
+        Wavenumbers k_m, in uniform steps.
     tx, rx : (tx, 3), (rx, 3) arrays [m]
+        Positions of the transmitters and of the receivers.
     taper : (frequencies,) complex array
+        Weights a over frequency.
     tx_weight, rx_weight : (tx,), (rx,) complex arrays
+        Weights w and v over the transmitters and the receivers.
     x, y, z : 1D arrays [m]
-        The pixels are the regular product of these.
+        Coordinates of the pixel grid: there is a pixel at every (x, y, z).
     monostatic : bool
-        Every antenna hears only itself: tx and rx list the same places, and the data is ``S[m, i]``.
+        One moving antenna, or antennas that each receive only their own echoes: `tx` and `rx` list the same places,
+        and the samples are ``S[m, i]``.
     """
 
     k: Array
@@ -53,7 +59,7 @@ class Problem:
     def usual(
         cls, frequency: Array, tx: Array, rx: Array, x: Array, y: Array, z: Array, *, monostatic: bool = False
     ) -> Problem:
-        """The sum that `focus` computes by default, for light: a Hann taper over frequency [Hz], antennas all alike."""
+        """The default sum of `focus`, at the speed of light: Hann taper over `frequency` [Hz], equal antennas."""
         return cls(
             k=2.0 * np.pi * frequency / speed_of_light,
             tx=tx,
@@ -89,28 +95,30 @@ class Problem:
 
     @property
     def coincident(self) -> bool:
-        """Whether the transmitters stand where the receivers stand, in the same order."""
+        """Whether the transmitters stand at the places of the receivers, in the same order."""
         if self.tx.shape != self.rx.shape:
             return False
         return bool(np.abs(self.k).max() * np.abs(self.tx - self.rx).max() < COINCIDENT_PHASE)
 
     @property
     def key(self) -> bytes:
-        """A digest of everything, the same for equal problems."""
+        """Hash of all attributes, the same for equal problems."""
         digest = hashlib.sha256(repr((self.monostatic, self.shape, self.data_shape)).encode())
         for part in (self.k, self.tx, self.rx, self.taper, self.tx_weight, self.rx_weight, self.x, self.y, self.z):
             digest.update(np.ascontiguousarray(part).tobytes())
         return digest.digest()
 
     def points(self, flat: NDArray[np.integer]) -> Array:
-        """Coordinates [m] of pixels by their flat index in (z, y, x) order, shape (n, 3)."""
+        """Coordinates (x, y, z) [m] of the pixels with these flat indices in (z, y, x) order, shape (n, 3)."""
         iz, iy, ix = np.unravel_index(flat, self.shape)
         return np.stack([self.x[ix], self.y[iy], self.z[iz]], axis=-1)
 
     @property
     def in_wavelengths(self) -> Problem:
-        """The same sum with all lengths in mean wavelengths, as the algorithms get it: radars and scenes that differ in
-        scale alone are then treated alike.
+        """The same sum with all lengths in mean wavelengths.
+
+        The algorithms are given the problem in this form, so that radars and scenes which differ only in scale are
+        treated alike.
         """
         turns = float(self.k.mean()) / (2.0 * np.pi)
         lengths = {name: getattr(self, name) * turns for name in ("tx", "rx", "x", "y", "z")}
@@ -118,12 +126,12 @@ class Problem:
 
     @property
     def antennas(self) -> int:
-        """Number of antennas, those that transmit and receive counted once."""
+        """Number of antennas; where transmitters and receivers coincide, each place counts once."""
         return len(self.rx) if self.coincident else len(self.tx) + len(self.rx)
 
     @property
     def radar_position(self) -> Array:
-        """Mean [m] of the transmitters' and the receivers' places, (3,)."""
+        """Position of the radar [m], (3,): half way between the mean transmitter and the mean receiver."""
         return np.asarray(0.5 * (self.tx.mean(axis=0) + self.rx.mean(axis=0)))
 
     @property
@@ -133,11 +141,11 @@ class Problem:
 
     @property
     def wavenumber_step(self) -> float:
-        """From one wavenumber to the next [rad/m]; zero for a single frequency."""
+        """Difference of neighbouring wavenumbers [rad/m]; zero for a single frequency."""
         return float(self.k[-1] - self.k[0]) / max(self.k.size - 1, 1)
 
     def of(self, tx: Index, rx: Index) -> Problem:
-        """The same sum over some of the antennas."""
+        """The same sum over some of the antennas, given by their indices."""
         return replace(self, tx=self.tx[tx], rx=self.rx[rx], tx_weight=self.tx_weight[tx], rx_weight=self.rx_weight[rx])
 
     def reversed(self) -> Problem:

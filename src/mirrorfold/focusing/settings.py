@@ -1,4 +1,4 @@
-"""What can be chosen about focusing, declared once: `focus`, `FocusPlan` and the verb `focus` follow from it."""
+"""The settings of focusing, declared once: keywords of `focus` and `FocusPlan`, options of the verb `focus`."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ if TYPE_CHECKING:
     Apodization = str | ArrayLike | tuple[str | ArrayLike | None, str | ArrayLike | None]
 
 FINEST_TOLERANCE = 2e-6
-"""Relative error of the single-precision sums, phases and tables, measured against the float64 sum."""
+"""Least tolerance that may be asked for: the relative error of sums, phases and tables in single precision, measured
+against the float64 sum."""
 
 TOLERANCE_TO_FOLD = 1e-3
-"""Relative error of an image that is to be folded: 60 dB below the image, and far below the threshold of its echoes."""
+"""Tolerance (relative L2 error) for an image that will be folded: its errors lie 60 dB below the image, far below the
+threshold of its echoes."""
 
 
 @dataclass(frozen=True, eq=False)
 class FocusSettings(Settings):
-    """Where the pixels are, how exact they must be, and how samples, elements and ranges are weighted."""
+    """Where the pixels are, how exact the image must be, and how frequencies, antennas and ranges are weighted."""
 
     x: ArrayLike | None = setting(
         None,
