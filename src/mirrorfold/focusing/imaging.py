@@ -148,8 +148,8 @@ def _focus_strips(
     images = np.empty((len(frames), *problem.shape), dtype=np.complex64)
     norms, errors, used = np.zeros(count), np.full(count, np.inf), [""] * count
     step = counted(progress, count)
-    # The error of a strip may be tolerance * norm of the image / (sqrt(number of strips) * norm of the strip). Norms are
-    # known only after the first pass, which accepts any error; the second pass makes anew the strips that exceed this.
+    # The error of a strip may be tolerance * norm of the image / (sqrt(number of strips) * norm of the strip). Norms
+    # are known only after the first pass, which accepts any error; the second one makes anew the strips that exceed it.
     goals = np.full(count, np.inf)
     for second_pass in (False, True):
         for n, strip in enumerate(strips):

@@ -226,7 +226,7 @@ def _channels(sweep: xr.Dataset, problem: Problem, channels: ArrayLike | None) -
 
 
 def _proven(problem: Problem, tolerance: float) -> tuple[_Fast | _Exact, float]:
-    """The fast algorithm, refined until white noise is imaged within the tolerance, else the exact sums; and the error."""
+    """The fast algorithm, refined until white noise is imaged within the tolerance, else the exact sums; the error."""
     noise = white_noise(problem)
     finer = tolerance
     for _ in range(REFINEMENTS):

@@ -1,4 +1,4 @@
-"""What the fast paths have prepared for a geometry, kept for the next sweep of the same geometry."""
+"""A cache for the choice of the algorithm and the tables of a fast one, for the next sweep of the same geometry."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from mirrorfold.focusing.settings import FocusSettings
 
 
 class PlanCache:
-    """Keeps the choice and the fast plan that were made last, for whoever focuses sweep after sweep of one geometry.
+    """Keeps the last choice of an algorithm and the last fast plan, for sweep after sweep of one geometry.
 
-    Both depend on geometry, frequencies, weights, pixels and tolerance, and not on the samples. Several threads may
+    Both depend on geometry, frequencies, weights, pixels and tolerance, but not on the samples. Several threads may
     use one cache at once; each gets the plan of its own problem.
     """
 
@@ -28,7 +28,7 @@ class PlanCache:
         self._choice: tuple[bytes, float, int, list[Option]] | None = None
 
     def options(self, problem: Problem, tolerance: float, frames: int = 1) -> list[Option]:
-        """What `choice.options` says, kept."""
+        """The result of `choice.options`, computed again only if an argument differs from the last one."""
         wanted, choice = (problem.key, tolerance, frames), self._choice
         if choice is None or choice[:3] != wanted:
             choice = (*wanted, options(problem, tolerance, frames))
@@ -36,7 +36,7 @@ class PlanCache:
         return choice[3]
 
     def plan(self, option: Option, problem: Problem) -> FastPlan:
-        """The plan of an option: the plan that is kept, where it is this option's, else a new one.
+        """The plan of an option: the kept one if it was made for this option and problem, else a new one, then kept.
 
         Raises
         ------
@@ -52,7 +52,7 @@ class PlanCache:
         return latest[3]
 
     def settle(self, problem: Problem, tolerance: float, frames: int, option: Option) -> None:
-        """Begin with this option the next time: those before it have proven too coarse."""
+        """Keep only this option and the exact sum for the next time: the faster options have proven too coarse."""
         exact = self.options(problem, tolerance, frames)[-1]
         self._choice = (problem.key, tolerance, frames, [option, exact])
 
@@ -67,7 +67,7 @@ class PlanCache:
 
 
 plan_cache = PlanCache()
-"""The cache of all calls that name none of their own."""
+"""The cache of all calls that are given no `plans`."""
 
 
 @takes(FocusSettings)
@@ -85,8 +85,8 @@ def prepare(geometry: xr.Dataset, *, plans: PlanCache | None = None, **given: An
     Returns
     -------
     PlanCache
-        To be given to `focus` as `plans`. Without a plan where the sum over all pairs is as fast, or where the memory
-        does not hold the plan of the whole image.
+        To be given to `focus` as `plans`. It holds no plan where the sum over all pairs is as fast, or where the
+        memory does not hold the plan of the whole image.
 
     Raises
     ------

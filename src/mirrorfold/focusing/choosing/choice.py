@@ -1,8 +1,8 @@
-"""Which algorithm focuses a problem: the one that will take the least time, as the cost model counts it.
+"""Which algorithm focuses a problem: the one with the least predicted time.
 
-Every fast path is laid out first, which takes some hundredths of a second and tells what building its plan and making
-an image will cost. A fast path is taken where plan and images together cost well less than by the exact kernel, so that
-a mistaken prediction, too, costs little.
+Each fast algorithm is laid out first: its sizes are found (sectors, nodes, blocks of antennas), but no tables are made.
+This takes some hundredths of a second, and tells what building the plan and making an image will cost. A fast algorithm
+is taken if plan and images together cost clearly less than the exact kernel, so that a wrong prediction costs little.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from mirrorfold.focusing.predicting.cost import Cost, exact_cost, proof_cost
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 FEWEST_PAIR_PIXELS = 1e8
-"""Below this many pairs times pixels the exact kernel takes half a second of one core, and nothing else is laid out."""
+"""Pairs times pixels below which no fast algorithm is laid out: the exact kernel takes half a second of one core."""
 
 PLENTY = 0.15
-"""Share of the exact kernel's time under which a fast path is so good that no other is laid out."""
+"""If a fast algorithm takes less than this share of the exact kernel's time, no other one is laid out."""
 
 ADVANTAGE = 0.7
-"""Share of the exact kernel's time that a fast path, its plan included, must keep under."""
+"""A fast algorithm, its plan included, is taken only below this share of the exact kernel's time."""
 
 EXACT_SHARE = 0.5
-"""Share of the tolerance that the exact kernel is asked for."""
+"""Tolerance that the exact kernel is given, as a share of the tolerance of the image."""
 
 FastPlan = LineArrayPlan | FactorizedPlan
 
@@ -44,10 +44,10 @@ class Option:
     ----------
     algorithm : str
     tolerance : float
-        For which the algorithm is laid out.
+        Relative L2 error for which the algorithm is laid out.
     cost : Cost
     layout : object, optional
-        What a fast plan is made of.
+        The sizes from which a fast plan is made.
     fast : type, optional
         The class of the plan; None for the exact kernel.
     """
@@ -59,19 +59,19 @@ class Option:
     fast: type[FastPlan] | None = None
 
     def make(self, problem: Problem) -> FastPlan:
-        """The plan.
+        """Make the plan, with all its tables.
 
         Raises
         ------
         UnsuitedError
-            If the problem turns out harder than it was laid out for.
+            If the plan turns out to need more than its layout foresaw.
         """
         assert self.fast is not None
         return self.fast(problem, self.tolerance, self.layout)
 
 
 def options(problem: Problem, tolerance: float, frames: int = 1) -> list[Option]:
-    """The algorithms worth taking, the fastest first; the exact kernel is the last.
+    """The algorithms that are worth taking, the fastest first; the last one is the exact kernel.
 
     Parameters
     ----------
@@ -79,34 +79,34 @@ def options(problem: Problem, tolerance: float, frames: int = 1) -> list[Option]
     tolerance : float
         Largest relative L2 error.
     frames : int
-        Images that will be made.
+        Number of images that will be made.
     """
     return [option for option, why in _weighed(problem, tolerance, frames, PLENTY) if not why]
 
 
 def lay_out(fast: type[FastPlan], problem: Problem, tolerance: float) -> Option:
-    """A fast path, laid out for a tolerance.
+    """A fast algorithm, laid out for a tolerance.
 
     Raises
     ------
     UnsuitedError
-        If it does not suit the problem.
+        If the algorithm does not suit the problem.
     """
     layout: Layout | Division = fast.lay_out(problem, tolerance)
     return Option(fast.algorithm, tolerance, layout.cost, layout, fast)
 
 
 def pays(option: Option, exact: Option, frames: int) -> bool:
-    """Whether a fast path is well below the exact kernel's cost, on all cores and in processor time."""
+    """Whether a fast algorithm costs clearly less than the exact kernel, both in elapsed time and in processor time."""
     return option.cost.seconds(frames) < ADVANTAGE * exact.cost.seconds(frames) and option.cost.processor_seconds(
         frames
     ) < ADVANTAGE * exact.cost.processor_seconds(frames)
 
 
 def _weighed(problem: Problem, tolerance: float, frames: int, plenty: float = 0.0) -> list[tuple[Option, str]]:
-    """Every algorithm and what speaks against it, the fastest first; against the exact kernel, the last, nothing does.
+    """Every algorithm with the reason not to take it, empty if there is none; the fastest first, the exact kernel last.
 
-    Once an algorithm takes less than `plenty` of the exact kernel's time, no further algorithm is laid out.
+    Once an algorithm takes less than the share `plenty` of the exact kernel's time, no further one is laid out.
     """
     exact = Option("exact", tolerance, exact_cost(problem, problem.pixels, EXACT_SHARE * tolerance))
     if problem.pairs * problem.pixels < FEWEST_PAIR_PIXELS:
@@ -131,9 +131,9 @@ def explain(
     remarks: Sequence[str] = (),
     room: float = float("inf"),
 ) -> Choice:
-    """The choice for a problem, in words and numbers; `room` is for tables, buffers and proof [bytes]."""
+    """The choice for a problem, in words and numbers; `room` [bytes] is left for tables, buffers and proof."""
     axes = {"z": problem.z, "y": problem.y, "x": problem.x}
-    problem = problem.in_wavelengths  # as it will be focused
+    problem = problem.in_wavelengths  # the form in which it will be focused
     weighed = _weighed(problem, tolerance, frames)
     chosen = next(option for option, why in weighed if not why)
     proof = proof_cost(problem)

@@ -1,4 +1,4 @@
-"""What can be said of the choice of an algorithm: the records that Python and the command line are given."""
+"""Records that report the choice of an algorithm, to Python and to the command line."""
 
 from __future__ import annotations
 

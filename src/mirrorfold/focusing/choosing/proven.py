@@ -1,4 +1,9 @@
-"""Images by a fast path, proven exact enough on the very data; else made anew, finer, or by the exact kernel."""
+"""Images by a fast algorithm whose error is measured on the image itself.
+
+The predicted error of a fast algorithm holds for white noise. The error on the given samples is therefore measured, on
+random pixels against the float64 sum. While it is too large, the plan is made anew at a finer tolerance; if that takes
+too many tries or no longer saves time, the next algorithm is tried, and at last the exact kernel.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +20,14 @@ from mirrorfold.focusing.exact.accuracy import measured_error
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 REFINEMENTS = 3
-"""Tries, each at a finer tolerance, before the exact kernel takes over."""
+"""Number of plans that are tried for one algorithm, each at a finer tolerance, before it is given up."""
 
 SAMPLING_MARGIN = 0.8
-"""Share of the tolerance that the error measured on a sample of pixels must keep under."""
+"""Largest measured error that is accepted, as a share of the tolerance: it is an estimate from a sample of pixels."""
 
 
 class Proven(NamedTuple):
-    """A fast plan, with the image it made and the relative L2 error that was measured on it."""
+    """A fast plan, an image that it made, and the relative L2 error measured on this image."""
 
     plan: FastPlan
     image: NDArray[np.complex64]
@@ -39,7 +44,7 @@ def prove(
     room: float = float("inf"),
     goal: float | None = None,
 ) -> Proven | None:
-    """The fastest plan that images `s` within the tolerance; None where the exact kernel must do it.
+    """The fastest plan that images the samples `s` within the tolerance; None where the exact kernel must image them.
 
     Parameters
     ----------
@@ -47,16 +52,17 @@ def prove(
     tolerance : float
         Largest relative L2 error.
     s : (frequencies, tx, rx) or, monostatic, (frequencies, tx) array
+        Samples of one frame.
     plans : PlanCache
         Where plans are looked for, and kept.
     frames : int
-        Images that will be made.
+        Number of images that will be made.
     progress : callable (done, total), optional
     room : float [bytes]
-        For tables, buffers and the proof.
+        Memory for tables, buffers and the measurement of the error.
     goal : float, optional
-        Error to accept, by default the tolerance. A dark strip of an image may have a larger error, for its share in
-        the error of the whole is small.
+        Relative L2 error to accept, by default the tolerance. A dark strip of an image may have a larger one, because
+        its share in the error of the whole image is small.
     """
     goal = tolerance if goal is None else goal
     *fast, exact = plans.options(problem, tolerance, frames)

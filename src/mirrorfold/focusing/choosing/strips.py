@@ -1,7 +1,7 @@
 """Images in strips, where the tables of the whole image do not fit into the memory.
 
-A strip is a problem of its own, with fewer pixels and smaller tables. Its error is measured like that of a whole image;
-all strips together keep to the tolerance, so that a strip without echoes may have a larger error for its power.
+Each strip is focused as a problem of its own, with fewer pixels and smaller tables, and its error is measured. The
+tolerance holds for all strips together: a dark strip without echoes may have a larger relative error than a bright one.
 """
 
 from __future__ import annotations
@@ -20,28 +20,30 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.choice import Option
 
 MOST_STRIPS = 64
-"""Beyond so many, the sum over all pairs takes less memory, and hardly more time."""
+"""A strip of 1 / MOST_STRIPS of the rows, or fewer, is not divided further: the sum over all pairs then takes less
+memory, and hardly more time."""
 
 SAMPLE_COPIES = 2
-"""Copies of the samples of one frame that are held at once: as they came, and as the algorithm sorts them."""
+"""Copies of the samples of one frame that are held at once: as they were given, and as the algorithm sorts them."""
 
 ROOM_SHARE = 0.8
-"""Share of the memory left that tables may fill: not all that one strip has freed is there for the next."""
+"""Share of the remaining memory that tables may fill: not all that one strip frees is available to the next."""
 
 CODE_BYTES = 1.2e8
-"""Memory of the compiled kernels, which are loaded with the first image."""
+"""Memory [bytes] of the compiled kernels, which are loaded with the first image."""
 
 
 class Strip(NamedTuple):
-    """Some rows of an image: along z of a volume, along y of a plane.
+    """Some rows of an image, along z of a volume, along y of a plane image.
 
     Attributes
     ----------
     problem : Problem
-    rows : slice
-        Into the axes (z, y, x) of the whole image.
+        The problem on the pixels of the strip.
+    rows : pair of slice
+        Where the strip lies along the axes z and y of the whole image.
     option : Option
-        The fastest algorithm that fits.
+        The fastest algorithm whose tables fit into the memory.
     """
 
     problem: Problem
@@ -50,16 +52,16 @@ class Strip(NamedTuple):
 
 
 def room_for_tables(problem: Problem, frames: int, limit: float | None, *, samples_held: bool) -> float:
-    """Memory [bytes] that samples and images leave for tables and buffers.
+    """Memory [bytes] that is left for tables and buffers beside samples, images and compiled code.
 
     Parameters
     ----------
     problem : Problem
     frames : int
     limit : float [bytes], optional
-        Of all that this process may hold; by default what is free.
+        Memory that the process may hold in all; by default what is free.
     samples_held : bool
-        Whether the samples are in memory already.
+        Whether the samples are in memory already, so that only their copies need more.
     """
     copies = SAMPLE_COPIES - 1 if samples_held else SAMPLE_COPIES
     held = CODE_BYTES + copies * samples_bytes(problem) + 8.0 * problem.pixels * frames
@@ -72,20 +74,21 @@ def samples_bytes(problem: Problem) -> float:
 
 
 def held_parts(problem: Problem, frames: int) -> Parts:
-    """What samples and images take while images are made, by name [bytes]."""
+    """Memory [bytes] of the samples and of the images while images are made, by name."""
     copies = SAMPLE_COPIES + frames - 1
     return {"samples": copies * samples_bytes(problem), "images": 8.0 * problem.pixels * frames}
 
 
 def table_bytes(problem: Problem, option: Option) -> float:
-    """What an algorithm and the proof of its image take beside samples and image [bytes]."""
+    """Memory [bytes] of an algorithm and of the measurement of its error, beside samples and image."""
     return option.cost.nbytes + proof_cost(problem).nbytes
 
 
 def divide(problem: Problem, options: Callable[[Problem], list[Option]], room: float) -> list[Strip]:
-    """Strips whose algorithms fit: the whole where it does, else its halves, and theirs.
+    """Strips whose tables fit into the memory: the whole image if its tables fit, else its halves, divided in turn.
 
-    Tables grow towards the array. A few rows next to it, whose fast tables never fit, are summed over all pairs.
+    Tables are larger for pixels nearer to the array. A few rows next to the array, whose fast tables never fit, are
+    imaged by the sum over all pairs.
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def divide(problem: Problem, options: Callable[[Problem], list[Option]], room: f
     options : callable
         The algorithms worth taking for a problem, the fastest first, the sum over all pairs last.
     room : float [bytes]
-        For tables, buffers and the proof of each image.
+        Memory for tables, buffers and the measurement of the error, of one strip at a time.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def divide(problem: Problem, options: Callable[[Problem], list[Option]], room: f
 
 
 def _divided(whole: Problem, rows: slice, options: Callable[[Problem], list[Option]], room: float) -> list[Strip]:
-    """The strips of some rows."""
+    """The strips of some rows of the whole image."""
     volume = whole.z.size > 1
     part = replace(whole, z=whole.z[rows]) if volume else replace(whole, y=whole.y[rows])
     where = (rows, slice(None)) if volume else (slice(None), rows)

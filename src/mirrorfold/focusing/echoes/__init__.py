@@ -1,7 +1,7 @@
-"""Echoes of some ranges, taken out of a sweep of antennas that may stand anywhere.
+"""Echoes from some ranges, taken out of a sweep, for antennas that stand anywhere.
 
-`range_gate` filters one window of range out of a sweep, so that fewer frequencies hold it (Oppenheim and Schafer,
-Discrete-Time Signal Processing, section 7.6): the near pixels of line arrays need no more. `range_windows` cuts many
-windows out of one sweep, for single echoes. `coherence` tells how well an echo adds up in phase over the pairs if it
-came from a point, a flat face or a corner at some distance (Hubral, Geophysics 48, 1051-1062, 1983).
+`range_gate` filters one window of range out of a sweep, at fewer frequencies (Oppenheim and Schafer, Discrete-Time
+Signal Processing, section 7.6): these suffice for the near pixels of line arrays. `range_windows` cuts many windows out
+of one sweep, for single echoes. `coherence` measures how well an echo adds up in phase over the pairs if it came from a
+point, a flat face or a corner at a given distance (Hubral, Geophysics 48, 1051-1062, 1983).
 """

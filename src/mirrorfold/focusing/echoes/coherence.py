@@ -1,12 +1,16 @@
-"""How much of an echo adds up in phase over the pairs, for waves of given direction and curvature.
+"""Coherence of an echo: how much of it adds up in phase over the pairs, for waves of given direction and curvature.
 
-An echo from the direction u and the distance ``rho = 1 / q`` reaches the elements with deviations of its path from that
-to the middle of the array, and its samples add up in phase once these are undone. A point adds ``(x_i^2 + x_k^2) / 2
-rho`` to the path, a flat face that shows the image of the transmitter ``(x_i - x_k)^2 / 4 rho``: what the distance of
-transmitter and receiver adds is the same for both, and for any smooth shape between them (Hubral, Geophysics 48,
-1051-1062, 1983). A right-angled corner sends every ray back to where it came from: it shows the transmitter mirrored at
-its vertex, and adds ``(x_i + x_k)^2 / 4 rho``. The largest coherence of the three therefore tells the distance,
-whatever the echo comes from.
+An echo from the direction u and the distance ``rho = 1 / q`` has, for each pair of elements, another path than for the
+middle of the array. Once these differences are undone, its samples add up in phase. With the offsets x_i and x_k of
+transmitter and receiver across the line of sight, the path by way of
+
+- a point is longer by ``(x_i^2 + x_k^2) / (2 rho) = ((x_i - x_k)^2 + (x_i + x_k)^2) / (4 rho)``,
+- a flat face, which shows the mirror image of the transmitter, by ``(x_i - x_k)^2 / (4 rho)``,
+- a right-angled corner, which shows the transmitter mirrored at its vertex, by ``(x_i + x_k)^2 / (4 rho)``.
+
+The term of the distance ``x_i - x_k`` is the same for a point, a flat face, and any smooth shape between them (Hubral,
+Geophysics 48, 1051-1062, 1983). So the distance at which the largest of the three coherences peaks is that of the echo,
+whatever it comes from.
 """
 
 from __future__ import annotations
@@ -24,15 +28,17 @@ from mirrorfold.common.windows import hann
 Complex64 = NDArray[np.complex64]
 
 POINT, FACE, CORNER = 0, 1, 2
-"""What an echo may come from."""
+"""The shapes that an echo may come from: a point, a flat face, a right-angled corner."""
 
 OVERSAMPLING = 4
-"""Points of the range profile in a cell, at least, between which it is linear to a few percent."""
+"""Points of the range profile per range cell, at least: linear interpolation between them is right to a few percent."""
 
 
 def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex64, float]:
-    """Range profiles (pairs, points) of samples (frequencies, pairs) at wavenumbers [rad/m], without the carrier of
-    mid-band; and the path from one point to the next [m].
+    """Range profiles (pairs, points) of samples (frequencies, pairs), and the path [m] from one point to the next.
+
+    The carrier, the phase ``exp(j k_c d)`` of the path d at the mean wavenumber k_c, is taken off. `wavenumber` is in
+    [rad/m].
     """
     count = wavenumber.size
     taper = hann(count)[:, None].astype(np.float32)
@@ -45,9 +51,11 @@ def profiles(s: NDArray[np.complexfloating], wavenumber: Array) -> tuple[Complex
 
 
 def windows(profile: Complex64, gate: NDArray[np.int64], half: int, carrier: float, step: float) -> NDArray[np.float32]:
-    """Pieces of the profiles around the gates, unwrapped around the ambiguous range: (pairs, 2 half + 1, 2, gates).
+    """Pieces of the profiles, `half` points to either side of each gate: (pairs, 2 half + 1, 2, gates).
 
-    The third axis holds real and imaginary parts, so that all gates are worked on side by side.
+    A gate is an index of a point. Pieces that reach over an end of the profile go on at its other end, with the phase
+    of the carrier [rad/m] corrected for the ambiguous path. The third axis holds real and imaginary parts, so that the
+    gates are adjacent in memory.
     """
     size = profile.shape[1]
     index = np.arange(-half, half + 1)[:, None] + gate
@@ -64,8 +72,10 @@ def _change(along, curvature):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _squares(sides, shape, out):  # type: ignore[no-untyped-def]
-    """What the places (2, 3, pairs) of transmitters a and receivers b add to paths in any direction, (2, pairs): a^2
-    and b^2 for a point, ``(a - b)^2 / 4`` for a face, ``(a + b)^2 / 4`` for a corner.
+    """The squares (2, pairs) [m^2] in the paths of pairs, which hold for all directions.
+
+    From the positions (2, 3, pairs) [m] of the transmitters a and the receivers b: a^2 and b^2 for a point,
+    ``(a - b)^2 / 4`` for a face, ``(a + b)^2 / 4`` for a corner.
     """
     quarter = np.float32(0.25)
     for p in range(out.shape[1]):
@@ -82,7 +92,7 @@ def _squares(sides, shape, out):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyped-def]
-    """How much longer than 2 / q the paths of pairs (pairs,) are, by way of something of that shape in a direction."""
+    """The paths of pairs (pairs,) [m] less 2 / q, by way of a reflector of this shape, at 1 / q in this direction."""
     two, (x, y, z) = np.float32(2.0), direction
     for p in range(out.size):
         a = sides[0, 0, p] * x + sides[0, 1, p] * y + sides[0, 2, p] * z
@@ -97,7 +107,7 @@ def _lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyp
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type: ignore[no-untyped-def]
-    """Where the windows hold paths that are longer by so much [m]: the cell and the rest, and the phase there."""
+    """For paths `longer` [m] than that of the gate: point of the window, fraction of a point, and phase factor."""
     for p in range(longer.size):
         at = longer[p] * cells + middle
         cell[p] = np.int32(min(max(np.floor(at), np.float32(0.0)), last))
@@ -108,7 +118,7 @@ def _look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type:
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
-    """Add ``w exp(j ...)`` and ``|w|^2`` of all pairs, each w between two cells of its window, to (3, gates)."""
+    """Add to `total` (3, gates), over the pairs, ``w exp(j phase)`` and ``|w|^2``, w interpolated in the window."""
     for p in range(cell.size):
         here, beyond, share, c, s = windows[p, cell[p]], windows[p, cell[p] + 1], rest[p], cos[p], sin[p]
         for g in range(total.shape[1]):
@@ -121,7 +131,7 @@ def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-de
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def _add_up_one(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
-    """As `_add_up`, for a single gate: pairs are worked on side by side."""
+    """As `_add_up`, for a single gate: the inner loop runs over the pairs."""
     total_re, total_im, power = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for p in range(cell.size):
         c, share = cell[p], rest[p]
@@ -141,9 +151,10 @@ def coherence(
 ) -> None:  # fmt: skip
     """Raise out (gates,) to the largest ``|sum y|^2 / (n sum |y|^2)``, ``y = w(L + shift D) exp(j k_c D)``, over u.
 
-    D is how much longer the path is than 2 rho, by way of a point, a flat face or a corner in the direction u, at the
-    distance rho = 1 / q. A contracting wave is the time reversal of one from the opposite side. In single precision a
-    path of a metre is out by a tenth of a micrometre.
+    w is the range profile of a pair without its carrier, L the path of the gate, and n the number of pairs. D is the
+    path of the pair by way of a point, a flat face or a corner, in the direction u at the distance rho = 1 / q, less
+    2 rho. `shift` is 1, or -1 to try delays of the wrong sign. A contracting wave, of negative curvature q, is the time
+    reversal of a wave from the opposite side. In single precision a path of a metre is off by a tenth of a micrometre.
     """
     pairs, size, _, gates = windows.shape
     sign = 1.0 if curvature >= 0.0 else -1.0

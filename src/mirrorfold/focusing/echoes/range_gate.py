@@ -1,9 +1,9 @@
-"""A range gate: the part of a sweep that the ranges of some pixels hold, at fewer frequencies.
+"""A range gate: the part of a sweep that comes from the ranges of some pixels, at fewer frequencies.
 
-Pixels whose paths differ by much less than the ambiguous path length P do not need its fine frequency steps: what else
-is in the sweep may be removed first. A low-pass filter h over frequency, centred on the window's middle path d_c, keeps
-paths d with ``|d - d_c| <= w`` and suppresses those with ``|d - d_c| >= P/D - w``, so that every D-th frequency is
-enough::
+The frequency step dk of a sweep makes paths unambiguous over P = 2 pi / dk. Some pixels have paths that differ by much
+less than P. For them coarser steps are enough, once the echoes from all other ranges are removed. A low-pass filter h
+over frequency, centred on the middle path d_c of the window, keeps paths d with ``|d - d_c| <= w`` and suppresses those
+with ``|d - d_c| >= P/D - w``, so that every D-th frequency is enough::
 
     y_n = sum_m h[D n - m] a_m S_m exp(j (m - D n) dk d_c),
     sum_n y_n exp(j k_Dn d) = sum_m a_m S_m exp(j k_m d).
@@ -24,24 +24,24 @@ from numpy.typing import NDArray
 from mirrorfold.focusing.problem import Problem
 
 BEHIND_DB = 40.0
-"""What is suppressed may be this much stronger than what is kept: walls glint, and near pixels hold little."""
+"""Echoes outside of the window may be this much stronger [dB] than those inside: walls glint, near pixels are dark."""
 
 FEWEST = 8
-"""Frequencies from which on some may be left out."""
+"""Sweeps with fewer frequencies than this are not filtered."""
 
 WORTHWHILE = 0.5
-"""Share of the frequencies that may remain for the filter to pay."""
+"""The filter is used only if at most this share of the frequencies remains."""
 
 
 def gated(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple[Problem, NDArray[np.complex64]]:
-    """The same problem at fewer frequencies, and its data; both as they were given where that does not pay.
+    """The same problem at fewer frequencies, and its samples; both as given where the filter does not pay.
 
     Parameters
     ----------
     problem : Problem
     s : (frequencies, tx, rx) or, monostatic, (frequencies, tx) array
     tolerance : float
-        Ripple of the filter, relative to what the window holds.
+        Largest ripple of the filter, relative to the echoes inside of the window.
     """
     design = _design(problem, tolerance)
     if design is None:
@@ -49,17 +49,17 @@ def gated(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> tuple
     keep_every, reach, beta = design
     count, step, (middle, _) = problem.k.size, problem.wavenumber_step, _paths(problem)
     first = -ceil(reach / keep_every)
-    kept = np.arange(first, (count - 1 + reach) // keep_every + 1) * keep_every
-    lag = kept[:, None] - np.arange(count)
+    kept_steps = np.arange(first, (count - 1 + reach) // keep_every + 1) * keep_every
+    lag = kept_steps[:, None] - np.arange(count)
     taps = np.sinc(lag / keep_every) * np.i0(beta * np.sqrt(np.maximum(1.0 - (lag / reach) ** 2, 0.0))) / np.i0(beta)
     matrix = np.where(np.abs(lag) <= reach, taps, 0.0) * problem.taper * np.exp(-1j * step * middle * lag)
-    fewer = replace(problem, k=problem.k[0] + step * kept, taper=np.ones(kept.size, dtype=np.complex128))
+    fewer = replace(problem, k=problem.k[0] + step * kept_steps, taper=np.ones(kept_steps.size, dtype=np.complex128))
     data = matrix.astype(np.complex64) @ s.reshape(count, -1)
-    return fewer, data.reshape(kept.size, *s.shape[1:])
+    return fewer, data.reshape(kept_steps.size, *s.shape[1:])
 
 
 def _paths(problem: Problem) -> tuple[float, float]:
-    """Middle and half extent of the path lengths from a transmitter by way of a pixel to a receiver [m]."""
+    """Middle and half extent [m] of the path lengths from any transmitter by way of any pixel to any receiver."""
     axes = (problem.x, problem.y, problem.z)
     low, high = (np.array([end(axis) for axis in axes]) for end in (np.min, np.max))
     shortest, longest = 0.0, 0.0
@@ -71,8 +71,8 @@ def _paths(problem: Problem) -> tuple[float, float]:
 
 
 def _design(problem: Problem, tolerance: float) -> tuple[int, int, float] | None:
-    """D, the filter's reach [steps of frequency] and Kaiser's beta; None where too many frequencies would remain."""
-    count, (_, half) = problem.k.size, _paths(problem)
+    """D, the filter's half length [frequency steps] and Kaiser's beta; None where too many frequencies would remain."""
+    count, (_, half_extent) = problem.k.size, _paths(problem)
     if count < FEWEST:
         return None
     period = 2.0 * pi / problem.wavenumber_step
@@ -80,7 +80,7 @@ def _design(problem: Problem, tolerance: float) -> tuple[int, int, float] | None
     beta = 0.1102 * (attenuation - 8.7)
     best, fewest = None, WORTHWHILE * count
     for keep_every in range(2, count):
-        transition = period / keep_every - 2.0 * half
+        transition = period / keep_every - 2.0 * half_extent
         if transition <= 0.0:
             break
         reach = ceil(0.5 * (attenuation - 8.0) / (2.285 * 2.0 * pi * transition / period))
@@ -91,6 +91,6 @@ def _design(problem: Problem, tolerance: float) -> tuple[int, int, float] | None
 
 
 def gated_frequencies(problem: Problem, tolerance: float) -> int:
-    """How many frequencies `gated` will leave."""
+    """Number of frequencies that `gated` will leave."""
     design = _design(problem, tolerance)
     return problem.k.size if design is None else ceil((problem.k.size + 2 * design[1]) / design[0])

@@ -10,7 +10,7 @@ from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.problem import Problem
 
 TEST_PIXELS = 60
-"""Pixels on which an image is compared with the direct sum."""
+"""Number of random pixels on which an image is compared with the direct sum."""
 
 
 def measured_error(
@@ -18,37 +18,38 @@ def measured_error(
 ) -> float:
     """Relative L2 error of an image, estimated on random pixels against the float64 direct sum.
 
-    A third of the pixels is drawn evenly, a third with probability proportional to their power, and a third to the
-    inverse square of their range: an image goes wrong first where it is bright and where it is near. The estimate
-    weighs each by the inverse of its chance, so that it is unbiased for the whole image.
+    Errors are largest where the image is bright, and near the array. So a third of the pixels is drawn evenly, a third
+    with probabilities proportional to their power, and a third proportional to ``1 / (r^2 + L^2)`` of the range r and
+    the length L of the array. Each squared error is divided by the probability of its pixel, so that the estimate is
+    unbiased for the whole image (importance sampling).
     """
     values = image.ravel()
     power = np.abs(values).astype(np.float64) ** 2
-    total = float(power.sum())
-    if total == 0.0:
+    power_sum = float(power.sum())
+    if power_sum == 0.0:
         return float("inf")
     dx, dy, dz = (axis - problem.radar_position[n] for n, axis in enumerate((problem.x, problem.y, problem.z)))
     length = max(float(np.ptp(np.concatenate([problem.tx, problem.rx]), axis=0).max()), 1.0 / float(problem.k.max()))
-    near = dz[:, None, None] ** 2 + dy[None, :, None] ** 2 + dx[None, None, :] ** 2 + length**2
-    near = 1.0 / near.ravel()
-    near_total = float(near.sum())
+    nearness = dz[:, None, None] ** 2 + dy[None, :, None] ** 2 + dx[None, None, :] ** 2 + length**2
+    nearness = 1.0 / nearness.ravel()
+    nearness_sum = float(nearness.sum())
     rng = np.random.default_rng(seed)
-    each = (pixels + 2) // 3
+    third = (pixels + 2) // 3
 
-    def draw(weight: NDArray[np.float64], whole: float) -> NDArray[np.int64]:
-        return np.searchsorted(np.cumsum(weight), rng.random(each) * whole, side="right")
+    def draw(weight: NDArray[np.float64], weight_sum: float) -> NDArray[np.int64]:
+        return np.searchsorted(np.cumsum(weight), rng.random(third) * weight_sum, side="right")
 
-    flat = np.concatenate([rng.integers(0, power.size, each), draw(power, total), draw(near, near_total)])
+    flat = np.concatenate([rng.integers(0, power.size, third), draw(power, power_sum), draw(nearness, nearness_sum)])
     flat = np.minimum(flat, power.size - 1)
-    chance = (1.0 / power.size + power[flat] / total + near[flat] / near_total) / 3.0
+    probability = (1.0 / power.size + power[flat] / power_sum + nearness[flat] / nearness_sum) / 3.0
     error = np.abs(values[flat] - direct_sum(problem, s, problem.points(flat))) ** 2
-    return float(np.sqrt(np.mean(error / chance) / total))
+    return float(np.sqrt(np.mean(error / probability) / power_sum))
 
 
 def exact_kernel_error(problem: Problem, s: NDArray[np.complex64], tolerance: float) -> float:
     """Relative L2 error of the exact kernel, measured on a few random pixels without making the whole image.
 
-    All pixels are drawn evenly: the kernel's error is as large everywhere.
+    All pixels are drawn evenly, because the kernel's error is equally large everywhere.
     """
     wanted = np.zeros(problem.shape, dtype=bool)
     wanted.flat[np.random.default_rng(0).integers(0, problem.pixels, TEST_PIXELS)] = True

@@ -1,4 +1,4 @@
-"""The focusing sum in float64, term by term: slow, obviously right, the reference of every other path."""
+"""The focusing sum in float64, term by term: slow, obviously right, the reference for all other algorithms."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def sum_positions(data, weight, taper, k, path):  # type: ignore[no-untyped-def]
     """sum_m taper[m] sum_i data[m, i] weight[i] exp(j k[m] path[i]) in float64."""
     total = 0.0 + 0.0j
     for m in range(k.size):
-        at_one = 0.0 + 0.0j
+        at_frequency = 0.0 + 0.0j
         for i in range(path.size):
-            at_one += data[m, i] * weight[i] * np.exp(1j * k[m] * path[i])
-        total += taper[m] * at_one
+            at_frequency += data[m, i] * weight[i] * np.exp(1j * k[m] * path[i])
+        total += taper[m] * at_frequency
     return total
 
 
 def direct_sum(problem: Problem, s: NDArray[np.complexfloating], points: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """The focusing sum in float64, term by term, at points (n, 3) [m]: the reference of every other path."""
+    """The focusing sum in float64, term by term, at points (n, 3) [m]: the reference for all other algorithms."""
     tx_range = np.linalg.norm(points[:, None, :] - problem.tx[None, :, :], axis=-1)
     rx_range = np.linalg.norm(points[:, None, :] - problem.rx[None, :, :], axis=-1)
     if problem.monostatic:

@@ -1,12 +1,14 @@
-"""The total focusing method for any geometry: range-compressed pairs, summed pixel by pixel.
+"""The total focusing method for any geometry, the exact kernel: range-compressed pairs, summed pixel by pixel.
 
-With the range profiles ``Q_ik`` of all pairs tabulated (see `range_tables`), the sum over pairs has one phase per
-antenna and pixel::
+The sum over frequency is done once for each pair: it gives the range profile ``Q_ik`` of the pair, a table over path
+length (see `range_tables`). A pixel then needs one value of each table, and one phase for each antenna::
 
     I(p) = sum_i w_i E_i(p) sum_k v_k E_k(p) Q_ik(R_i + R_k),    E(p) = exp(+j k_c R(p)).
 
-The weights w and v are multiplied to the data. Pixels are summed in tiles, and path lengths counted from the centre of
-their tile, so that single precision holds them.
+The weights w and v are multiplied into the samples beforehand. Pixels are summed in tiles, and path lengths are counted
+from the centre of the tile, so that single precision suffices. Where transmitters and receivers stand at the same
+places, the pairs (i, k) and (k, i) have the same path: their samples are added first ("folded"), and pairs with k >= i
+remain.
 """
 
 from __future__ import annotations
@@ -24,23 +26,24 @@ from mirrorfold.focusing.exact.range_tables import TERMS, lay_out, spectral_weig
 from mirrorfold.focusing.problem import Problem
 
 Tables = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
-"""Of antennas on one tile: path to its centre [cells], path to each pixel less that, real and imaginary part of E."""
+"""Tables of some antennas on one tile of pixels: path to the centre of the tile (antennas,) [table cells]; path to each
+pixel less this one [table cells], real part and imaginary part of E, (antennas, pixels)."""
 
 TILE_PIXELS = 512
-"""Pixels of a tile: the tables of all antennas on one tile stay in the second-level cache."""
+"""Pixels of a tile, at most: the tables of all antennas on one tile then stay in the second-level cache."""
 
 TABLE_BYTES = 128 * 2**20
-"""Memory for the range-compressed pairs that are held at once."""
+"""Memory [bytes] for the range-compressed pairs that are held at once."""
 
 MONOSTATIC_BLOCK = 64
 """Positions of one moving antenna that are range-compressed together."""
 
 
-def _tiles(problem: Problem, widest: float) -> list[tuple[slice, slice, slice]]:
-    """Boxes (z, y, x) of at most TILE_PIXELS pixels whose diagonal stays under `widest` [m] where it can."""
+def _tiles(problem: Problem, largest_diagonal: float) -> list[tuple[slice, slice, slice]]:
+    """Boxes (z, y, x) of at most TILE_PIXELS pixels that cover the image, with no larger diagonal [m] if possible."""
     axes = (problem.z, problem.y, problem.x)
     sizes = [1, 1, 1]
-    limit = widest / np.sqrt(3.0)
+    limit = largest_diagonal / np.sqrt(3.0)
     for axis, share in ((2, 32), (1, 16), (0, 1), (1, TILE_PIXELS), (2, TILE_PIXELS), (0, TILE_PIXELS)):
         n = axes[axis].size
         pitch = abs(axes[axis][-1] - axes[axis][0]) / max(n - 1, 1)
@@ -57,12 +60,15 @@ def _tiles(problem: Problem, widest: float) -> list[tuple[slice, slice, slice]]:
 
 
 def _pair_data(problem: Problem, s: NDArray[np.complex64], i: int, folded: bool) -> NDArray[np.complex64]:
-    """Weighted data (frequencies, receivers) of transmitter i; folded, with that of the swapped pairs k > i added."""
+    """Weighted samples (frequencies, receivers) of transmitter i.
+
+    If folded, those of the receivers k >= i, with the samples of the swapped pairs (k, i) added.
+    """
     tx, rx = problem.tx_weight, problem.rx_weight
     if not folded:
         return np.asarray(s[:, i, :] * (tx[i] * rx)).astype(np.complex64)
     data = s[:, i, i:] * (tx[i] * rx[i:]) + s[:, i:, i] * (rx[i] * tx[i:])
-    data[:, 0] *= 0.5
+    data[:, 0] *= 0.5  # the pair (i, i) was added to itself
     return np.asarray(data).astype(np.complex64)
 
 
@@ -80,36 +86,36 @@ def focus_exact(
     problem : Problem
     s : (frequencies, tx, rx) or, monostatic, (frequencies, tx) complex64 array
     tolerance : float
-        Largest relative root-mean-square error on white data; `FINEST_TOLERANCE` is the finest.
+        Largest relative root-mean-square error on white data; below `FINEST_TOLERANCE` it counts as that.
     progress : callable, optional
     where : (z, y, x) bool array, optional
-        Pixels that are wanted, all by default; the others stay zero.
+        True at the pixels to compute, by default all; the others stay zero.
     """
     if not problem.monostatic and len(problem.tx) > len(problem.rx):
-        # Paths are the same both ways, and the inner loop, over receivers, should be the longer of the two.
+        # Paths are reciprocal; the inner loop, which runs over the receivers, should be the longer of the two.
         problem, s = problem.reversed(), s.swapaxes(1, 2)
     cells = table_cells(problem.taper, tolerance)
     weight = spectral_weights(problem.taper, cells)
     step = problem.wavenumber_step
-    period = 2.0 * np.pi / step if step > 0.0 else float("inf")
-    per_metre = cells / period
+    ambiguous_path = 2.0 * np.pi / step if step > 0.0 else float("inf")
+    cells_per_metre = cells / ambiguous_path
     middle = problem.middle_wavenumber
     # A pixel's path differs from that of its tile's centre by at most the tile's diagonal.
-    tiles = _tiles(problem, 0.25 * period)
+    tiles = _tiles(problem, 0.25 * ambiguous_path)
     if where is not None:
         tiles = [tile for tile in tiles if where[tile].any()]
-    widest = max(_diagonal(problem, tile) for tile in tiles)
-    margin = int(np.ceil(widest * per_metre)) + 4
+    largest_diagonal = max(_diagonal(problem, tile) for tile in tiles)
+    margin = int(np.ceil(largest_diagonal * cells_per_metre)) + 4
     folded = problem.coincident and not problem.monostatic
-    # Pairs of each transmitter, or of each position of one moving antenna.
-    columns = [1 if problem.monostatic else len(problem.rx) - folded * i for i in range(len(problem.tx))]
+    # Number of pairs of each transmitter, or of each position of one moving antenna.
+    pairs_of = [1 if problem.monostatic else len(problem.rx) - folded * i for i in range(len(problem.tx))]
     per_pair = (cells + 2 * margin) * TERMS * 8
     most = max(1, TABLE_BYTES // per_pair)
-    chunks = _chunks(columns, most)
+    chunks = _chunks(pairs_of, most)
     total = np.zeros(problem.shape, dtype=np.complex64)
     one_more = counted(progress, len(chunks) * len(tiles))
     for chunk in chunks:
-        start = np.concatenate([[0], np.cumsum([columns[i] for i in chunk])])
+        start = np.concatenate([[0], np.cumsum([pairs_of[i] for i in chunk])])
         table = np.empty((int(start[-1]), cells + 2 * margin, TERMS), dtype=np.complex64)
 
         def compress(n: int, table: NDArray[np.complex64] = table, chunk: range = chunk, start: Any = start) -> None:
@@ -131,9 +137,9 @@ def focus_exact(
             start: Any = start,
         ) -> None:
             flat = table.view(np.float32).reshape(len(table), -1)
-            mine = np.ones(total[tile].shape, dtype=bool) if where is None else where[tile]
-            total[tile][mine] += _focus_tile(
-                problem, tile, mine, flat, chunk, start, folded, per_metre, middle, cells, margin
+            selected = np.ones(total[tile].shape, dtype=bool) if where is None else where[tile]
+            total[tile][selected] += _focus_tile(
+                problem, tile, selected, flat, chunk, start, folded, cells_per_metre, middle, cells, margin
             )
 
         for_each(compress, range(0, len(chunk), MONOSTATIC_BLOCK if problem.monostatic else 1))
@@ -141,15 +147,15 @@ def focus_exact(
     return total
 
 
-def _chunks(columns: list[int], most: int) -> list[range]:
-    """Consecutive transmitters, or positions, whose pairs together stay under `most`, at least one at a time."""
+def _chunks(pairs_of: list[int], most: int) -> list[range]:
+    """Runs of consecutive transmitters (or positions) with at most `most` pairs together, or a single transmitter."""
     chunks, start, held = [], 0, 0
-    for i, count in enumerate(columns):
+    for i, count in enumerate(pairs_of):
         if i > start and held + count > most:
             chunks.append(range(start, i))
             start, held = i, 0
         held += count
-    return [*chunks, range(start, len(columns))]
+    return [*chunks, range(start, len(pairs_of))]
 
 
 def _diagonal(problem: Problem, tile: tuple[slice, slice, slice]) -> float:
@@ -166,25 +172,25 @@ def _focus_tile(
     chunk: range,
     start: NDArray[np.int64],
     folded: bool,
-    per_metre: float,
+    cells_per_metre: float,
     middle: float,
     cells: int,
     margin: int,
 ) -> NDArray[np.complex64]:
-    """The sum over the chunk's transmitters and all receivers (or its positions) on a tile's wanted pixels."""
+    """The sum over the chunk's transmitters and all receivers (or its positions), on the wanted pixels of a tile."""
     z, y, x = problem.z[tile[0]], problem.y[tile[1]], problem.x[tile[2]]
     centre = 0.5 * np.array([x[0] + x[-1], y[0] + y[-1], z[0] + z[-1]])
     pixel_z, pixel_y, pixel_x = (axis[wanted] for axis in np.meshgrid(z, y, x, indexing="ij"))
     count = pixel_x.size
 
     def tabulate(element: NDArray[np.float64], ways: float) -> Tables:
-        reference = np.linalg.norm(element - centre, axis=1) * (ways * per_metre)
+        reference = np.linalg.norm(element - centre, axis=1) * (ways * cells_per_metre)
         delay, re, im = (np.empty((len(element), count), dtype=np.float32) for _ in range(3))
-        tile_tables(pixel_x, pixel_y, pixel_z, element, ways * per_metre, ways * middle, reference, delay, re, im)
+        tile_tables(pixel_x, pixel_y, pixel_z, element, ways * cells_per_metre, ways * middle, reference, delay, re, im)
         return reference, delay, re, im
 
     if problem.monostatic:
-        # Every position is a receiver of twice the path, and the transmitter is no distance away.
+        # Each position acts as a receiver with twice its path; the transmitter has path zero and phase factor one.
         receiver = tabulate(problem.rx[chunk.start : chunk.stop], 2.0)
         nothing = np.zeros((1, count), dtype=np.float32)
         transmitter: Tables = (np.zeros(1), nothing, nothing + np.float32(1.0), nothing)

@@ -1,4 +1,8 @@
-"""Loop nests of the exact kernel. Each is one formula; shapes are checked by the callers."""
+"""Loop nests of the exact kernel. Each computes one formula; the callers check the shapes.
+
+Path lengths are counted in cells of the range tables, from the path to the centre of a tile of pixels: the differences
+are small enough for single precision. E(p) = exp(j k_c R(p)) with the middle wavenumber k_c.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from mirrorfold.common.phasor import unit_phasor
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
 def tile_tables(x, y, z, element, per_metre, wavenumber, reference, delay, re, im):  # type: ignore[no-untyped-def]
-    """For each antenna and pixel: path in table cells less `reference`, and exp(j k_c R)."""
+    """For each antenna and pixel: path R [table cells] less `reference` (to the tile's centre), and exp(j k_c R)."""
     per_turn = wavenumber / (2.0 * np.pi)
     for e in range(element.shape[0]):
         ex, ey, ez = element[e]
@@ -24,9 +28,10 @@ def tile_tables(x, y, z, element, per_metre, wavenumber, reference, delay, re, i
 def sum_pairs(  # type: ignore[no-untyped-def]
     table, first, offset, tx_delay, rx_delay, rx_re, rx_im, sum_re, sum_im
 ):
-    """sum[p] = sum_k E_k(p) Q_k(tx_delay[p] + rx_delay[k, p] + offset[k]) for one transmitter.
+    """sum[p] += sum_k E_k(p) Q_k(tx_delay[p] + rx_delay[k, p] + offset[k]) for one transmitter, over the receivers k.
 
-    `table[k]` holds eight numbers a cell: real and imaginary part of the four coefficients of a cubic in u.
+    Q_k is a cubic in u in each cell of path length, u running from -1 to 1 over the cell. `table[k]` holds eight
+    numbers per cell: real and imaginary part of its four coefficients. Paths are counted from cell ``first[k]``.
     """
     one, two = np.float32(1.0), np.float32(2.0)
     for k in range(rx_delay.shape[0]):
@@ -49,7 +54,7 @@ def sum_transmitters(  # type: ignore[no-untyped-def]
     table, start, tx_index, folded, cells, margin,
     tx_reference, tx_delay, tx_re, tx_im, rx_reference, rx_delay, rx_re, rx_im, out,
 ):  # fmt: skip
-    """out[p] += sum_i E_i(p) sum_k E_k(p) Q_ik(R_i + R_k) for the transmitters `tx_index`; k >= i where folded."""
+    """out[p] += sum_i E_i(p) sum_k E_k(p) Q_ik(R_i + R_k), i in `tx_index`; only the receivers k >= i if folded."""
     receivers, pixels = rx_delay.shape
     first, offset = np.empty(receivers, np.int64), np.empty(receivers, np.float32)
     sum_re, sum_im = np.empty(pixels, np.float32), np.empty(pixels, np.float32)
@@ -60,7 +65,8 @@ def sum_transmitters(  # type: ignore[no-untyped-def]
             base = tx_reference[i] + rx_reference[k]
             base -= cells * np.floor(base / cells)
             whole = int(base)
-            # One margin below the centre's cell keeps every index positive; the table's own margin wraps above.
+            # Indices count from one margin below the cell of the tile's centre, so that none is negative. Above, the
+            # table is longer than one period by twice the margin.
             first[k] = (whole - margin + cells) % cells
             offset[k] = base - whole + margin
         sum_re[:] = np.float32(0.0)

@@ -1,3 +1,3 @@
-"""What each way of focusing will take: `cost` counts its steps and its memory, and `machine` knows how long each step
-takes on this computer, where it was timed once.
+"""Predicted time and memory of each algorithm: `cost` counts the steps and the memory, and `machine` times each kind of
+step, once on each computer.
 """

@@ -1,7 +1,7 @@
-"""What focusing will cost: time and memory, from the counts of its loops and the speed of the machine.
+"""Predicted cost of focusing: time and memory, from the counts of its loops and the speed of the machine.
 
-Every formula counts the steps of one algorithm, in the order of its file; `machine` knows the seconds of each. Work is
-shared by all cores but for the building of plans.
+Every formula counts the steps of one algorithm, in the order of its file, and multiplies each count by the seconds that
+`machine` has measured for such a step. All cores share the work, except for building a plan.
 """
 
 from __future__ import annotations
@@ -25,22 +25,23 @@ from mirrorfold.focusing.predicting.machine import machine
 from mirrorfold.focusing.problem import Problem
 
 NUMBERS_A_PATH = 2.5
-"""Time that NumPy takes for the path of a pair by way of a pixel, and its phase, over that of an exponential."""
+"""Time of NumPy for the path of a pair by way of a pixel, and its phase factor, over that of a complex exponential."""
 
 PASSES = 1.7
-"""Time of building over that of its arithmetic: NumPy goes through memory many times."""
+"""Time of building a plan over that of its arithmetic alone: NumPy goes through memory many times."""
 
 FROM_MEMORY = 1.2
-"""Time of sorting, transforming and resampling a sweep over that of pieces that stay in the caches."""
+"""Time of sorting, transforming and resampling a whole sweep over that of pieces that stay in the caches, as timed."""
 
 REFINED = 60.0
-"""So many nodes are tabulated twice on average: the more nodes, the more often the first table is too coarse."""
+"""With so many nodes, the table of V is made twice on average: the more nodes, the more often the first table is too
+coarse."""
 
 CALL = 2e-3
-"""What a step takes beside its loops, in Python and in starting threads [s]."""
+"""Time of a step beside its loops, in Python and for starting threads [s]."""
 
 TILE_CALL = 1.3e-4
-"""The same for each tile of the exact kernel [s]: as much as its sum over a hundred pairs."""
+"""Time of a tile of the exact kernel beside its loops [s]: as much as its sum over a hundred pairs."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class Cost:
     Attributes
     ----------
     building : float [s]
-        Of the plan, on one core.
+        Time of building the plan, on one core.
     frame : float [s]
-        Of each image, of all cores together.
+        Processor time of each image, of all cores together.
     nbytes : float
         Memory of tables and buffers [bytes].
     """
@@ -65,16 +66,16 @@ class Cost:
         return Cost(self.building + other.building, self.frame + other.frame, self.nbytes + other.nbytes)
 
     def seconds(self, frames: int = 1) -> float:
-        """Time [s] of building and of so many frames, where all cores are idle."""
+        """Elapsed time [s] of building the plan and imaging `frames` frames, where all cores are idle."""
         return self.building + frames * self.frame / cpu_count()
 
     def processor_seconds(self, frames: int = 1) -> float:
-        """Time [s] of all cores together."""
+        """Processor time [s] of the same, of all cores together."""
         return self.building + frames * self.frame
 
 
 def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
-    """Cost of the exact kernel on so many pixels; `frequencies`: how many a range gate leaves, where it is used."""
+    """Cost of the exact kernel on a number of pixels; `frequencies` is the number that a range gate leaves, if used."""
     taper = problem.taper if frequencies is None else np.ones(frequencies, dtype=np.complex128)
     cells = exact_cells(taper, tolerance)
     folded = problem.coincident and not problem.monostatic
@@ -87,20 +88,20 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
 
 
 def pair_sums_cost(problem: Problem, pixels: float, tolerance: float, frequencies: int | None = None) -> Cost:
-    """Cost of the matrix products of `pair_sums` on so many pixels: the same for any tolerance, and always ungated."""
+    """Cost of the matrix products of `pair_sums` on a number of pixels: for any tolerance, and without a range gate."""
     speed = machine()
     each = 4.0 * problem.pairs * speed.multiply + problem.antennas * speed.table
     return Cost(0.0, CALL + problem.k.size * pixels * each, 8.0 * problem.antennas * PIXELS_A_BLOCK * cpu_count())
 
 
 def exact_seconds(cells: int, pairs: float, antennas: float, pixels: float) -> float:
-    """Time [s] of the exact kernel: tables of pairs, `cells` each, then of antennas on all pixels, then the sum."""
+    """Processor time [s] of the exact kernel: range tables of the pairs, tables of the antennas on the pixels, sum."""
     speed = machine()
     return CALL + pairs * cells * TERMS * speed.compress + pixels * (antennas * speed.table + pairs * speed.pair_pixel)
 
 
 def exact_cells(taper: NDArray[np.complex128], tolerance: float) -> int:
-    """Cells of a pair's table, as `table_cells`, kept: for every block of a divided array they are asked again."""
+    """Cells of a pair's table, `table_cells` with a cache: every block of a divided array needs them again."""
     return _cells(taper.tobytes(), tolerance)
 
 
@@ -111,7 +112,7 @@ def _cells(taper: bytes, tolerance: float) -> int:
 
 
 def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int, pixels: float) -> Cost:
-    """Cost of one sector of a line array."""
+    """Cost of one sector of a line array, with `nodes` nodes and `pixels` pixels."""
     speed = machine()
     frequencies, pairs = problem.k.size, lattice.tx.size
     lines, rows = design.shape
@@ -133,7 +134,7 @@ def sector_cost(problem: Problem, lattice: Lattice, design: SectorDesign, nodes:
 
 
 def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int, pixels: float) -> float:
-    """Seconds that the tables of a sector take."""
+    """Time [s] of making the tables of a sector."""
     speed = machine()
     lines, rows = design.shape
     turns = problem.middle_wavenumber * design.curvature / design.sector.near
@@ -154,7 +155,7 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
 
 
 def _nbytes(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: int) -> float:
-    """Memory of a sector's tables and buffers."""
+    """Memory [bytes] of a sector's tables and buffers."""
     lines, rows = design.shape
     frequencies = problem.k.size
     tables = 8 * lines * rows * nodes + 16 * nodes * (lattice.tx.size + frequencies * nodes)

@@ -1,7 +1,7 @@
-"""How fast this machine is: the loops that focusing spends its time in, timed for a quarter of a second at first use.
+"""The speed of this machine: the loops in which focusing spends its time, timed at first use, in a quarter of a second.
 
-What is measured is processor time, so that other programs disturb it little. The times are kept in the user's cache
-folder; where nothing can be written there, in the process.
+Processor time is measured, so that other programs disturb it little. The times are kept in the user's cache folder, or
+in the process where that folder cannot be written.
 """
 
 from __future__ import annotations
@@ -38,42 +38,42 @@ unfold_spectrum: Any = range_tables.unfold_spectrum
 lay_out: Any = range_tables.lay_out
 
 REPEATS = 3
-"""Each loop is timed as often, and the fastest counts: what else ran meanwhile only slows it down."""
+"""Number of times that each loop is timed. The fastest counts: other programs can only slow a loop down."""
 
 VERSION = 3
-"""Of the cached file: one more whenever what is measured changes."""
+"""Version of the cached file, to be raised whenever other loops are measured."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """Seconds of one core for a unit of each loop.
+    """Processor time [s] of one unit of each loop.
 
     Attributes
     ----------
     pair_pixel : float
-        For a pair and a pixel of the exact sum.
+        For a pair and a pixel of the exact kernel's sum.
     compress : float
-        For a coefficient of the range profiles of its pairs.
+        For a coefficient in the exact kernel's range tables.
     table : float
-        For path and phase of an antenna and a pixel.
+        For path and phase factor of an antenna and a pixel.
     fourier : float
-        For a point of a Fourier transform of length N, over log2(N).
+        For a point of a Fourier transform of length N, divided by log2(N).
     gather : float
-        For a sample of the data sorted by the lattice.
+        For a sample that is sorted by lattice point.
     collapse : float
-        For a real multiplication in the many small matrix products of a lattice.
+        For a real multiplication in the small matrix products, one for each lattice point.
     multiply : float
         For a real multiplication in a matrix product of a few dozen rows and columns.
     stretch : float
-        For a tap of the interpolation of the lattice's spectrum.
+        For a tap of the interpolation of the lattice's spectrum, from lattice points to directions.
     combine : float
-        For a node and a point of the polar grid.
+        For a node and a point of the polar grid, where the nodes are summed.
     pixel, tap : float
-        For a pixel of the last interpolation, and each of its taps.
+        For a pixel of the interpolation from the polar grid, and for each of its taps.
     turn : float
-        For a pixel turned by the path to a centre.
+        For a pixel whose phase is turned by the paths over centres.
     number : float
-        For a complex exponential by NumPy; the building of plans is counted in these.
+        For a complex exponential by NumPy, the unit in which the building of plans is counted.
     """
 
     pair_pixel: float
@@ -93,7 +93,7 @@ class Machine:
 
 @lru_cache(maxsize=1)
 def machine() -> Machine:
-    """Speed of the machine: measured, or found as it was measured before."""
+    """Speed of the machine: read from the cache folder, or measured and kept there."""
     path = cache_folder() / "machine.json"
     with suppress(OSError, ValueError, TypeError):
         kept = json.loads(path.read_text())
@@ -110,7 +110,7 @@ def machine() -> Machine:
 
 
 def _identity() -> list[str]:
-    """What a measurement holds for."""
+    """Machine and versions for which a measurement holds."""
     model = ""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -157,7 +157,7 @@ def measure() -> Machine:
 
 
 def _seconds(work: Callable[[], object], units: float) -> float:
-    """Processor time of this thread for a unit of some work; the first call, which may compile, is not counted."""
+    """Processor time [s] of this thread per unit of some work; the first call, which may compile, is not counted."""
     work()
     best = np.inf
     for _ in range(REPEATS):
@@ -170,12 +170,12 @@ def _seconds(work: Callable[[], object], units: float) -> float:
 
 
 def _lattice(noise: Callable[..., np.ndarray]) -> dict[str, float]:
-    """Data of 60 antennas sorted by the midpoints of pairs, and multiplied by the factors of ten nodes each."""
+    """Seconds of `gather` and `collapse`: samples of 60 antennas, sorted by the midpoints of pairs, times ten nodes."""
     i, k = np.triu_indices(60)
     order = np.argsort(i + k, kind="stable")
     i, k = i[order], k[order]
     first = np.searchsorted(i + k, np.arange(120))
-    # More frequencies than are worked on at a time: the samples of the next ones come from memory.
+    # More frequencies than one call works on: the samples of the next call come from memory, not from the cache.
     data, gathered = noise(8, 16, 3600), np.empty(16 * i.size, np.complex64)
     factor, summed = noise(2 * i.size, 10).view(np.float32), np.empty((119, 16, 20), np.float32)
     part = itertools.cycle(data)
@@ -190,7 +190,7 @@ def _lattice(noise: Callable[..., np.ndarray]) -> dict[str, float]:
 
 
 def _places(count: int, pixels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Elements on a line and pixels of a tile before it."""
+    """Positions (n, 3) [m] of `count` elements on a line, and of pixels of a tile in front of it."""
     element = np.zeros((count, 3))
     element[:, 0] = 5e-4 * np.arange(count)
     y, x = np.divmod(np.arange(pixels), 32)
@@ -198,7 +198,7 @@ def _places(count: int, pixels: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tables() -> float:
-    """Path and phase of antennas and pixels."""
+    """Seconds of `table`: path and phase factor of an antenna and a pixel."""
     element, pixel = _places(32, 512)
     delay, re, im = (np.empty((32, 512), np.float32) for _ in range(3))
     reference = np.zeros(32)
@@ -206,7 +206,7 @@ def _tables() -> float:
 
 
 def _profiles() -> float:
-    """Range profiles of a transmitter's pairs."""
+    """Seconds of `compress`: a coefficient of the range tables of one transmitter's pairs."""
     data, cells = np.ones((201, 40), np.complex64), 432
     weight = spectral_weights(np.ones(201, np.complex128), cells)
     spectrum = np.empty((40, TERMS, cells), np.complex64)
@@ -220,7 +220,7 @@ def _profiles() -> float:
 
 
 def _pairs() -> float:
-    """The exact sum of one tile, path and phase apart."""
+    """Seconds of `pair_pixel`: the exact sum on one tile, without the tables of path and phase."""
     element, pixel = _places(32, 512)
     delay, re, im = (np.empty((32, 512), np.float32) for _ in range(3))
     reference = np.linalg.norm(element - pixel.mean(axis=0), axis=1) * 70.0
@@ -232,7 +232,7 @@ def _pairs() -> float:
 
 
 def _pixels(coefficients: np.ndarray) -> float:
-    """The last interpolation, for a pixel."""
+    """Seconds per pixel of the interpolation from the polar grid to pixels, with these kernels both ways."""
     x, y = np.linspace(-0.5, 0.5, 400), np.linspace(0.6, 1.4, 24)
     runs = np.stack([np.arange(24), np.zeros(24, int), np.full(24, 400)], axis=1).astype(np.int64)
     polar, image = np.ones((200, 900), np.complex64), np.zeros((24, 400), np.complex64)

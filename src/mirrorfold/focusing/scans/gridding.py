@@ -1,4 +1,4 @@
-"""The volume of a raster scan on Cartesian pixels: its floor plan, and its voxels."""
+"""The volume of a raster scan on Cartesian pixels: its floor plan, or its voxels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mirrorfold.focusing.problem import pixel_axis
 from mirrorfold.focusing.scans.range_profiles import angle_table, at_point, beams_of, magnitudes
 
 VOXEL_BYTES = 4.0
-"""Of the amplitude of a voxel."""
+"""Bytes of the amplitude of a voxel."""
 
 
 def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArray:
@@ -97,22 +97,22 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
-    """The amplitude of a volume on a Cartesian grid, which is filled in by azimuths as they come.
+    """The amplitude of a volume on a Cartesian grid, filled in azimuth by azimuth, as these are imaged.
 
     Attributes
     ----------
     values : (y, x, z) array
-        Single precision; zero where nothing was filled in.
+        Amplitudes, in single precision; zero where nothing has been filled in.
     axes : tuple of three 1D arrays [m]
-        x, y and z from the radar.
+        x, y and z relative to the radar.
     given : dict of 1D array [m]
-        z, y and x as they were asked for.
+        z, y and x as they were given.
     azimuth, elevation : (2,) arrays [rad]
-        See `angle_table`.
+        First angle and step, see `angle_table`.
     columns : int
-        Azimuths of the whole volume.
+        Number of azimuths of the whole volume.
     first, step : float [m]
-        Range of the first sample, and from one to the next.
+        Range of the first sample, and distance from one sample to the next.
     attrs : dict
     """
 
@@ -163,7 +163,7 @@ class Voxels:
         )
 
     def fill(self, amplitude: NDArray[np.float32], columns: range) -> None:
-        """Fill in the voxels between some azimuths, from their amplitude (azimuths, elevations, ranges)."""
+        """Fill in the voxels between the azimuths `columns`, from their amplitude (azimuths, elevations, ranges)."""
 
         def row(i: int) -> None:
             grid_row(amplitude, columns.start, self.columns, self.axes[0], float(self.axes[1][i]), self.axes[2],
@@ -181,7 +181,7 @@ class Voxels:
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
 def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def]
-    """``out[k] = max_e profile[e](r_k / cosine[e])``: along one azimuth, what stands above each ground range."""
+    """``out[k] = max_e profile[e](r_k / cosine[e])``: the strongest echo of an azimuth at each ground range."""
     for e in range(cosine.size):
         for k in range(out.size):
             at = ((first + k * step) / cosine[e] - first) / step
@@ -194,7 +194,7 @@ def strongest(profile, cosine, first, step, out):  # type: ignore[no-untyped-def
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
 def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-untyped-def]
-    """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle` is the azimuth's index, -1 outside."""
+    """Bilinear interpolation from (azimuth, ground range) to (y, x); `angle`: fractional azimuth index, -1 outside."""
     for i in range(y.size):
         for j in range(x.size):
             a = angle[i, j]
@@ -210,9 +210,9 @@ def polar_to_plan(polar, x, y, angle, first, step, out):  # type: ignore[no-unty
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
 def grid_row(amplitude, begin, columns, x, y, z, azimuth, elevation, first, step, out):  # type: ignore[no-untyped-def]
-    """Voxels of one y: (x, z). The azimuth of a vertical column is that of its foot.
+    """Write the voxels (x, z) of one y. All voxels of a vertical column have the same azimuth.
 
-    The amplitude is that of the azimuths from number `begin` on, of so many `columns`; what lies elsewhere is left.
+    `amplitude` holds the azimuths from index `begin` on, out of `columns` of the volume; other voxels are not changed.
     """
     for j in range(x.size):
         ground = x[j] * x[j] + y * y

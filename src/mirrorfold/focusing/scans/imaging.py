@@ -1,8 +1,8 @@
-"""Imaging raster scans within the memory there is, and what that takes.
+"""Images of raster scans within the available memory, and forecasts of time and memory.
 
-Beams are focused by the scanner's lens, one by one. So a scan is imaged azimuth by azimuth, and nothing but the result
-exists as a whole: the complex volume, its amplitude alone where it is to be folded, or voxels, for which as many
-azimuths are imaged at a time as fit.
+The scanner's lens focuses each beam, so that a scan can be imaged azimuth by azimuth. Only the result exists as a
+whole: the complex volume, or only its amplitude where it is to be folded, or voxels. For voxels, as many azimuths are
+imaged at a time as fit into the memory.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from mirrorfold.sweep import ambiguous_range
 from mirrorfold.sweep.polarization import picked, polarizations
 
 SCAN_PASSES = 6
-"""Times that the volume of a raster scan goes through memory, counted as taps of an interpolation."""
+"""Number of times that the volume of a raster scan goes through memory, each time costing one interpolation tap."""
 
 COLUMN_ARRAYS = 4.0
-"""Padded complex profiles of one azimuth that a thread holds at once: before and after the transform, which may need
-another buffer, and turned in phase."""
+"""Arrays of padded complex profiles of one azimuth that a thread holds at once: before and after the transform, a
+buffer that the transform may need, and the profiles turned in phase."""
 
 FEWEST_COLUMNS = 2
-"""Azimuths between which voxels are interpolated."""
+"""Least number of azimuths at a time: voxels are interpolated between two."""
 
 
 def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """The volume of a raster scan, or its amplitude on a Cartesian grid where that is given; see `focus`.
+    """The volume of a raster scan or, if x, y and z are given, its amplitude on this grid; see `focus`.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | 
 
 
 def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """As `focus_scan`; where a scan has several polarizations, all of them, along a leading dimension."""
+    """As `focus_scan`; of a scan with several polarizations all of them, along a leading dimension."""
     names = polarizations(sweep)
     if not names:
         return focus_scan(sweep, settings, progress)
@@ -80,7 +80,7 @@ def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress |
 
 
 def amplitude_of_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """The amplitude of a scan's volume, half as large as the volume: all that folding asks for.
+    """The amplitude of a scan's volume, in half the memory of the volume: folding needs no more.
 
     Raises
     ------
@@ -94,12 +94,12 @@ def amplitude_of_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Prog
 
 
 def is_gridded(settings: FocusSettings) -> bool:
-    """Whether voxels are asked for."""
+    """Whether voxels on a Cartesian grid are asked for."""
     return any(axis is not None for axis in (settings.x, settings.y, settings.z))
 
 
 def choose_scan(sweep: xr.Dataset, settings: FocusSettings) -> Choice:
-    """What `focus` makes of a scan, and what it takes; see `choose_algorithm`."""
+    """Shape, predicted time and memory of the image that `focus` makes of a scan; see `choose_algorithm`."""
     x, y, z = _axes(settings)
     speed, shape = machine(), sweep["s"].shape
     frames, (columns, rows) = int(np.prod(shape[:-3])), shape[-2:]
@@ -140,7 +140,7 @@ def choose_scan(sweep: xr.Dataset, settings: FocusSettings) -> Choice:
 
 
 def expected_scan(sweep: xr.Dataset, settings: FocusSettings) -> xr.DataArray:
-    """What folding is given of a scan, without values: its amplitude, or voxels."""
+    """The labels of what is folded of a scan, its amplitude or voxels; one zero in memory stands for all values."""
     names = polarizations(sweep)
     profiles = Profiles.of(picked(sweep, names[0]) if names else sweep, settings)
     if not is_gridded(settings):
@@ -160,17 +160,17 @@ REMEDY = "scan fewer beams or frequencies, close other programs, or raise the li
 
 
 def _what(columns: int, rows: int) -> str:
-    """What takes the memory, for messages."""
+    """What takes the memory, as text for messages."""
     return f"sweep: the range profiles of {columns} x {rows} beams"
 
 
 def _axes(settings: FocusSettings) -> tuple[Any, Any, Any]:
-    """The axes x, y and z: all or none.
+    """The axes x, y and z; all are given, or none.
 
     Raises
     ------
     InputError
-        If only some of them are given, or an apodization, which a scan has not.
+        If only some of them are given, or an apodization, which scans do not have.
     """
     if settings.apodization is not None:
         raise InputError("apodization: a raster scan has no elements to weigh; leave it out")
@@ -186,7 +186,7 @@ def _work_bytes(rows: int, size: int) -> float:
 
 
 def _check_volume(profiles: Profiles, limit: float | None, *, amplitude: bool) -> None:
-    """Refuse a volume that does not fit."""
+    """Refuse a volume that does not fit into the memory, before it is begun."""
     columns, rows, ranges = profiles.shape
     held = (4.0 if amplitude else 8.0) * columns * rows * ranges
     samples = float(profiles.samples.nbytes)
@@ -195,18 +195,18 @@ def _check_volume(profiles: Profiles, limit: float | None, *, amplitude: bool) -
 
 
 def _tiles(profiles: Profiles, room: float) -> list[range]:
-    """Azimuths that are imaged at a time, in the room [bytes]; the last of one tile is the first of the next."""
+    """Tiles of azimuths that are imaged at a time, within `room` [bytes]; neighbouring tiles share an azimuth."""
     columns, rows, ranges = profiles.shape
     return _cut(columns, _columns_at_once(columns, rows, 4.0 * rows * ranges, room - _work_bytes(rows, profiles.size)))
 
 
 def _cut(columns: int, at_once: int) -> list[range]:
-    """Tiles of so many azimuths."""
+    """Tiles of at most `at_once` azimuths; neighbouring tiles share an azimuth."""
     return [range(first, min(first + at_once, columns)) for first in range(0, columns - 1, at_once - 1)]
 
 
 def _columns_at_once(columns: int, rows: int, each: float, room: float) -> int:
-    """How many azimuths fit.
+    """Number of azimuths of `each` bytes that fit into `room` [bytes].
 
     Raises
     ------

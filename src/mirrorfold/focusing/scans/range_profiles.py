@@ -32,10 +32,10 @@ from mirrorfold.sweep import (
 )
 
 LEAKAGE_BEAMS = 400
-"""The leakage is taken from about as many beams, evenly chosen: what noise is left in it is 6 % of a beam's own."""
+"""Approximate number of beams, evenly chosen, that give the leakage: its noise is then 6 % of that of a single beam."""
 
 PADDING = 2
-"""Samples per range cell c/(2B): the amplitude, unlike the complex profile, has twice its bandwidth."""
+"""Range samples per range cell c/(2B): two, because the amplitude has twice the bandwidth of the complex profile."""
 
 
 @takes(FocusSettings, without=("x", "y", "z", "tolerance", "apodization", "memory_limit"))
@@ -50,22 +50,22 @@ def focus_raster(
 ) -> xr.DataArray:
     """Range profiles of all beams: ``I(r) = sum_m a[m] S[m] exp(+2 j k_m r)`` with the taper a over frequency.
 
-    The sum is an inverse Fourier transform, ``k_m = k_0 + m dk`` and ``r_n = n pi / (N dk)``::
+    With ``k_m = k_0 + m dk`` and ``r_n = n pi / (N dk)`` the sum is an inverse Fourier transform of length N::
 
         I(r_n) = exp(2 j k_0 r_n) sum_m a[m] S[m] exp(2 pi j m n / N).
 
-    The profiles are cut to `limits` as soon as each azimuth is transformed, so that the padded whole never exists.
+    Each azimuth is cut to `limits` as soon as it is transformed, so that the padded volume never exists as a whole.
 
     Parameters
     ----------
     sweep : xarray.Dataset
         ``s(frequency, azimuth, elevation)``.
     limits : (nearest, farthest) [m], optional
-        Of the range; by default up to the ambiguous range.
+        Limits of the range; by default zero and the ambiguous range.
     padding : int
-        Range samples per cell c/(2B).
+        Range samples per range cell c/(2B).
     remove_leakage : bool
-        Subtract the median over all beams: what leaks inside the instrument is the same in all of them.
+        Subtract the median over the beams: what leaks inside the instrument is the same in all of them.
     progress : callable (done, total), optional
     **given
 
@@ -91,19 +91,19 @@ class Profiles:
     Attributes
     ----------
     samples : (azimuths, elevations, frequencies) complex array
-        As they lie in the sweep: no copy.
+        The samples of the sweep, not copied.
     weights : (frequencies,) complex64 array
         The taper.
     size : int
-        Of the transform.
+        Length of the Fourier transform.
     span : slice
-        The ranges that are kept of it.
+        Part of the transform whose ranges are kept.
     turn : (ranges,) complex64 array
-        The factor of each range: phase and normalization.
+        Factor of each range: phase ``exp(2 j k_0 r)``, length of the transform, and normalization.
     leakage : (ranges,) complex64 array
-        What all beams have in common; zero where it is kept.
+        Median profile of the beams, which is subtracted; zero where the leakage is to stay.
     coords, attrs : dict
-        Of the volume.
+        Coordinates and attributes of the volume.
     """
 
     samples: NDArray[np.complexfloating]
@@ -124,7 +124,7 @@ class Profiles:
         padding: int = PADDING,
         remove_leakage: bool = True,
     ) -> Profiles:
-        """Those of a scan, as `focus_raster` wants them.
+        """The profiles of a scan; the arguments are those of `focus_raster`.
 
         Raises
         ------
@@ -191,15 +191,15 @@ class Profiles:
         return replace(found, leakage=found._common()) if remove_leakage else found
 
     def of_beams(self, samples: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
-        """Range profiles (beams, ranges) of some beams (beams, frequencies), leakage included."""
+        """Range profiles (beams, ranges) of samples (beams, frequencies), with the leakage still in them."""
         padded = np.zeros((len(samples), self.size), dtype=np.complex64)
         np.multiply(samples, self.weights, out=padded[:, : samples.shape[1]])
         return np.asarray(ifft(padded, axis=1, overwrite_x=True)[:, self.span] * self.turn)
 
     def _common(self) -> NDArray[np.complex64]:
-        """What all beams have in common, (ranges,): the median of real and imaginary parts.
+        """The leakage (ranges,), which all beams have in common: the median over beams of real and imaginary parts.
 
-        A mean would spread a bright echo of a few beams over all of them.
+        A mean would put a bright echo of a few beams into all of them.
         """
         columns, rows = self.samples.shape[:2]
         some = np.arange(0, columns * rows, max(1, columns * rows // LEAKAGE_BEAMS) | 1)
@@ -214,10 +214,10 @@ class Profiles:
         return columns, rows, self.turn.size
 
     def beams(self, columns: range, *, amplitude: bool = False, progress: Progress | None = None) -> NDArray[Any]:
-        """The volume (azimuths, elevations, ranges) of some azimuths, or its amplitude alone, half as large.
+        """The volume (azimuths, elevations, ranges) of some azimuths, or only its amplitude, in half the memory.
 
-        Both are made azimuth by azimuth: padded profiles, and complex ones of which the amplitude is wanted, never
-        exist as a whole.
+        It is made azimuth by azimuth: padded profiles never exist as a whole, nor complex ones where only the amplitude
+        is wanted.
         """
         kind = np.float32 if amplitude else np.complex64
         out: NDArray[Any] = np.empty((len(columns), *self.shape[1:]), dtype=kind)
@@ -232,22 +232,23 @@ class Profiles:
         return out
 
     def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:
-        """The volume (range, azimuth, elevation), or its amplitude alone, with its labels."""
+        """The volume (range, azimuth, elevation), or only its amplitude, with coordinates and attributes."""
         values = np.moveaxis(self.beams(range(self.shape[0]), amplitude=amplitude, progress=progress), -1, 0)
         dims = ("range", "azimuth", "elevation")
         return xr.DataArray(values, dims=dims, coords=self.coords, attrs=self.attrs, name="image")
 
 
 def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:
-    """The factor by which a normalization of volumes multiplies what is at each range [m].
+    """Factor of a volume's normalization at each range [m]: it undoes the spreading of the waves.
 
-    That of the beam is ``w(r)^2 / w0^2`` of the focused beam that the attrs `spot_radius` and `focus_distance` [m]
-    describe. Its wavelength is that of the attr `wave_speed` [m/s], by default of light, at a frequency [Hz].
+    For "beam" it is ``w(r)^2 / w0^2``, with the radius w(r) of the focused beam and w0 at the focus, from the attrs
+    `spot_radius` and `focus_distance` [m]. The wavelength follows from the attr `wave_speed` [m/s], by default
+    that of light, and the `frequency` [Hz].
 
     Raises
     ------
     InputError
-        If the attrs are missing, or the normalization is none of a volume; `source` names where they are missing.
+        If the attrs are missing, or volumes do not have this normalization; `source` names what lacks the attrs.
     """
     if normalization not in VOLUME_NORMALIZATIONS:
         raise InputError(
@@ -268,14 +269,14 @@ def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalizat
 
 
 def beams_of(volume: xr.DataArray) -> NDArray[Any]:
-    """The values with the range axis last, not copied: (azimuth, elevation, range)."""
+    """The values of a volume with the range axis last, (azimuth, elevation, range), not copied."""
     if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
         raise wrong_kind("volume", volume, "a volume (range, azimuth, elevation), as focus returns of a raster scan")
     return np.asarray(np.moveaxis(volume.values, 0, -1))
 
 
 def angle_table(angle: Array) -> Array:
-    """First angle and step [rad] of an axis of angles [degree]: they turn an angle into its index by one division.
+    """First angle and step [rad] of an axis of angles [degree]: the index of an angle is ``(angle - first) / step``.
 
     Raises
     ------
@@ -290,7 +291,7 @@ def angle_table(angle: Array) -> Array:
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
-    """Trilinear interpolation of (azimuth, elevation, range) at fractional indices; zero outside."""
+    """Trilinear interpolation of an amplitude (azimuth, elevation, range) at fractional indices; zero outside."""
     if not (a >= 0.0 and e >= 0.0 and k >= 0.0):
         return np.float32(0.0)
     i, j, n = int(a), int(e), int(k)
@@ -313,8 +314,9 @@ def magnitude(values, out):  # type: ignore[no-untyped-def]
 
 
 def magnitudes(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Absolute values in single precision, (azimuth, elevation, range), contiguous; amplitudes that are so already are
-    not copied.
+    """Absolute values in single precision, (azimuth, elevation, range), contiguous.
+
+    A contiguous array of float32 without negative values is returned as it is.
     """
     if values.dtype == np.float32 and values.min(initial=0.0) >= 0.0:
         return np.ascontiguousarray(values)
