@@ -1,8 +1,8 @@
-"""Band-limited functions on an interval, known from few of their samples.
+"""Interpolation of band-limited functions on a row of pixels, from few of their samples.
 
-A function on pixels over a length L whose spectrum lies within [-B, B] has about ``B L / pi`` degrees of freedom
-(Slepian and Pollak 1961), however fine the pixels are. An interpolative decomposition (Cheng et al. 2005) of the
-functions cos and sin picks as many pixels, whose values tell those of all other pixels.
+A function over a length L whose spectrum lies within [-B, B] has about ``B L / pi`` degrees of freedom (Slepian and
+Pollak 1961), however many pixels there are. An interpolative decomposition (Cheng et al. 2005) of all cosines and sines
+of the band picks that many pixels, and gives the matrix from the values at these to the values at all others.
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from numpy.typing import NDArray
 from mirrorfold.common.types import Array
 
 BAND_STEP = 1.12
-"""Bands are rounded up to powers of this, so that many blocks share one interpolator."""
+"""Bands (times the length of the row) are rounded up to powers of this, so that many blocks share one interpolator."""
 
 CANDIDATES = 3.0
-"""Pixels among which samples are picked, over the number of dimensions."""
+"""Number of pixels among which samples are picked, over the number of samples needed."""
 
 EDGE, LEAST_AREA = 0.22, 4.0
-"""More dimensions than ``B L / pi`` grow with the logarithms of the tolerance and of B L; fitted to both."""
+"""Coefficients of `dimensions`: what is needed beyond ``B L / pi`` grows with the logarithms of 1/tolerance and of B L.
+They were fitted."""
 
 RIDGE = 1e-14
-"""Added to the diagonal of the Gram matrix, against rounding."""
+"""Number added to the diagonal of the Gram matrix, which is one, against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Interpolator:
-    """Samples of an axis, and the matrix from them to all of it.
+    """Sample pixels of an axis, and the matrix from the values at them to the values at all its pixels.
 
     Attributes
     ----------
     index : (samples,) int array
-        Which pixels are sampled, rising.
+        Indices of the sample pixels, rising.
     matrix : (samples, pixels) float32 array
     """
 
@@ -43,7 +44,7 @@ class Interpolator:
     matrix: NDArray[np.float32]
 
     def onto(self, index: NDArray[np.intp]) -> NDArray[np.float32] | None:
-        """The matrix to some of the pixels; None if these are the samples themselves."""
+        """The matrix from the samples to some of the pixels; None if these pixels are the samples themselves."""
         if np.array_equal(index, self.index):
             return None
         return np.ascontiguousarray(self.matrix[:, index])
@@ -56,7 +57,7 @@ class Axis:
     ----------
     position : (pixels,) array [m]
     tolerance : float
-        Root-mean-square error of interpolation, over all frequencies of the band.
+        Relative root-mean-square error of interpolation, over all spatial frequencies of the band.
     """
 
     def __init__(self, position: Array, tolerance: float) -> None:
@@ -66,35 +67,35 @@ class Axis:
         self._made: dict[int, Interpolator] = {}
 
     def step(self, band: float) -> int:
-        """The number under which bands as wide as this [rad/m] share an interpolator."""
-        # A band that turns by less than a hundredth of a radian over the axis counts as none.
+        """Exponent of BAND_STEP to which a band [rad/m] is rounded up; bands of one step share an interpolator."""
+        # A band whose phases turn by less than a hundredth of a radian over the axis counts as that wide.
         return int(np.ceil(np.log(max(band * self._length, 1e-2)) / np.log(BAND_STEP)))
 
     def count(self, step: int) -> int:
-        """How many samples an interpolator will have, before it is made."""
+        """Number of samples that the interpolator of a step will have, predicted."""
         area = BAND_STEP**step if self._length > 0.0 else 0.0
         return int(min(self.position.size, np.ceil(dimensions(area, self.tolerance))))
 
     def work(self, step: int) -> float:
-        """Multiplications that making an interpolator takes."""
+        """Number of multiplications for making the interpolator of a step, predicted."""
         samples, pixels = self.count(step), self.position.size
         return 0.0 if samples >= pixels else samples**2 * (min(CANDIDATES * samples, pixels) + pixels)
 
     def interpolator(self, step: int) -> Interpolator:
-        """For functions with the spectrum of a step."""
+        """The interpolator of functions with the band of a step."""
         if step not in self._made:
             self._made[step] = self._make(BAND_STEP**step / self._length if self._length > 0.0 else 0.0)
         return self._made[step]
 
     def interpolators(self) -> list[Interpolator]:
-        """All that were made."""
+        """All interpolators that have been made."""
         return list(self._made.values())
 
     def _make(self, band: float) -> Interpolator:
-        """Samples by pivoted Cholesky decomposition of the functions' Gram matrix.
+        """Pick the samples by pivoted Cholesky decomposition of the functions' Gram matrix.
 
-        Averaged over the band, the product of a function's values at two places is ``sin(B d) / (B d)`` of their
-        distance d.
+        The mean, over all waves of the band, of the product of the values at two pixels is ``sin(B d) / (B d)``, with
+        the distance d of the pixels: an element of the Gram matrix.
         """
         pixels = self.position.size
         wanted = dimensions(band * self._length, self.tolerance)
@@ -103,7 +104,7 @@ class Axis:
         few = np.unique(np.linspace(0, pixels - 1, min(pixels, int(CANDIDATES * wanted))).round().astype(np.intp))
         factor, order, _, _ = scipy.linalg.lapack.dpstrf(self._gram(band, few, few), tol=RIDGE, lower=1)
         factor = np.tril(factor)
-        # What is left of all candidates after each pivot.
+        # Squared error that is left, summed over all candidates, after each pivot.
         rest = len(few) - np.cumsum((factor**2).sum(axis=0))
         enough = np.flatnonzero(rest <= self.tolerance**2 * len(few))
         index = few[order[: enough[0] + 1 if enough.size else len(few)] - 1]
@@ -115,11 +116,11 @@ class Axis:
         return Interpolator(index, matrix.astype(np.float32))
 
     def _gram(self, band: float, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
-        """Gram matrix of two choices of pixels."""
+        """Gram matrix between two choices of pixels."""
         distance = self.position[rows][:, None] - self.position[columns][None, :]
         return np.asfortranarray(np.sinc(band / np.pi * distance))
 
 
 def dimensions(area: float, tolerance: float) -> float:
-    """Samples that functions of band B on a length L need, by ``area = B L`` (Landau and Widom 1980)."""
+    """Number of samples that functions of band B on a length L need, from ``area = B L`` (Landau and Widom 1980)."""
     return area / np.pi + EDGE * np.log(1.0 / tolerance) * np.log(area + LEAST_AREA) + 1.0

@@ -1,10 +1,11 @@
-"""The fast path of any array, factorised back-projection: the image by a few antennas is smooth, and needs few pixels.
+"""The fast algorithm of any array ("factorized"): an image made by few antennas is smooth, and needs few pixels.
 
-The image by a block of antennas, less the phase of the path to the block's centre, is band-limited: the block's
-antennas see a pixel from nearly the same side. Its samples are summed exactly by few pairs on few pixels, interpolated
-to the denser samples of a block twice as large, and added there, until the whole array's image is interpolated to the
-pixels (factorised back-projection: Ulander, Hellsten and Stenstrom 2003; Boag, Bresler and Michielssen 2000).
-Bands are bounded by geometry, so that arrays may be irregular, planar or anywhere.
+The antennas of a small block see a pixel from nearly the same direction. Once the phase of the path over the block's
+centre is taken off, their image is therefore band-limited, and a few sample pixels determine all others. These samples
+are summed exactly, over few pairs and few pixels. They are interpolated to the denser samples of a block twice as
+large, and added there, block after block, until the image by the whole array is interpolated to all pixels (factorised
+back-projection: Ulander, Hellsten and Stenstrom 2003; Boag, Bresler and Michielssen 2000). The bands follow from the
+directions to the antennas, so that arrays may be irregular, planar or anywhere.
 """
 
 from __future__ import annotations
@@ -29,32 +30,33 @@ Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
 HOPE = 1.2
-"""A block is left whole where its halves take more than so many times as long, before they are divided in turn."""
+"""A block is not divided if its two halves, each undivided, would take more than this times as long as the block."""
 
 FINEST_PART = 1e-3
-"""Blocks are not divided below this share of the exact sum: what that could gain is less than finding it out takes."""
+"""Blocks that take less than this share of the exact sum's time are not divided: laying out would take longer than that
+could save."""
 
 CALLS_TO_DIVIDE = 2.0
-"""Blocks that take less time than as many calls are not divided."""
+"""Blocks that take less time than this number of calls are not divided."""
 
 SLAB_RATIO = 2.0
-"""Farthest over nearest distance of the pixels that are imaged together: bands are those of the nearest."""
+"""Largest ratio of the distances of pixels in one slab: its bands are those of the nearest pixels, which are widest."""
 
 SPREAD_ANGLES = 5
-"""Pixels along each axis of a slab at which bands are bounded, besides those nearest to the antennas."""
+"""Pixels along each axis of a slab at which the band is computed, besides those nearest to the antennas."""
 
 BAND_MARGIN = 1.1
-"""Bands are made wider by this factor than at those pixels: between these they may be wider."""
+"""Factor by which bands are widened: between these pixels the band may be wider than at them."""
 
 FACTORING = 15.0
-"""Time of a multiplication in a factorisation over that in a matrix product."""
+"""Time of a multiplication in a matrix factorisation over that in a matrix product."""
 
 SCATTERED = 1.5
-"""Time of the exact sum on scattered samples over that on pixels side by side, which find their tables in the cache."""
+"""Time of the exact sum on scattered samples over that on adjacent pixels, which find their tables in the cache."""
 
 SHARE_EXACT = 0.5
 SHARE_AXIS = 0.5
-"""Shares of the tolerance: for the exact sums, and for one interpolation along one axis."""
+"""Shares of the tolerance for the exact sums, and for one interpolation along one axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +66,17 @@ class Block:
     Attributes
     ----------
     tx, rx : int arrays
-        Which antennas; of one moving antenna both are its positions.
+        Indices of the antennas; of one moving antenna both are indices of its positions.
     centre : (2, 3) array [m]
-        Of the transmitters and of the receivers; the path to them is taken off the image's phase.
+        Centre of the transmitters and of the receivers; the phase of the path over both is taken off the image.
     axes : tuple of Axis
-        Of the slab's pixels, along z, y and x.
+        Axes z, y and x of the slab's pixels.
     steps : tuple of int
-        Of the interpolators along them.
+        Steps of the block's bands along these axes, see `Axis.step`.
     parts : tuple of Block
-        Whose images make up that of this block; none where all its pairs are summed exactly.
+        Blocks whose images are added up to that of this block; empty where all its pairs are summed exactly.
     cost : float [s]
-        Of all cores together, predicted.
+        Predicted processor time of its image, of all cores together.
     """
 
     tx: Index
@@ -87,12 +89,12 @@ class Block:
 
     @property
     def counts(self) -> list[int]:
-        """Samples along z, y and x, as they are predicted."""
+        """Predicted number of samples along z, y and x."""
         return [axis.count(step) for axis, step in zip(self.axes, self.steps, strict=True)]
 
     @property
     def size(self) -> int:
-        """Number of samples, as it is predicted."""
+        """Predicted number of samples in all."""
         return int(np.prod(self.counts))
 
     @property
@@ -102,7 +104,7 @@ class Block:
 
     @property
     def index(self) -> tuple[Index, Index, Index]:
-        """Sampled pixels along z, y and x."""
+        """Indices of the sample pixels along z, y and x."""
         z, y, x = self.samples
         return z.index, y.index, x.index
 
@@ -119,7 +121,9 @@ class Slab:
     Attributes
     ----------
     whole : Block
+        The whole array, with the blocks into which it is divided.
     cost : Cost
+        Predicted cost of its tables and its image.
     """
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
@@ -137,7 +141,7 @@ class Slab:
         ]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
         self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
-        turned = 0.5 * problem.pixels * self._speed.turn  # by paths over two centres; merging takes four
+        turned = 0.5 * problem.pixels * self._speed.turn  # paths over two centres; merging takes four
         last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
@@ -151,7 +155,7 @@ class Slab:
             block.samples  # noqa: B018
 
     def _undivided(self, tx: Index, rx: Index) -> Block:
-        """Some antennas, all pairs at once."""
+        """A block of some antennas, with all its pairs summed exactly."""
         problem = self.problem
         centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
         band = self._band(problem.tx[tx], problem.rx[rx], centre)
@@ -163,7 +167,7 @@ class Slab:
         return replace(block, cost=SCATTERED * exact_seconds(self._cells, pairs, antennas, block.size))
 
     def _divided(self, block: Block) -> Block:
-        """The cheapest way to image with a block's antennas: all pairs at once, or in two parts."""
+        """The block as it is or, if that takes less time, divided into two parts, which may be divided in turn."""
         single = block.tx.size * (1 if self.problem.monostatic else block.rx.size) == 1
         if single or block.cost < max(CALLS_TO_DIVIDE * CALL, self._least):
             return block
@@ -198,7 +202,7 @@ class Slab:
         image.real, image.imag = total
 
     def _image(self, block: Block, s: NDArray[np.complex64]) -> Planar:
-        """The block's image on its samples, less the phase of the path to its centre."""
+        """The block's image on its samples, without the phase of the path over its centre."""
         problem = self.problem
         if not block.parts:
             z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), block.index, strict=True))
@@ -219,7 +223,10 @@ class Slab:
         minus: Array | None,
         total: Planar | None = None,
     ) -> Planar:
-        """The image times ``exp(j k_c (path over plus - path over minus))``, added to `total` if there is one."""
+        """The image times ``exp(j k_c (path over plus - path over minus))``, added to `total` if that is given.
+
+        The path over the centres (2, 3) [m] of a block leads from the first to the pixel and on to the second.
+        """
         problem = self.problem
         z, y, x = (axis[i] for axis, i in zip((problem.z, problem.y, problem.x), index, strict=True))
         centres = np.concatenate([c for c in (plus, minus) if c is not None])
@@ -238,7 +245,7 @@ class Slab:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """A problem's slabs, each with its rows of pixels, and what they will cost."""
+    """The slabs of a problem, the rows (y) of pixels of each, and their predicted cost."""
 
     slabs: tuple[Slab, ...]
     rows: tuple[slice, ...]
@@ -253,7 +260,7 @@ class FactorizedPlan:
     problem : Problem
     tolerance : float
     layout : Division, optional
-        Of this problem, where it has been made.
+        The division of this problem; by default it is made.
     """
 
     algorithm = "factorized"
@@ -269,12 +276,12 @@ class FactorizedPlan:
 
     @staticmethod
     def lay_out(problem: Problem, tolerance: float) -> Division:
-        """Divide array and pixels.
+        """Divide the pixels into slabs and, for each slab, the array into blocks.
 
         Raises
         ------
         UnsuitedError
-            If nothing is gained by dividing the array.
+            If no slab is imaged faster by dividing the array.
         """
         rows = tuple(_slabs(problem))
         slabs = tuple(Slab(problem.on(problem.x, problem.y[part], problem.z), tolerance) for part in rows)
@@ -298,7 +305,7 @@ class FactorizedPlan:
 
 
 def _slabs(problem: Problem) -> list[slice]:
-    """Rows of pixels, divided where their distance from the antennas has grown by SLAB_RATIO."""
+    """Rows (y) of pixels, divided where their distance from the antennas has grown by the factor SLAB_RATIO."""
     antennas = np.concatenate([problem.tx, problem.rx])
     low, high = antennas.min(axis=0), antennas.max(axis=0)
     aside = [max(low[i] - axis.max(), axis.min() - high[i], 0.0) for i, axis in ((0, problem.x), (2, problem.z))]
@@ -317,7 +324,7 @@ def _middle(antennas: Array) -> Array:
 
 
 def _outermost(antennas: Array) -> Array:
-    """The antennas that reach farthest in each of 26 directions."""
+    """The antennas (n, 3) [m] that stand farthest out in each of 26 directions, at most 26."""
     if len(antennas) <= 26:
         return antennas
     directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
@@ -325,13 +332,13 @@ def _outermost(antennas: Array) -> Array:
 
 
 def _towards(antennas: Array, pixels: Array) -> Array:
-    """Unit vectors from antennas (n, 3) to pixels (m, 3), (n, m, 3)."""
+    """Unit vectors (n, m, 3) from antennas (n, 3) to pixels (m, 3)."""
     offset = pixels[None] - antennas[:, None]
     return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-12))
 
 
 def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]:
-    """The antennas in two parts, divided across the larger extent of the transmitters or the receivers."""
+    """The antennas in two parts: of transmitters and receivers, the ones that extend farther are halved."""
     extent = [np.ptp(problem.tx[tx], axis=0), np.ptp(problem.rx[rx], axis=0)]
     of_rx = not problem.monostatic and (rx.size > 1) and (tx.size == 1 or extent[1].max() > extent[0].max())
     which, position = (rx, problem.rx) if of_rx else (tx, problem.tx)
@@ -348,7 +355,7 @@ def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[n
 
 
 def _work(few, many) -> float:  # type: ignore[no-untyped-def]
-    """Multiplications to interpolate from few to many samples along (z, y, x), in the best order."""
+    """Multiplications to interpolate from few to many samples along (z, y, x), in the best order of the axes."""
     return min(_work_in(few, many, order) for order in permutations(range(3)))
 
 
@@ -363,7 +370,7 @@ def _work_in(few, many, order) -> float:  # type: ignore[no-untyped-def]
 
 
 def _interpolated(planar: Planar, block: Block, index: tuple[Index, ...]) -> Planar:
-    """A block's image on other pixels, by three matrix products in the order of least work."""
+    """A block's image, interpolated to other pixels by one matrix product per axis, in the order of least work."""
     few, many = [i.size for i in block.index], [i.size for i in index]
     for axis in min(permutations(range(3)), key=lambda order: _work_in(few, many, order)):
         matrix = block.samples[axis].onto(index[axis])

@@ -1,4 +1,8 @@
-"""The fast path of line arrays on a whole image: sectors of range, and nearer pixels by the exact kernel."""
+"""The fast algorithm of line arrays on a whole image ("polar").
+
+The image is divided into sectors of range. Each sector that is faster than the exact kernel is imaged by way of a polar
+grid of its own (`mirrorfold.focusing.lines`); all other pixels, above all those near the array, by the exact kernel.
+"""
 
 from __future__ import annotations
 
@@ -21,35 +25,36 @@ from mirrorfold.focusing.predicting.cost import Cost, exact_cost, sector_cost
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 SECTOR_EDGES = (1.5, 3.0, 6.0)
-"""Ranges, in lengths of the array, at which a new sector begins; nearer than the first the exact kernel is used."""
+"""Ranges, in lengths of the array, at which a new sector begins; the exact kernel images all pixels nearer than the
+first."""
 
 FILTER_SHARE = 0.25
-"""Share of the tolerance for the filter that prepares the data for near pixels."""
+"""Share of the tolerance for the range gate that filters the samples for the near pixels."""
 
 FEW = 8
-"""Up to so many transmitters (or receivers) may be imaged one by one: each alone, they may stand anywhere."""
+"""Up to so many transmitters (or receivers) may be imaged one by one: then only the others need to stand on a line."""
 
 LAYOUT_PIXELS = 80
-"""Pixels along each axis that stand for all pixels while a plan is laid out."""
+"""Pixels along each axis, at most, that stand for all pixels while a plan is laid out."""
 
 BYTES_A_PAIR = 200
 MEMORY_SHARE = 0.5
-"""Memory that sorting a pair takes [bytes], and the share of the free memory that all pairs may take."""
+"""Memory [bytes] for sorting one pair, and the largest share of the free memory that all pairs may take."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Some of the antennas, with the sectors that are worth their tables.
+    """Some of the antennas, with the sectors that are faster than the exact kernel.
 
     Attributes
     ----------
     problem : Problem
-        Of these antennas alone.
+        The problem with these antennas alone.
     tx, rx : int arrays
-        Which they are.
+        Indices of these antennas.
     lattice : Lattice
     fast : tuple of int
-        Sectors, by the number of the edge at which they begin.
+        Sectors, each by the index of the edge at which it begins.
     """
 
     problem: Problem
@@ -61,14 +66,15 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """How a problem is divided, and what that will cost."""
+    """The parts into which a problem is divided, and their predicted cost."""
 
     parts: tuple[Part, ...]
     cost: Cost
 
 
 Rival = Callable[[Problem, float, float, int | None], Cost]
-"""Cost of pixels that are left to another algorithm: of problem, number of pixels, tolerance, frequencies if gated."""
+"""Cost of another algorithm, from the problem, the number of pixels, the tolerance, and the number of frequencies that
+a range gate leaves (None without one)."""
 
 
 def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, frames: int = 1) -> Layout:
@@ -79,10 +85,10 @@ def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, fram
     problem : Problem
     tolerance : float
     rival : callable, optional
-        The cost of what images the pixels that are left over; sectors that cost more are left to it. By default the
-        exact kernel's.
+        Cost of the algorithm for the remaining pixels, by default the exact kernel; a sector that would cost more is
+        left to this algorithm.
     frames : int, default 1
-        Images over which a sector has to pay.
+        Number of images that will be made: a sector must save the time of its tables over all of them.
 
     Raises
     ------
@@ -97,25 +103,25 @@ def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, fram
     if not problem.monostatic and 2 <= min(map(len, every)) <= FEW:
         tx, rx = every
         divisions.append([(tx[[i]], rx) for i in tx] if len(tx) <= len(rx) else [(tx, rx[[k]]) for k in rx])
-    found, reason = [], ""
+    layouts, reason = [], ""
     for division in divisions:
         try:
             parts, costs = zip(*(_part(problem, tx, rx, tolerance, rival, frames) for tx, rx in division), strict=True)
-            found.append(Layout(parts, sum(costs, Cost())))
+            layouts.append(Layout(parts, sum(costs, Cost())))
         except UnsuitedError as error:
             reason = str(error)
-    if not found:
+    if not layouts:
         raise UnsuitedError(reason)
-    return min(found, key=lambda layout: layout.cost.processor_seconds(frames))
+    return min(layouts, key=lambda layout: layout.cost.processor_seconds(frames))
 
 
 def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival, frames: int) -> tuple[Part, Cost]:
-    """Some antennas on the sectors that pay."""
+    """Some antennas with the sectors that are faster than the rival, and the cost of all their pixels."""
     if max(tx.size, rx.size) < 3:
         raise UnsuitedError("two antennas make no line")
     problem = problem.of(tx, rx)
     lattice = build_lattice(problem)
-    axes = [axis[_few(axis.size)] for axis in (problem.x, problem.y, problem.z)]
+    axes = [axis[_sample_indices(axis.size)] for axis in (problem.x, problem.y, problem.z)]
     coarse = problem.on(*axes)
     edges = _edges(problem, lattice)
     label, spans = _sectors(coarse, lattice, edges)
@@ -129,8 +135,8 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival
             design = SectorDesign(problem, lattice, spans[n], tolerance)
             nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
             cost = sector_cost(problem, lattice, design, nodes, pixels[n])
-            other = rival(problem, pixels[n], tolerance, None)
-            if cost.processor_seconds(frames) > other.processor_seconds(frames):
+            rival_cost = rival(problem, pixels[n], tolerance, None)
+            if cost.processor_seconds(frames) > rival_cost.processor_seconds(frames):
                 raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
             total, fast = total + cost, [*fast, n]
         except UnsuitedError as error:
@@ -146,14 +152,14 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival
 
 
 class LineArrayPlan:
-    """The fast path of a line array on a whole image, through one polar grid for each sector of range.
+    """The fast algorithm of a line array on a whole image, by way of one polar grid for each sector of range.
 
     Parameters
     ----------
     problem : Problem
     tolerance : float
     layout : Layout, optional
-        Of this problem, where it has been made.
+        The layout of this problem; by default it is made.
 
     Raises
     ------
@@ -177,7 +183,7 @@ class LineArrayPlan:
 
     @property
     def sectors(self) -> list[LineArraySector]:
-        """Of all parts."""
+        """The sectors of all parts."""
         return [sector for part in self.parts for sector in part.sectors]
 
     def __call__(self, s: NDArray[np.complex64], progress: Progress | None = None) -> NDArray[np.complex64]:
@@ -190,7 +196,7 @@ class LineArrayPlan:
 
 
 class _PartPlan:
-    """The fast path of some of the antennas."""
+    """The sectors of some of the antennas with their tables, and the exact kernel on their near pixels."""
 
     def __init__(self, part: Part, tolerance: float) -> None:
         problem, lattice = part.problem, part.lattice
@@ -214,7 +220,7 @@ class _PartPlan:
         self.near = None if self.box is None else near[self.box]
 
     def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64], step: Callable[[], None]) -> None:
-        """Add to the image (z, y, x)."""
+        """Add the image by these antennas to `image` (z, y, x)."""
         part, problem = self.part, self.part.problem
         if problem.data_shape != s.shape:
             s = np.ascontiguousarray(s[:, part.tx[:, None], part.rx[None, :]])
@@ -228,19 +234,19 @@ class _PartPlan:
         step()
 
 
-def _few(count: int) -> Index:
-    """Evenly chosen indices that stand for all, both ends among them."""
+def _sample_indices(count: int) -> Index:
+    """At most LAYOUT_PIXELS indices below `count`, evenly chosen, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, LAYOUT_PIXELS)).round().astype(np.intp))
 
 
 def _edges(problem: Problem, lattice: Lattice) -> list[float]:
-    """Ranges [m] at which sectors begin, that of the near pixels included, and the end of the last."""
+    """Ranges [m] at which sectors begin, first that of the near pixels (zero); and the end of the last sector."""
     length = lattice.length(problem)
     return [0.0, *(length * edge for edge in SECTOR_EDGES), float("inf")]
 
 
 def _sectors(problem: Problem, lattice: Lattice, edges: list[float]) -> tuple[NDArray[np.int8], list[Sector]]:
-    """Sector of every pixel, (rows, x), and the extent of each."""
+    """Index of the sector of every pixel, (rows, x), and the extent of each sector."""
     rows = problem.z.size * problem.y.size
     label = np.empty((rows, problem.x.size), dtype=np.int8)
     spans = [Sector(np.inf, 0.0, np.inf, -np.inf) for _ in edges]
