@@ -1,9 +1,9 @@
-"""Short interpolation kernels, fitted by least squares to the spectrum they have to follow.
+"""Short interpolation kernels, fitted by least squares to the spectrum of the signals that they interpolate.
 
-A signal known at the integers, with spectrum inside a band, is interpolated as ``f(n + t) = sum_a w_a(t) f(n + a)``.
-The weights minimise the mean square error over the band, weighted with the power expected there (Fraser 1989 for the
-flat case). Where the spectrum itself is at hand, it may be multiplied by a factor p(omega) first (a prefilter);
-kernel and factor are then fitted in turns, and reach the accuracy of the usual prefiltered kernels of
+A signal known at the integers, with a spectrum inside a band, is interpolated as ``f(n + t) = sum_a w_a(t) f(n + a)``.
+The weights minimise the mean square error over the band, weighted with the power expected at each frequency (Fraser
+1989 for a flat spectrum). Where the spectrum can be changed beforehand, it may be multiplied by a factor p(omega), a
+prefilter. Kernel and factor are then fitted in turns, and become as accurate as the usual prefiltered kernels of
 non-uniform FFTs.
 """
 
@@ -18,28 +18,28 @@ from numpy.typing import NDArray
 from mirrorfold.common.kernels import njit
 
 FRACTIONS = 33
-"""Fractional positions at which the weights are fitted before a polynomial runs through them."""
+"""Number of fractional positions t at which the weights are fitted, before a polynomial in t is fitted to them."""
 
 ALTERNATIONS = 12
-"""Turns of fitting the kernel and the factor."""
+"""Number of times that kernel and factor are fitted in turns."""
 
 POLYNOMIAL_TERMS = 10
-"""Terms of the polynomial in the fractional position."""
+"""Number of terms of this polynomial."""
 
 BAND_SAMPLES = 201
-"""Frequencies of the band at which kernels are fitted."""
+"""Number of frequencies of the band at which kernels are fitted."""
 
 FACTOR_DEGREE = 24
-"""Of the polynomial through the samples of the factor."""
+"""Degree of the polynomial that interpolates the factor between the frequencies of the fit."""
 
 SEMICIRCLE_SHARE = 0.98
-"""The semicircle kernel's exponent as a share of the one at which its spectrum just ends before the alias band."""
+"""Exponent of the semicircle kernel, over the exponent at which its spectrum ends just before the alias band."""
 
 RIDGE = 1e-15
-"""Added to the diagonal of the normal equations, relative to its sum, so that they can always be solved."""
+"""Number added to the diagonal of the normal equations, times their trace, so that they can always be solved."""
 
 POWER_FLOOR = 1e-4
-"""Share of the mean power given to every frequency of the band, so that none is ignored."""
+"""Share of the mean power that is added at every frequency of the band, so that none is ignored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,9 @@ class Kernel:
     coefficients : (width, terms) float32 array
         Weight of tap a at fraction t in [0, 1): ``sum_n coefficients[a, n] (2 t - 1)^n``.
     omega, factor : arrays
-        What the spectrum has to be multiplied with first, against the frequency [rad/sample].
+        The prefilter: `factor`, by which the spectrum must be multiplied, at the frequencies `omega` [rad/sample].
     error : float
-        Root-mean-square error relative to the signal, for the power assumed.
+        Root-mean-square error relative to the signal, for the assumed power spectrum.
     """
 
     coefficients: NDArray[np.float32]
@@ -62,7 +62,7 @@ class Kernel:
     error: float
 
     def factor_at(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The factor at any frequency of the band: a polynomial through its samples, which are smooth."""
+        """The factor at any frequencies of the band [rad/sample], by a polynomial fitted to its smooth samples."""
         edge = float(np.abs(self.omega).max())
         series = np.polynomial.chebyshev.chebfit(self.omega / edge, self.factor, FACTOR_DEGREE)
         return np.asarray(np.polynomial.chebyshev.chebval(omega / edge, series))
@@ -79,7 +79,7 @@ class Kernel:
 
 
 def _semicircle_factor(width: int, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where the alternation starts: the inverse spectrum of exp(beta (sqrt(1 - t^2) - 1)) (Barnett et al. 2019)."""
+    """First guess of the factor: the inverse spectrum of exp(beta (sqrt(1 - t^2) - 1)) (Barnett et al. 2019)."""
     slope = width * (1.0 - np.abs(omega).max() / (2.0 * np.pi)) * np.pi * SEMICIRCLE_SHARE
     t, w = np.polynomial.legendre.leggauss(64)
     kernel = w * np.exp(slope * (np.sqrt(1.0 - t**2) - 1.0))
@@ -90,25 +90,25 @@ def _semicircle_factor(width: int, omega: NDArray[np.float64]) -> NDArray[np.flo
 def fit_kernel(
     width: int, omega: NDArray[np.float64], power: NDArray[np.float64], *, prefiltered: bool = False
 ) -> Kernel:
-    """The best kernel of an even `width` for a spectrum of `power` at frequencies `omega` [rad/sample]."""
+    """The kernel of even `width` with the least mean square error for a spectrum `power` at `omega` [rad/sample]."""
     taps = np.arange(width) + 1 - width // 2
     fraction = 0.5 + 0.5 * np.cos(np.pi * (np.arange(FRACTIONS) + 0.5) / FRACTIONS)
     weight = power / power.mean() + POWER_FLOOR
     weight = weight / weight.sum()
     phases = np.exp(1j * np.outer(omega, taps))
-    wanted = np.exp(1j * np.outer(omega, fraction))
+    target = np.exp(1j * np.outer(omega, fraction))
     factor = _semicircle_factor(width, omega) if prefiltered else np.ones(omega.size)
     solution = np.zeros((width, FRACTIONS))
     for turn in range(ALTERNATIONS if prefiltered else 1):
         if turn:
-            made = phases @ solution
-            factor = np.sum((made.conj() * wanted).real, axis=1) / np.sum(np.abs(made) ** 2, axis=1)
+            interpolated = phases @ solution
+            factor = np.sum((interpolated.conj() * target).real, axis=1) / np.sum(np.abs(interpolated) ** 2, axis=1)
         # Normal equations of a few taps: small enough to be solved directly, ridged against rounding.
         left = phases * (weight * factor**2)[:, None]
         normal = (phases.conj().T @ left).real
         normal[np.diag_indices(width)] += RIDGE * np.trace(normal)
-        solution = np.linalg.solve(normal, (phases.conj().T @ (wanted * (weight * factor)[:, None])).real)
-    error = np.sqrt(np.mean(np.sum(weight[:, None] * np.abs(factor[:, None] * (phases @ solution) - wanted) ** 2, 0)))
+        solution = np.linalg.solve(normal, (phases.conj().T @ (target * (weight * factor)[:, None])).real)
+    error = np.sqrt(np.mean(np.sum(weight[:, None] * np.abs(factor[:, None] * (phases @ solution) - target) ** 2, 0)))
     powers = np.vander(2.0 * fraction - 1.0, POLYNOMIAL_TERMS, increasing=True)
     coefficients = np.linalg.solve(powers.T @ powers, powers.T @ solution.T).T
     return Kernel(np.ascontiguousarray(coefficients, dtype=np.float32), omega, factor, float(error))
@@ -116,13 +116,13 @@ def fit_kernel(
 
 @lru_cache(maxsize=64)
 def triangular_kernel(width: int, oversampling: float, prefiltered: bool) -> Kernel:
-    """Kernel for the spectrum of an array: as many pairs share a midpoint as a triangle is high there."""
+    """Kernel for the spectrum of an array: the number of pairs with the same midpoint falls linearly to both ends."""
     shape = np.linspace(-1.0, 1.0, BAND_SAMPLES)
     return fit_kernel(width, shape * np.pi / oversampling, 1.0 - np.abs(shape), prefiltered=prefiltered)
 
 
 def taper_kernel(width: int, oversampling: float, taper: NDArray[np.complex128]) -> Kernel:
-    """Kernel for the spectrum of a frequency taper."""
+    """Kernel for a spectrum with the power of a taper over frequency."""
     shape = np.linspace(-1.0, 1.0, BAND_SAMPLES)
     power = np.interp(shape, np.linspace(-1.0, 1.0, taper.size), np.abs(taper) ** 2) if taper.size > 1 else np.ones(1)
     return fit_kernel(width, shape * np.pi / oversampling, power + np.zeros(shape.size))
@@ -143,7 +143,7 @@ def kernel_weights(coefficients, fraction, weights):  # type: ignore[no-untyped-
 
 
 def weights_at(kernel: Kernel, position: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """First tap and weights (..., width) of a kernel at fractional positions."""
+    """Index of the first tap, and weights (..., width) of all taps, of a kernel at fractional positions."""
     below = np.floor(position)
     weights = np.empty((kernel.width, position.size), dtype=np.float32)
     kernel_weights(kernel.coefficients, (position - below).astype(np.float32).ravel(), weights)

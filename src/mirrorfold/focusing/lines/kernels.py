@@ -1,4 +1,4 @@
-"""Loop nests of the fast path. Each is one formula; shapes are checked by the callers."""
+"""Loop nests of the fast algorithm of line arrays. Each computes one formula; the callers check the shapes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from mirrorfold.common.phasor import unit_phasor
 from mirrorfold.focusing.lines.interpolation import kernel_weights
 
 RUN = 256
-"""Pixels interpolated together: their weights stay in the first-level cache."""
+"""Number of pixels that are interpolated together: their weights stay in the first-level cache."""
 
 
 @njit(nogil=True, error_model="numpy")
 def gather(data, pair, partner, folded, first, out):  # type: ignore[no-untyped-def]
-    """Data of each lattice point side by side: out[first[n] M + m count[n] + p] = S[m, pair] + S[m, partner]."""
+    """Sort samples by lattice point: out[first[n] M + m count[n] + p] = S[m, pair] (+ S[m, partner] if folded)."""
     frequencies = data.shape[0]
     for m in range(frequencies):
         for n in range(first.size - 1):
@@ -44,7 +44,7 @@ def collapse(gathered, factor, first, frequencies, out):  # type: ignore[no-unty
 
 @lru_cache(maxsize=16)
 def stretcher(width: int):  # type: ignore[no-untyped-def]
-    """The kernel that resamples with `width` taps, a constant to the compiler."""
+    """The loop that interpolates with `width` taps, a constant for the compiler."""
 
     @njit(nogil=True, error_model="numpy", fastmath=True)
     def stretch(spectrum, cell, weight, out):  # type: ignore[no-untyped-def]
@@ -86,7 +86,7 @@ def combine(profile, value, row_first, out):  # type: ignore[no-untyped-def]
 
 
 def _tap_sum(taps_r: int):  # type: ignore[no-untyped-def]
-    """The sum over taps with their number in range a constant to the compiler, which doubles its speed."""
+    """The sum over taps; their number in range is a constant for the compiler, which doubles the speed."""
 
     @njit(nogil=True, error_model="numpy", fastmath=True)
     def tap_sum(cell, weight_r, weight_u, flat, rows, size, sum_re, sum_im):  # type: ignore[no-untyped-def]
@@ -114,9 +114,10 @@ def locate(  # type: ignore[no-untyped-def]
     row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first,
     turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
 ):  # fmt: skip
-    """Of `size` pixels of a row: first cell of the polar grid, place in it, and exp(2j k_c (r + c (1 - u^2) / r)).
+    """Of `size` pixels of a row: index of the first tap on the polar grid, fractions, exp(2j k_c (r + c (1-u^2) / r)).
 
-    The coordinates r, u and w are those of `Lattice.polar`; where both foci are the centre, one distance serves all.
+    `part_r` and `part_w` are the fractional positions between grid points, c is the `curvature`. The coordinates r, u
+    and w are those of `Lattice.polar`; where both foci are the centre, one distance gives them all.
     """
     r, u, w = np.empty(size), np.empty(size), np.empty(size)
     apart = False

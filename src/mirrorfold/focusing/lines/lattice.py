@@ -1,19 +1,22 @@
-"""Pairs of a line array, gathered by their midpoints on a uniform lattice, and the polar coordinates that suit it.
+"""Pairs of a line array, sorted by their midpoints on a uniform lattice, and the polar coordinates of the pixels.
 
-Transmitters and receivers stand on two lines, or nearly so, about their middles t and q - the foci. The lines need not
-coincide: a pixel's range r is half the path from t by way of the pixel to q, which takes off what the displacement of
-the lines does to all pairs alike. With u the sine of the pixel's angle from broadside, as seen from a centre
-between the foci, and X the midpoint of a pair, each antenna counted from its own focus along the unit vector e,
+Far from a line of antennas, the path of a pair to a pixel depends almost only on the midpoint of the pair. Pairs with
+the same midpoint can therefore be summed first, which leaves far fewer terms. Transmitters and receivers stand on two
+lines, or nearly so, around their middles t and q, the foci. The lines need not coincide: the range r of a pixel p is
+half the path from t by way of the pixel to q, which includes the effect of the displacement that all pairs share. Let u
+be the sine of the pixel's angle from broadside, seen from a centre between the foci, and X the midpoint of a pair, with
+each antenna counted from its own focus along the line. Then
 
-    r = (|p - t| + |p - q|) / 2,    R_i + R_k = 2 (r - X_s u) + E(pair; p):
+    r = (|p - t| + |p - q|) / 2,    R_i + R_k = 2 (r - X_s u) + E(pair; p),
 
-X_s is the lattice point nearest to X, and E the rest: the curvature of the waves, the distance of the pair, and what
-the array lacks in regularity. E varies slowly over the image: its values at few pixels tell those at all other pixels
-(see `nodes`).
+where X_s is the lattice point nearest to X. The remainder E is due to the curvature of the waves, the distance between
+transmitter and receiver, and irregular places of the antennas. It varies slowly over the image: its values at few
+pixels determine those at all other pixels (see `nodes`).
 
-The second coordinate of a pixel is w. Antennas on one line see no more than how far along the line a pixel is, and how
-far from it: w = u, in which E is analytic beyond 1, too. Antennas off a line also tell its sides apart, and what lies
-above and below them: all pixels must then lie in one plane, w is the angle in that plane, and u = sin(w).
+The second coordinate of a pixel is w. Paths to antennas on one line depend only on how far along the line a pixel is,
+and how far from it: then w = u, and E is an analytic function of w beyond 1, too. Paths to antennas off a line also
+differ between its sides, and above and below it: all pixels must then lie in one plane, w is the angle in this plane,
+and u = sin(w).
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from mirrorfold.common.types import Array, Index
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 ON_LINE = 1e-7
-"""Distance from the line that counts as none: with lengths in wavelengths a phase of 1e-6 rad."""
+"""Distances from a line below this count as zero: with lengths in wavelengths they turn phases by at most 1e-6 rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,22 +44,22 @@ class Lattice:
     frame : (3, 3) array
         Rows: unit vectors along the lattice, forward and upward.
     foci : (2, 3) array [m]
-        Middles of the transmitters and of the receivers, from which the lattice counts.
+        Middles of the transmitters and of the receivers, moved along the line to the lattice point s = 0.
     planar : bool
-        The pixels' second coordinate is their angle in the image plane, not the cosine to the line.
+        Whether the pixels' second coordinate is the angle in the image plane, not the cosine to the line.
     pitch : float [m]
         Lattice points stand at ``pitch * s`` for s from `lowest`.
     lowest : int
     first : (points + 1,) array
         Pairs ``first[n]:first[n+1]`` belong to the lattice point ``lowest + n``.
     tx, rx : (pairs,) arrays
-        The elements of each pair.
+        Indices of the transmitter and of the receiver of each pair.
     folded : bool
-        Each pair i <= k also stands for (k, i): their data are added first.
+        Whether each pair i <= k also stands for the pair (k, i), whose samples are added first.
     weight : (pairs,) complex array
-        Product of the element weights, halved where a folded pair is its own partner.
+        Product of the weights of its antennas, halved for pairs (i, i) if folded.
     regular : bool
-        The midpoints of all pairs stand on the lattice.
+        Whether the midpoints of all pairs stand on lattice points.
     """
 
     centre: Array
@@ -89,41 +92,41 @@ class Lattice:
 
     @property
     def concentric(self) -> bool:
-        """Whether both foci are one point of a line of all antennas."""
+        """Whether all antennas stand on one line, and both foci at the centre."""
         return not self.planar and not self.places(self.foci).any()
 
     @property
     def scales(self) -> bool:
-        """Whether k E depends on k and r by r / k alone, so that nodes at one wavenumber serve all.
+        """Whether k E depends on k and r only through r / k, nearly, so that nodes at one wavenumber serve all.
 
-        Where a midpoint stands beside its lattice point, E has a part that does not fall with range.
+        This needs midpoints on the lattice points: otherwise E has a part that does not fall with range.
         """
         return self.concentric and self.regular
 
     def curvature(self, problem: Problem) -> float:
-        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: without it the rest is halved."""
+        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: without it E is halved."""
         tx, rx = ((a - f) @ self.frame[0] for a, f in zip((problem.tx, problem.rx), self.foci, strict=True))
         return 0.25 * float((tx[self.tx] ** 2 + rx[self.rx] ** 2).max())
 
     def places(self, position: Array) -> Array:
-        """Coordinates [m] along the lattice, forward and upward, from the centre, (n, 3)."""
+        """Coordinates (n, 3) [m] of positions (n, 3) [m]: along the lattice, forward and upward from the centre."""
         place = (position - self.centre) @ self.frame.T
         place[np.abs(place) < ON_LINE] = 0.0
         return np.asarray(place)
 
     def length(self, problem: Problem) -> float:
-        """Extent [m] of the antennas, the centre among them: the measure of what is near."""
+        """Extent [m] of the antennas and the centre, by which near and far are measured."""
         return float(np.linalg.norm(np.ptp(self.places(np.vstack([problem.tx, problem.rx, self.centre])), axis=0)))
 
     def direction(self, w: Array) -> tuple[Array, Array]:
-        """Unit vector of the second coordinate: its parts along the lattice and forward.
+        """Components of the unit vector in direction w: along the lattice, and forward.
 
-        On one line the forward part is seen by no antenna, and left out.
+        For antennas on one line the forward component has no effect, and is returned as zero.
         """
         return (np.sin(w), np.cos(w)) if self.planar else (w, np.zeros_like(w))
 
     def polar(self, x: Array, y: float, z: float) -> tuple[Array, Array]:
-        """Range r and second coordinate w of a row of pixels."""
+        """Range r [m] and second coordinate w of a row of pixels (x, y, z) [m]."""
 
         def distance(place: Array) -> Array:
             return np.asarray(np.sqrt((x - place[0]) ** 2 + ((y - place[1]) ** 2 + (z - place[2]) ** 2)))
@@ -156,7 +159,10 @@ class Lattice:
 
 
 def natural_pitch(tx: Array, rx: Array, monostatic: bool) -> float:
-    """The lattice pitch [m] that antennas at places along a line ask for: half the finer of the two element pitches."""
+    """Lattice pitch [m] of antennas at places [m] along a line: half the finer of the two mean element pitches.
+
+    Of one moving antenna the whole pitch, because each midpoint is the antenna itself.
+    """
     pitches = []
     for place in (tx, rx):
         along = np.unique(np.round(place, 9))
@@ -167,12 +173,12 @@ def natural_pitch(tx: Array, rx: Array, monostatic: bool) -> float:
 
 
 def _frame(problem: Problem) -> tuple[Array, bool]:
-    """Axes of the lattice, and whether it is seen in a plane.
+    """Axes (3, 3) of the lattice, and whether antennas stand off its line, so that the pixels must lie in a plane.
 
     Raises
     ------
     UnsuitedError
-        If the antennas stand at one place, or off a line while there is more than one image plane.
+        If antennas stand off a line and there is more than one image plane.
     """
     every = np.concatenate([problem.tx, problem.rx])
     centred = every - every.mean(axis=0)
@@ -194,7 +200,7 @@ def _frame(problem: Problem) -> tuple[Array, bool]:
 
 
 def _longest(centred: Array) -> Array:
-    """Unit vector along which places (n, 3) extend most, rounded to x, y or z where it nearly is one of these."""
+    """Unit vector along which places (n, 3) extend most, rounded to the axis x, y or z where it nearly is one."""
     axis = np.linalg.svd(centred, full_matrices=False)[2][0]
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
     return np.round(axis) if np.abs(axis).max() > 1.0 - 1e-12 else axis
@@ -227,9 +233,9 @@ def build_lattice(problem: Problem) -> Lattice:
     origin = middle.min()
     point = np.rint((middle - origin) / pitch).astype(np.int64)
     lowest = -(int(point.max()) // 2)
-    # The foci move to where the lattice counts from, so that its points are s * pitch.
+    # The foci are moved to the origin of the lattice, so that its points are s * pitch.
     foci = foci + (origin - lowest * pitch) * axis
-    # Paths turn with the directions from their own foci: the centre is nearer to that of the longer array.
+    # Each path depends on the direction from its own focus: the centre is nearer to the focus of the longer array.
     share = np.ptp(rx) / (np.ptp(tx) + np.ptp(rx))
     centre = (1.0 - share) * foci[0] + share * foci[1]
     if planar:

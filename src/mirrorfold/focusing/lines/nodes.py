@@ -1,13 +1,14 @@
-"""Curvature by a few nodes: pixels from whose phases those of all other pixels follow.
+"""Nodes: a few pixels whose curvature phases determine those of all other pixels of a sector.
 
-Over a sector of the image the phase factors ``exp(j k E(pair; p))`` of all pairs span a space of few dimensions.
-Pivoted Gram-Schmidt picks nodes, pixels p_q whose factors span it (interpolative decomposition, Cheng et al. 2005)::
+E(pair; p) is the part of a pair's path that the lattice does not describe (see `lattice`). It varies so slowly over a
+sector of the image that the phase factors ``exp(j k E(pair; p))`` of all pairs span a space of few dimensions. Pivoted
+Gram-Schmidt picks nodes, pixels p_q whose factors span it (interpolative decomposition, Cheng et al. 2005)::
 
     exp(j k E(pair; p)) ~ sum_q',q exp(j k_q' E(pair; p_q')) W_q'q(k) V_q(p).
 
-V is fitted on Chebyshev points of (1/r, w) and is a smooth function of the pixel; W carries the nodes from the
-middle wavenumber to k. Both are least-squares fits over a random choice of pairs. Where the foci are one point of a
-line E goes nearly with 1/r, so that another wavenumber is as good as another range, and all k_q are the middle
+V is a smooth function of the pixel, tabulated on Chebyshev points of (1/r, w). W takes the nodes from the middle
+wavenumber to k. Both are least-squares fits over a random choice of pairs. Where both foci are one point of one line, E
+is nearly proportional to 1/r. Then a change of the wavenumber acts like a change of range, and all k_q are the middle
 wavenumber. Elsewhere the nodes, and the pairs to which V is fitted, are drawn from the whole band.
 """
 
@@ -26,45 +27,45 @@ from mirrorfold.focusing.lines.lattice import Lattice
 from mirrorfold.focusing.problem import Problem, UnsuitedError
 
 PAIR_SAMPLES = 500
-"""Random pairs that stand for all of them, at least; more where there are many nodes."""
+"""Least number of random pairs that stand for all; more are drawn where many nodes are expected."""
 
 END_SAMPLES = 20
-"""Elements of either array that are paired with each other besides: denser towards the ends, where phases vary most."""
+"""Elements of either array that are also paired, all with all: denser towards the ends, where phases vary most."""
 
 CANDIDATES = 350
-"""Chebyshev points drawn as candidates for nodes, at least."""
+"""Least number of pixels that are drawn as candidates for nodes."""
 
 TEST_POINTS = 250
-"""Random pixels, between the Chebyshev points, on which V is tested."""
+"""Number of random pixels, and of random pairs, on which V is tested between the Chebyshev points."""
 
 TABLE_REFINEMENTS = 5
-"""Times that the table of V is made finer before its error is taken as it is."""
+"""Largest number of tables of V that are tried, each finer; the error of the last one is accepted as it is."""
 
 LARGEST_TABLE = 40_000
-"""Chebyshev points at which V is tabulated, at most."""
+"""Largest number of Chebyshev points at which V is tabulated."""
 
 WAVENUMBER_NODES = 8
 """Chebyshev points in wavenumber from which W is interpolated to every frequency."""
 
 MAXIMUM_NODES = 150
-"""With more nodes than this the exact kernel is as fast."""
+"""Largest number of nodes: with more, the exact kernel is as fast."""
 
 PROBE_PAIRS, PROBE_CANDIDATES = 200, 180
-"""Pairs and pixels from which the number of nodes is estimated before any are looked for."""
+"""Number of random pairs and pixels from which the number of nodes is estimated while a plan is laid out."""
 
 PROBED = 120.0
-"""Where the probe finds so many nodes, there are twice as many: the share that its few pairs and pixels miss
+"""Where the estimate is this many nodes, there are twice as many: few pairs and pixels miss a share of the nodes that
 grows with the square of their number, a tenth of 40, a quarter of 60 (measured on 200 sectors of random geometries)."""
 
 INDEPENDENT = 0.1
-"""Singular values under this share of the tolerance count as zero."""
+"""Singular values below this share of the tolerance, relative to the largest, count as zero."""
 
 EQUATIONS, SPARE_EQUATIONS = 8, 150
-"""Pairs to which V and W are fitted: as many for each node, and some more."""
+"""V and W are fitted to EQUATIONS pairs for each node, and SPARE_EQUATIONS more."""
 
 
 class Sector(NamedTuple):
-    """A part of the image: ranges [m], and the second coordinate w of the lattice."""
+    """A part of the image: an interval of the range [m], and one of the second coordinate w (see `lattice`)."""
 
     near: float
     far: float
@@ -74,20 +75,20 @@ class Sector(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """The nodes of a sector, and how its other pixels follow from them.
+    """The nodes of a sector, and the functions V and W by which they determine its other pixels.
 
     Attributes
     ----------
     range, direction, wavenumber : (nodes,) arrays
         Polar coordinates r [m] and w of the node pixels, and the wavenumber [rad/m] at which they are taken.
     transfer : (frequencies, nodes, nodes) complex array
-        W: from nodes at the middle wavenumber to nodes at each wavenumber.
+        W: from the nodes at the middle wavenumber to each wavenumber.
     value : (inverse ranges, directions, nodes) complex array
         V at the Chebyshev points of the sector.
     inverse_low, inverse_high : float [1/m]
         Interval of 1/r that the Chebyshev points span.
     error : float
-        Root-mean-square error over pairs and pixels, relative: that of the image of white data.
+        Root-mean-square error of the phase factors over pairs and pixels: the relative error of white noise imaged.
     """
 
     range: Array
@@ -101,7 +102,7 @@ class Nodes:
 
 
 def chebyshev(low: float, high: float, n: int) -> Array:
-    """The n Chebyshev points of an interval."""
+    """The n Chebyshev points of the interval [low, high]."""
     return 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
 
 
@@ -123,7 +124,7 @@ def remainder(problem: Problem, lattice: Lattice, pairs: NDArray[np.int64], r: A
     total = -2.0 * (r[None, :] - lattice.point_of_pair[pairs][:, None] * along[None, :])
     for element, index in ((problem.tx, lattice.tx), (problem.rx, lattice.rx)):
         place = lattice.places(element)[index[pairs]]
-        # Analytic in w beyond the sector too, where the guard of the polar grid may lie.
+        # Squared distance by the law of cosines: analytic in w beyond the sector too, where the polar grid has guards.
         d2 = distance**2 + np.sum(place**2, axis=1)[:, None] - 2.0 * np.outer(place[:, 0], distance * along)
         if place[:, 1].any():
             d2 = d2 - 2.0 * np.outer(place[:, 1], distance * ahead)
@@ -132,9 +133,9 @@ def remainder(problem: Problem, lattice: Lattice, pairs: NDArray[np.int64], r: A
 
 
 def spreads(problem: Problem, lattice: Lattice, sector: Sector, curvature: float) -> tuple[float, float]:
-    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r [m/m] and along w [m].
+    """Largest slopes of ``E - curvature (1 - u^2) / r`` along r [m/m] and along w [m], over random pairs.
 
-    Times the wavenumber they are what E adds to the width of the image's spectrum, and so to the polar grid's sampling.
+    Multiplied by the wavenumber, they widen the image's spectrum, so that the polar grid must be sampled more finely.
     """
     rng = np.random.default_rng(0)
     pairs = rng.integers(0, lattice.tx.size, 200)
@@ -145,22 +146,22 @@ def spreads(problem: Problem, lattice: Lattice, sector: Sector, curvature: float
         )
     )
 
-    def rest(r: Array, w: Array) -> Array:
+    def remainders(r: Array, w: Array) -> Array:
         along, _ = lattice.direction(w)
         return remainder(problem, lattice, pairs, r, w) - curvature * (1.0 - along**2) / r
 
     dr, dw = 1e-4 * sector.near, 1e-4
-    along_r = np.abs(rest(r + dr, w) - rest(r - dr, w)).max() / (2.0 * dr)
-    along_w = np.abs(rest(r, w + dw) - rest(r, w - dw)).max() / (2.0 * dw)
+    along_r = np.abs(remainders(r + dr, w) - remainders(r - dr, w)).max() / (2.0 * dr)
+    along_w = np.abs(remainders(r, w + dw) - remainders(r, w - dw)).max() / (2.0 * dw)
     return float(along_r), float(along_w)
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def pivoted_rows(rows, tolerance, most):  # type: ignore[no-untyped-def]
-    """Rows picked by pivoted modified Gram-Schmidt, whose span holds all of them.
+    """Indices of at most `most` rows that nearly span all rows, picked by pivoted modified Gram-Schmidt.
 
-    Stops when the rest is under `tolerance` of the whole in the Frobenius norm; `rows` is overwritten. LAPACK's pivoted
-    QR would factor the whole matrix, and wait for its threads at every column.
+    Stops when what is left of all rows is below `tolerance` of the rows, in the Frobenius norm; `rows` is overwritten.
+    LAPACK's pivoted QR would factor the whole matrix, and wait for its threads at every column.
     """
     n, m = rows.shape
     power = np.zeros(n)
@@ -200,7 +201,7 @@ def pivoted_rows(rows, tolerance, most):  # type: ignore[no-untyped-def]
 
 
 def _sample_pairs(lattice: Lattice, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Pairs that stand for all: some at random, some on a Chebyshev grid of the elements."""
+    """Indices of pairs that stand for all: `count` at random, and all pairs of END_SAMPLES elements of either array."""
     total = lattice.tx.size
     if total <= count + END_SAMPLES**2:
         return np.arange(total)
@@ -211,7 +212,7 @@ def _sample_pairs(lattice: Lattice, count: int, rng: np.random.Generator) -> NDA
 
 
 def _arcsine(rng: np.random.Generator, low: float, high: float, n: int) -> Array:
-    """Random numbers with the density of Chebyshev points, both ends included."""
+    """Random numbers (n,) in [low, high] with the density of Chebyshev points, both ends among them."""
     t = np.cos(np.pi * rng.random(n))
     t[:2] = -1.0, 1.0
     return 0.5 * (low + high) + 0.5 * (high - low) * rng.permutation(t)
@@ -226,24 +227,24 @@ class _Draw(NamedTuple):
 
 
 def _inverse_range(problem: Problem, sector: Sector) -> tuple[float, float]:
-    """Interval of 1/r that reaches further out than the sector, so that scaling the wavenumber stays inside."""
+    """Interval of 1/r [1/m], wider than the sector: it holds the ranges r k_c / k for all wavenumbers k of the band."""
     k_low, k, k_high = float(problem.k[0]), problem.middle_wavenumber, float(problem.k[-1])
     return k_low / k / sector.far * 0.999, k_high / k / sector.near * 1.001
 
 
 def _draw(problem: Problem, lattice: Lattice, sector: Sector, count: int, rng: np.random.Generator) -> _Draw:
-    """Random candidates over a sector."""
+    """Random candidates for nodes over a sector."""
     low, high = _inverse_range(problem, sector)
     inverse, w = _arcsine(rng, low, high, count), _arcsine(rng, sector.w_low, sector.w_high, count)
     k = problem.middle_wavenumber
     if lattice.scales:
         return _Draw(inverse, w, np.full(count, k))
-    # Scaled to the other end of the band, a node at one end reaches as far beyond the band.
+    # As wide as the products of the band's wavenumbers and the factors of `_relative_wavenumbers`.
     return _Draw(inverse, w, _arcsine(rng, problem.k[0] ** 2 / k, problem.k[-1] ** 2 / k, count))
 
 
-def _scales(problem: Problem, lattice: Lattice, count: int, rng: np.random.Generator) -> Array:
-    """Wavenumbers, over the middle one, at which pairs are fitted."""
+def _relative_wavenumbers(problem: Problem, lattice: Lattice, count: int, rng: np.random.Generator) -> Array:
+    """Random wavenumbers, as multiples of the middle one, at which `count` pairs are fitted."""
     if lattice.scales:
         return np.ones(count)
     k = problem.k / problem.middle_wavenumber
@@ -251,27 +252,27 @@ def _scales(problem: Problem, lattice: Lattice, count: int, rng: np.random.Gener
 
 
 def count_nodes(problem: Problem, lattice: Lattice, sector: Sector, tolerance: float) -> int:
-    """How many nodes a sector will take, from a small choice of pairs and pixels, to a tenth.
+    """Number of nodes that a sector will need, estimated from few pairs and pixels to within a tenth.
 
     Raises
     ------
     UnsuitedError
-        If they are too many.
+        If there are too many.
     """
     rng = np.random.default_rng(0)
     total = lattice.tx.size
     pairs = rng.integers(0, total, PROBE_PAIRS)
     draw = _draw(problem, lattice, sector, PROBE_CANDIDATES, rng)
-    rest = remainder(problem, lattice, pairs, 1.0 / draw.inverse, draw.w)
-    rest *= _scales(problem, lattice, pairs.size, rng)[:, None]
-    found = pivoted_rows(np.exp(1j * draw.k * rest).T.copy(), tolerance, MAXIMUM_NODES).size
+    remainders = remainder(problem, lattice, pairs, 1.0 / draw.inverse, draw.w)
+    remainders *= _relative_wavenumbers(problem, lattice, pairs.size, rng)[:, None]
+    found = pivoted_rows(np.exp(1j * draw.k * remainders).T.copy(), tolerance, MAXIMUM_NODES).size
     if found >= MAXIMUM_NODES:
         raise UnsuitedError(f"more than {MAXIMUM_NODES} nodes")
     return min(int(found * (1.0 + (found / PROBED) ** 2)), MAXIMUM_NODES)
 
 
 def table_size(problem: Problem, sector: Sector, slopes: tuple[float, float]) -> tuple[int, int]:
-    """Chebyshev points in 1/r and in w with which tabulating V begins: as many as its slopes make half turns."""
+    """Number of Chebyshev points in 1/r and in w of the first table of V, from the phases that the slopes make."""
     half = 0.5 * problem.middle_wavenumber
     depth, width = sector.near * (1.0 - sector.near / sector.far), sector.w_high - sector.w_low
     return int(8 + half * slopes[0] * depth), int(12 + half * slopes[1] * width)
@@ -280,7 +281,7 @@ def table_size(problem: Problem, sector: Sector, slopes: tuple[float, float]) ->
 def find_nodes(
     problem: Problem, lattice: Lattice, sector: Sector, tolerance: float, slopes: tuple[float, float]
 ) -> Nodes:
-    """The fewest nodes found whose root-mean-square error over the sector stays under `tolerance`.
+    """The nodes of a sector, as few as are found to keep the root-mean-square error near `tolerance`, with V and W.
 
     Parameters
     ----------
@@ -289,12 +290,12 @@ def find_nodes(
     sector : Sector
     tolerance : float
     slopes : pair of float
-        Largest slopes of E less its curvature, from `spreads`.
+        Largest slopes of E without its curvature along r [m/m] and w [m], from `spreads`.
 
     Raises
     ------
     UnsuitedError
-        If they are too many, or V too rough to be tabulated.
+        If there are too many nodes, or V varies too fast to be tabulated.
     """
     rng = np.random.default_rng(0)
     k_low, k, k_high = float(problem.k[0]), problem.middle_wavenumber, float(problem.k[-1])
@@ -302,49 +303,49 @@ def find_nodes(
     wanted = int(PAIR_SAMPLES + 10.0 * turns)
     pairs = _sample_pairs(lattice, wanted, rng)
     if not lattice.scales:
-        pairs = np.tile(pairs, -(-wanted // pairs.size))  # few pairs are fitted at several wavenumbers each
+        pairs = np.tile(pairs, -(-wanted // pairs.size))  # a few pairs are fitted at several wavenumbers each
     test_pairs = rng.integers(0, lattice.tx.size, TEST_POINTS)
     low, high = _inverse_range(problem, sector)
 
-    def path(of: NDArray[np.int64], inverse: Array, w: Array) -> Array:
+    def remainder_at(of: NDArray[np.int64], inverse: Array, w: Array) -> Array:
         return remainder(problem, lattice, of, 1.0 / inverse, w)
 
     draw = _draw(problem, lattice, sector, int(CANDIDATES + 15.0 * turns), rng)
-    rest = path(pairs, draw.inverse, draw.w)
-    scale = _scales(problem, lattice, pairs.size, rng)[:, None]
-    picked = pivoted_rows(np.exp(1j * draw.k * (scale * rest)).T.copy(), tolerance, MAXIMUM_NODES + 1)
+    remainders = remainder_at(pairs, draw.inverse, draw.w)
+    scale = _relative_wavenumbers(problem, lattice, pairs.size, rng)[:, None]
+    picked = pivoted_rows(np.exp(1j * draw.k * (scale * remainders)).T.copy(), tolerance, MAXIMUM_NODES + 1)
     if picked.size > MAXIMUM_NODES:
         raise UnsuitedError(f"more than {MAXIMUM_NODES} nodes")
     inverse, w, node_k = (part[picked] for part in draw)
-    # A few times as many equations as unknowns determine the fits as well as all of them.
-    some = rng.permutation(pairs.size)[: int(EQUATIONS * picked.size) + SPARE_EQUATIONS]
-    pairs, scale, rest = pairs[some], scale[some], rest[np.ix_(some, picked)]
-    test_base = np.exp(1j * node_k * path(test_pairs, inverse, w))
-    basis, triangle = np.linalg.qr(np.exp(1j * node_k * (scale * rest)))
-    onto = scipy.linalg.solve_triangular(triangle, basis.conj().T)
+    # A few times as many equations (pairs) as unknowns (nodes) determine the fits as well as all pairs would.
+    subset = rng.permutation(pairs.size)[: int(EQUATIONS * picked.size) + SPARE_EQUATIONS]
+    pairs, scale, remainders = pairs[subset], scale[subset], remainders[np.ix_(subset, picked)]
+    test_factors = np.exp(1j * node_k * remainder_at(test_pairs, inverse, w))
+    basis, triangle = np.linalg.qr(np.exp(1j * node_k * (scale * remainders)))
+    fit = scipy.linalg.solve_triangular(triangle, basis.conj().T)
 
-    at_k = [np.exp(1j * (each / k) * node_k * rest) for each in chebyshev(k_low, k_high, WAVENUMBER_NODES)]
-    # Nodes that differ at other wavenumbers only are nearly the same at the middle one: take the smallest coefficients.
-    middle = onto if lattice.scales else np.linalg.pinv(np.exp(1j * node_k * rest), rcond=INDEPENDENT * tolerance)
-    moved = np.stack([middle @ columns for columns in at_k])
+    factors_at = [np.exp(1j * (each / k) * node_k * remainders) for each in chebyshev(k_low, k_high, WAVENUMBER_NODES)]
+    # Nodes that differ only in wavenumber are nearly equal at the middle one: take the smallest coefficients.
+    fit_k_c = fit if lattice.scales else np.linalg.pinv(np.exp(1j * node_k * remainders), rcond=INDEPENDENT * tolerance)
+    moved = np.stack([fit_k_c @ columns for columns in factors_at])
     transfer = np.tensordot(chebyshev_matrix(k_low, k_high, WAVENUMBER_NODES, problem.k), moved, axes=1)
-    # Tabulate V ever more finely until it holds between the Chebyshev points, at both ends of the band.
+    # Tabulate V ever more finely, until test pixels and test pairs agree at both ends and in the middle of the band.
     test_inverse = rng.uniform(1.0 / sector.far, 1.0 / sector.near, TEST_POINTS)
     test_w = rng.uniform(sector.w_low, sector.w_high, TEST_POINTS)
-    test_rest = path(test_pairs, test_inverse, test_w)
+    test_remainders = remainder_at(test_pairs, test_inverse, test_w)
     n_r, n_w = table_size(problem, sector, slopes)
     error = float("inf")
     for _ in range(TABLE_REFINEMENTS):
         grid = np.meshgrid(chebyshev(low, high, n_r), chebyshev(sector.w_low, sector.w_high, n_w), indexing="ij")
-        at_points = np.exp(1j * k * (scale * path(pairs, grid[0].ravel(), grid[1].ravel())))
-        value = (onto @ at_points).T.reshape(n_r, n_w, -1)
+        at_points = np.exp(1j * k * (scale * remainder_at(pairs, grid[0].ravel(), grid[1].ravel())))
+        value = (fit @ at_points).T.reshape(n_r, n_w, -1)
         to_r = chebyshev_matrix(low, high, n_r, test_inverse)
         to_w = chebyshev_matrix(sector.w_low, sector.w_high, n_w, test_w)
         at_tests = np.matmul(to_w[:, None, :], np.tensordot(to_r, value, axes=1))[:, 0].T
         previous, error = error, 0.0
         for m in (0, problem.k.size // 2, problem.k.size - 1):
-            made = test_base @ (transfer[m] @ at_tests)
-            wanted_factors = np.exp(1j * float(problem.k[m]) * test_rest)
+            made = test_factors @ (transfer[m] @ at_tests)
+            wanted_factors = np.exp(1j * float(problem.k[m]) * test_remainders)
             error = max(error, float(np.sqrt(np.mean(np.abs(made - wanted_factors) ** 2))))
         if error <= 1.5 * tolerance or error > 0.8 * previous:
             break

@@ -1,13 +1,13 @@
-"""One sector of the image of a line array: from pairs to a lattice, from the lattice to a polar grid, and to pixels.
+"""One sector of the image of a line array: from pairs to the lattice, to a polar grid, and to pixels.
 
-With the nodes of the sector (see `nodes`), the image at range r in direction w, u its cosine to the lattice, is::
+With the nodes q of the sector (see `nodes`), the image at range r and direction w, u its cosine to the lattice, is::
 
     I(r, w) = sum_m a[m] exp(2 j k_m r) sum_q V_q(r, w) sum_q' W_q'q(k_m) sum_s exp(-2 j k_m X_s u) D_q'(s, m),
     D_q'(s, m) = sum over the pairs (i, k) at lattice point s of  w_i v_k S[m, i, k] exp(j k_q' E(i, k; p_q')).
 
-`LineArraySector.__call__` computes this from right to left: D by a matrix product for each lattice point
-(`to_directions`), the sum over s by a Fourier transform that is interpolated to the wanted u, the sum over m by another
-transform (`to_ranges`), and the pixels by interpolation between the points of the polar grid (`to_pixels`).
+`LineArraySector.__call__` computes this from right to left: D by a matrix product for each lattice point, and the sum
+over s by a Fourier transform whose result is interpolated to the directions u at each frequency (`to_directions`); the
+sum over m by a second transform (`to_ranges`); and the pixels by interpolation on the polar grid (`to_pixels`).
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ from mirrorfold.focusing.problem import Problem
 FREQUENCIES_A_BLOCK = 26
 LINES_A_BLOCK = 16
 RUNS_A_BLOCK = 48
-"""Frequencies (at most), lines of equal direction, and runs of pixels that one thread works on at a time."""
+"""Numbers of frequencies (at most), lines of equal direction, and runs of pixels that a thread works on at a time."""
 
 SERIAL_PRODUCT = 250_000
-"""Multiplications up to which OpenBLAS computes a product on the calling thread; more would fight for the cores."""
+"""Multiplications of a matrix product up to which OpenBLAS stays on the calling thread. Larger products would start
+threads of their own, which compete with ours for the cores."""
 
 CACHE_BYTES = 512 * 2**10
-"""Share of the second-level cache for the Fourier transforms of a few frequencies."""
+"""Part of the second-level cache [bytes] for the Fourier transforms of a few frequencies."""
 
 
 class LineArraySector:
-    """The fast path on one sector, with all its tables. A call adds to the pixels of this sector alone.
+    """One sector with all its tables. A call adds the image by the antennas to the pixels of this sector only.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class LineArraySector:
     lattice : Lattice
     design : SectorDesign
     runs : (n, 3) int array
-        Pixels of the sector: row (z, y), first x, last x + 1.
+        Pixels of the sector, in runs: row (z, y), index of the first x, index of the last x plus one.
     tolerance : float
 
     Raises
@@ -63,7 +64,7 @@ class LineArraySector:
         k = problem.k
         middle = k.size // 2
         self.middle = middle
-        # Pixels and polar grid, as `interpolate` and `spread` take them.
+        # Pixels and polar grid: arguments of `interpolate` and `spread`.
         self.pixels = (
             *(problem.x, problem.y, problem.z, lattice.centre, lattice.frame, lattice.foci, lattice.planar),
             *(design.per_range, design.row_first, design.per_direction, design.line_first),
@@ -75,16 +76,16 @@ class LineArraySector:
         nodes = find_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance, design.slopes)
         self.nodes = nodes.range.size
         self.predicted_error = float(np.hypot(nodes.error, design.interpolation_error))
-        # The tables, as the steps of a call need them.
+        # The tables, in the order of the steps of a call.
         u, _ = lattice.direction(at_w)
         position = (k * lattice.pitch * design.cells / pi)[:, None] * u[None, :]
         first_tap, self.weight = weights_at(design.stretch_kernel, position)
         self.cell = (first_tap % design.cells).astype(np.int32)
-        every = np.arange(lattice.tx.size)
-        rest = remainder(problem, lattice, every, nodes.range, nodes.direction)
+        all_pairs = np.arange(lattice.tx.size)
+        remainders = remainder(problem, lattice, all_pairs, nodes.range, nodes.direction)
         omega = 2.0 * pi / design.cells * lattice.point_of_pair / lattice.pitch
         prefilter = design.stretch_kernel.factor_at(omega)
-        factor = np.exp(1j * nodes.wavenumber * rest) * (lattice.weight * prefilter)[:, None]
+        factor = np.exp(1j * nodes.wavenumber * remainders) * (lattice.weight * prefilter)[:, None]
         self.factor = _as_real(factor)
         self.transfer = _as_real(nodes.transfer * problem.taper[:, None, None])
         n_r, n_w, _ = nodes.value.shape
@@ -103,11 +104,11 @@ class LineArraySector:
             value *= np.exp(-2j * pi * turns * (1.0 - u[part, None] ** 2) / at_r)[..., None].astype(np.complex64)
 
         for_each(tabulate, range(0, lines, LINES_A_BLOCK))
-        second = len(problem.rx)
+        receivers = len(problem.rx)
         if problem.monostatic:
             self.pair, self.partner = lattice.tx, lattice.tx
         else:
-            self.pair, self.partner = lattice.tx * second + lattice.rx, lattice.rx * second + lattice.tx
+            self.pair, self.partner = lattice.tx * receivers + lattice.rx, lattice.rx * receivers + lattice.tx
 
         # Equal blocks of frequencies, a few for each core, with products so small that BLAS keeps each on one core.
         longest = 2 * int(np.diff(lattice.first).max())
@@ -116,8 +117,8 @@ class LineArraySector:
         self.block = ceil(k.size / blocks)
         self._gathered = Buffers((self.block * lattice.tx.size,))
         self._summed = Buffers((lattice.points * self.block * 2 * self.nodes,), np.float32)
-        few = min(self.block, max(1, CACHE_BYTES // (8 * design.cells * self.nodes)))
-        self._spectrum = Buffers((few, design.cells, self.nodes))
+        at_once = min(self.block, max(1, CACHE_BYTES // (8 * design.cells * self.nodes)))
+        self._spectrum = Buffers((at_once, design.cells, self.nodes))
         self._beams = Buffers((k.size, lines, self.nodes))
         self._profile = Buffers((design.range_cells, LINES_A_BLOCK, self.nodes))
         self._polar = Buffers((lines, rows))
@@ -129,7 +130,7 @@ class LineArraySector:
         return sum(table.nbytes for table in tables)
 
     def __call__(self, s: NDArray[np.complex64], image: NDArray[np.complex64]) -> None:
-        """Focus data (frequencies, ...) on the sector's pixels of `image`, (rows, x)."""
+        """Add the image of samples `s` (frequencies, ...) to the sector's pixels of `image` (rows, x)."""
         problem, lattice, design = self.problem, self.lattice, self.design
         frequencies = problem.k.size
         data = s.reshape(frequencies, -1)
@@ -182,7 +183,7 @@ class LineArraySector:
 
 
 def _as_real(matrix: NDArray[np.complex128]) -> NDArray[np.float32]:
-    """The real matrix (..., 2n, 2m) that acts on interleaved real and imaginary parts as a complex one (..., n, m).
+    """The real matrix (..., 2n, 2m) that acts on interleaved real and imaginary parts as the complex one (..., n, m).
 
     Real products are faster than complex ones, and stay on the calling thread up to larger sizes.
     """
@@ -194,5 +195,5 @@ def _as_real(matrix: NDArray[np.complex128]) -> NDArray[np.float32]:
 
 
 def _parts(low: int, high: int, most: int) -> list[tuple[int, int]]:
-    """The interval cut into parts of at most `most`."""
+    """The interval [low, high) cut into parts of length `most` or less."""
     return [(a, min(a + most, high)) for a in range(low, high, most)]

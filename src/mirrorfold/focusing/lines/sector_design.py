@@ -1,6 +1,7 @@
-"""How finely one sector of a line array's image must be sampled, and by which kernels it is interpolated.
+"""The polar grid of one sector of a line array's image, and the kernels by which it is interpolated.
 
-A design is made in milliseconds, before any table: it tells what the tables will cost (see `sector_cost`).
+The grid must be as fine as the spectrum of the image is wide. A design takes milliseconds and makes no table; from it
+follows what the tables will cost (see `sector_cost`).
 """
 
 from __future__ import annotations
@@ -20,44 +21,47 @@ STRETCH_OVERSAMPLING = 2.0
 """Oversampling of the first Fourier transform, from lattice points to directions at each wavenumber."""
 
 POLAR_OVERSAMPLING = 2.0
-"""Oversampling of the polar grid in range and direction: an image's spectrum is a little wider than its nodes' is."""
+"""Oversampling of the polar grid in range and direction: the spectrum of an image is a little wider than computed."""
 
 NEAREST_GUARD = 0.25
-"""The polar grid's guard reaches nearer than the nearest pixel by no more than this share of its range."""
+"""Share of the range of the nearest pixel by which the guard rows of the polar grid may reach nearer, at most."""
 
 DIRECTION_GUARD = 0.05
-"""The polar grid's guard in direction, roughly."""
+"""Width in w of the polar grid's guard on either side, as assumed for the slopes; at most four times this is used."""
 
 SHARES = {"nodes": 0.5, "stretch": 0.2, "range": 0.4, "direction": 0.4}
-"""How the tolerance is shared out; errors of different sources add as squares."""
+"""Share of the tolerance of each source of error: the nodes, and the three interpolations. Errors add as squares."""
 
 
 class SectorDesign:
     """Kernels and polar grid of a sector.
 
+    The polar grid has a row for each range r, and a line for each direction w.
+
     Attributes
     ----------
     curvature : float [m^2]
-        Taken off the path as ``curvature (1 - u^2) / r``.
+        Factor of the term ``curvature (1 - u^2) / r``, which is taken off E and put back at the pixels.
     stretch_kernel, direction_kernel, range_kernel : Kernel
     cells, range_cells : int
-        Lengths of the Fourier transforms.
+        Lengths of the Fourier transforms: from lattice points to directions, and from frequencies to ranges.
     per_range, per_direction : float
-        Grid points per metre and per unit of w.
+        Grid points per metre of range, and per unit of w.
     row_first, line_first : int
+        Index of the first row and of the first line of the grid; index 0 is at r = 0 and at w = 0.
     shape : (int, int)
-        Lines of equal direction, and rows of equal range.
+        Number of lines of equal direction, and of rows of equal range.
     sector : Sector
-        What the polar grid covers, its guard included.
+        Ranges and directions that the polar grid covers, its guards included.
     slopes : pair of float
-        Of E less its curvature, along r [m/m] and w [m], from `spreads`.
+        Largest slopes of E without the curvature term, along r [m/m] and w [m], from `spreads`.
     """
 
     def __init__(self, problem: Problem, lattice: Lattice, sector: Sector, tolerance: float) -> None:
         k = problem.k
-        # How finely the polar grid must be sampled: the lattice and the band, and what the rest of the path adds.
+        # Width of the image's spectrum: in w from the lattice, in r from the band, both plus k times the slopes of E.
         self.curvature = lattice.curvature(problem)
-        # The kernels' taps reach beyond the sector: the slopes there count too.
+        # The taps of the kernels reach beyond the sector, so that the slopes there count, too.
         near = (1.0 - NEAREST_GUARD) * sector.near
         reach = Sector(near, sector.far, sector.w_low - DIRECTION_GUARD, sector.w_high + DIRECTION_GUARD)
         self.slopes = slope_r, slope_w = spreads(problem, lattice, reach, self.curvature)
@@ -72,11 +76,11 @@ class SectorDesign:
         self.range_kernel = _pick(
             lambda width: taper_kernel(width, POLAR_OVERSAMPLING, problem.taper), SHARES["range"] * tolerance
         )
-        # The rows repeat after the ambiguous range; with a single frequency, which has none, they end with the sector.
+        # Rows repeat after the ambiguous range pi / step. A single frequency has none: after twice the far range then.
         step = problem.wavenumber_step or pi / (2.0 * sector.far)
         guard_w, guard_r = self.direction_kernel.width // 2 + 1, self.range_kernel.width // 2 + 1
         self.per_direction = max(POLAR_OVERSAMPLING * width_w / pi, guard_w / (4.0 * DIRECTION_GUARD))
-        # Guard rows must not reach nearer than the slopes allow for.
+        # The guard rows must not reach nearer than `near`, up to which the slopes hold.
         finest = pi / step * guard_r / (NEAREST_GUARD * sector.near)
         self.range_cells = scipy.fft.next_fast_len(ceil(max(POLAR_OVERSAMPLING * width_r / step, finest, k.size)))
         self.per_range = self.range_cells * step / pi
@@ -93,12 +97,12 @@ class SectorDesign:
 
     @property
     def directions(self) -> Array:
-        """Of the lines of the polar grid."""
+        """Directions w of the lines of the polar grid."""
         return (self.line_first + np.arange(self.shape[0])) / self.per_direction
 
     @property
     def ranges(self) -> Array:
-        """Of the rows of the polar grid [m]."""
+        """Ranges [m] of the rows of the polar grid."""
         return (self.row_first + np.arange(self.shape[1])) / self.per_range
 
     @property
@@ -109,7 +113,7 @@ class SectorDesign:
 
 
 def _pick(make, tolerance: float):  # type: ignore[no-untyped-def]
-    """The shortest kernel whose error stays under the tolerance, else the longest."""
+    """The shortest kernel whose error is within the tolerance, else the longest; `make` makes one of a given width."""
     for width in (2, 4, 6, 8, 10, 12):
         kernel = make(width)
         if kernel.error <= tolerance:

@@ -1,9 +1,9 @@
-"""From pixels to samples by the fast path of line arrays: each of its steps in turn, transposed and conjugated.
+"""From pixels to samples by the fast algorithm of line arrays: its steps in reverse order, transposed and conjugated.
 
-Focusing by `LineArraySector` is a product of matrices, ``I = P C F_r B F_u D s`` - pairs to lattice points, Fourier
-transform to directions, resampling, Fourier transform to ranges, nodes to the polar grid, interpolation to pixels. The
-samples that reflectivities x would make are ``s = D^H F_u^H B^H F_r^H C^H P^H x``, from the same tables: the two are
-adjoint to rounding, whatever the tolerance of the tables.
+Focusing by `LineArraySector` is a product of matrices, ``I = P C F_r B F_u D s``, from right to left: pairs to lattice
+points, Fourier transform to directions, resampling, Fourier transform to ranges, nodes to the polar grid, interpolation
+to pixels. The samples of reflectivities x are ``s = D^H F_u^H B^H F_r^H C^H P^H x``, from the same tables. So the two
+directions are adjoint to each other to rounding, whatever the tolerance of the tables.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from mirrorfold.focusing.lines.sector import LINES_A_BLOCK, SERIAL_PRODUCT, Line
 
 
 def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDArray[np.complex64]) -> None:
-    """Add the samples of a sector's pixels.
+    """Add to `s` the samples that the pixels of a sector make.
 
     Parameters
     ----------
     sector : LineArraySector
     image : (rows, x) complex64 array
-        Pixels of other sectors are not looked at.
+        Reflectivities of all pixels; those of other sectors are not used.
     s : (frequencies, ...) complex64 array
-        Where they are added, in the order of the sector's data.
+        Samples to which they are added, in the order of the sector's samples.
     """
     problem, lattice, design = sector.problem, sector.lattice, sector.design
     frequencies, middle, nodes = problem.k.size, sector.middle, sector.nodes
     data = s.reshape(frequencies, -1)
     lines, rows = design.shape
-    # Several threads would write to one cell: each spreads to a grid of its own.
+    # Several threads could write to the same grid point: each thread has a polar grid of its own.
     edges = np.unique(np.linspace(0, len(sector.runs), cpu_count() + 1).astype(int)).tolist()
     grids = np.zeros((len(edges) - 1, lines, rows), dtype=np.complex64)
     beams = np.empty((frequencies, lines, nodes), dtype=np.complex64)

@@ -1,4 +1,4 @@
-"""Loop nests of the fast path, backwards: each is the conjugate transpose of one of `kernels`."""
+"""Loop nests from pixels to samples. Each is the conjugate transpose of one of `kernels`, which its docstring names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ def spread(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, image, range_coefficients, direction_coefficients, polar,
 ):  # fmt: skip
-    """polar[b, a] += sum_p w_b(w) w_a(r) exp(-2j k_c (r + curvature (1 - u^2) / r)) image[p]: `interpolate`."""
+    """polar[b, a] += sum_p w_b(w) w_a(r) exp(-2j k_c (r + curvature (1 - u^2) / r)) image[p].
+
+    Transposes `interpolate`.
+    """
     taps_r, taps_w = range_coefficients.shape[0], direction_coefficients.shape[0]
     rows = polar.shape[1]
     flat = polar.reshape(-1).view(np.float32)
@@ -49,7 +52,7 @@ def spread(  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
 def share_out(polar, value, row_first, profile):  # type: ignore[no-untyped-def]
-    """profile[(row_first + j) mod N, l, q] += conj(value[l, j, q]) polar[l, j]: `combine`."""
+    """profile[(row_first + j) mod N, l, q] += conj(value[l, j, q]) polar[l, j]: transposes `combine`."""
     cells, _, nodes = profile.shape
     for line in range(polar.shape[0]):
         for j in range(polar.shape[1]):
@@ -61,7 +64,7 @@ def share_out(polar, value, row_first, profile):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
 def unstretch(beams, cell, weight, spectrum):  # type: ignore[no-untyped-def]
-    """spectrum[m, (cell[m, l] + a) mod N, :] += sum_a weight[m, l, a] beams[m, l, :]: `stretcher`."""
+    """spectrum[m, (cell[m, l] + a) mod N, :] += sum_a weight[m, l, a] beams[m, l, :]: transposes `stretcher`."""
     frequencies, cells, columns = spectrum.shape
     for m in range(frequencies):
         for line in range(cell.shape[1]):
@@ -76,7 +79,7 @@ def unstretch(beams, cell, weight, spectrum):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, error_model="numpy")
 def hand_back(gathered, pair, partner, folded, first, data):  # type: ignore[no-untyped-def]
-    """data[m, pair] += gathered, and data[m, partner] too where folded: `gather`."""
+    """data[m, pair] += gathered, and data[m, partner] too if folded: transposes `gather`."""
     frequencies = data.shape[0]
     for m in range(frequencies):
         for n in range(first.size - 1):
@@ -91,7 +94,7 @@ def hand_back(gathered, pair, partner, folded, first, data):  # type: ignore[no-
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy")
 def expand(summed, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
-    """out[p, m] = sum over the columns c of summed[n, m, c] factor[p, c], as real matrices: `collapse`."""
+    """out[p, m] = sum over the columns c of summed[n, m, c] factor[p, c], as real matrices: transposes `collapse`."""
     for n in range(first.size - 1):
         start, stop = 2 * first[n], 2 * first[n + 1]
         if stop > start:
