@@ -54,9 +54,9 @@ def choose_algorithm(geometry: xr.Dataset, *, frames: int = 1, **given: Any) -> 
 
 @takes(FocusSettings)
 def expected_image(geometry: xr.Dataset, **given: Any) -> xr.DataArray:
-    """The labels of the image that `focus` will make of a sweep, or of the amplitude of a scan's volume.
+    """An image of zeros with the shape and labels that `focus` will give the image of a sweep.
 
-    All values are zero: one number in memory stands for all of them.
+    Of a raster scan it is the amplitude of the volume, or the voxels. One zero in memory stands for all values.
 
     Raises
     ------

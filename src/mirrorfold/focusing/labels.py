@@ -88,7 +88,8 @@ def _plane(offset: Array) -> tuple[bool, Array]:
 
 
 PLANAR_SHARE = 0.1
-"""Antennas fill a plane, and no line, if their second rms extent is more than this share of the first (largest)."""
+"""Antennas fill a plane, not a line, if their rms extent along the second principal axis is more than this share of
+that along the first."""
 
 UPRIGHT_SHARE = 1e-9
 """An array stands upright if its extent in the floor plan is at most this share of its length: mere rounding."""

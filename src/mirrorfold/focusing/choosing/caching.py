@@ -28,7 +28,7 @@ class PlanCache:
         self._choice: tuple[bytes, float, int, list[Option]] | None = None
 
     def options(self, problem: Problem, tolerance: float, frames: int = 1) -> list[Option]:
-        """The result of `choice.options`, computed again only if an argument differs from the last one."""
+        """The result of `choice.options`, kept until it is asked for with other arguments."""
         wanted, choice = (problem.key, tolerance, frames), self._choice
         if choice is None or choice[:3] != wanted:
             choice = (*wanted, options(problem, tolerance, frames))

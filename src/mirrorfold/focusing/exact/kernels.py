@@ -65,8 +65,8 @@ def sum_transmitters(  # type: ignore[no-untyped-def]
             base = tx_reference[i] + rx_reference[k]
             base -= cells * np.floor(base / cells)
             whole = int(base)
-            # Indices count from one margin below the cell of the tile's centre, so that none is negative. Above, the
-            # table is longer than one period by twice the margin.
+            # Cells count from one margin below that of the tile's centre, so that no index is negative. The table goes
+            # on for twice the margin beyond its N cells, so that none is too large.
             first[k] = (whole - margin + cells) % cells
             offset[k] = base - whole + margin
         sum_re[:] = np.float32(0.0)

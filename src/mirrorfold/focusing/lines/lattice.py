@@ -4,8 +4,8 @@ Far from a line of antennas, the path of a pair to a pixel depends almost only o
 the same midpoint can therefore be summed first, which leaves far fewer terms. Transmitters and receivers stand on two
 lines, or nearly so, around their middles t and q, the foci. The lines need not coincide: the range r of a pixel p is
 half the path from t by way of the pixel to q, which includes the effect of the displacement that all pairs share. Let u
-be the sine of the pixel's angle from broadside, seen from a centre between the foci, and X the midpoint of a pair, with
-each antenna counted from its own focus along the line. Then
+be the sine of the pixel's angle from broadside, seen from a centre between the foci, and X the midpoint of a pair along
+the line, where each antenna is counted from its own focus. Then
 
     r = (|p - t| + |p - q|) / 2,    R_i + R_k = 2 (r - X_s u) + E(pair; p),
 

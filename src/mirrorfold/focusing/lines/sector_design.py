@@ -91,7 +91,7 @@ class SectorDesign:
         self.shape = (lines, rows)
         at_w, at_r = self.directions, np.maximum(self.ranges, 0.5 * sector.near)
         self.sector = Sector(float(at_r[0]), float(at_r[-1]), float(at_w[0]), float(at_w[-1]))
-        # Lattice to directions: position in the Fourier grid is k h u / pi * cells.
+        # Lattice to directions: with the pitch h, the position in the transform is k h u / pi * cells.
         reach_s = max(-lattice.lowest, lattice.lowest + lattice.points - 1, 1)
         self.cells = scipy.fft.next_fast_len(ceil(STRETCH_OVERSAMPLING * (2 * reach_s + 1)))
 
