@@ -1,10 +1,11 @@
-"""Steps 3 and 4 of the algorithm: who is seen through whom.
+"""Steps 3 and 4 of the algorithm: which mirror, and which echo, is seen through which mirrors.
 
-* The steps: `ordering` (3), `assignment` (4), and what they make: `lines_of_sight`, `mirror_tree`.
-* Steps 2 to 4 in turn: `rounds` until they agree; `kinds` for mirrors of every kind.
-* More mirrors, told by what is known already: `completion`, `showing` with `curved` and `short_rows`.
-* `measured`: what the sweep tells beyond its image. `grouping`: which echoes are those of one object.
-* `explaining/`: echoes that something else explains. `half_transparent/`: walls that let waves pass.
+* The steps: `ordering` (3) and `assignment` (4). Their results: `lines_of_sight` and `mirror_tree`.
+* The loop: `rounds` repeats steps 2 to 4 until they agree; `kinds` does so for mirrors of every kind.
+* Further mirrors, which are found once others are known: `completion`, `showing` with `curved` and `short_rows`.
+* `measured`: tests of echoes that need the sweep, not its image alone. `grouping`: which echoes are of one object.
+* `explaining/`: echoes of which something other than an object is the cause. `half_transparent/`: walls that let
+  waves pass.
 """
 
 from mirrorfold.tree.assignment import assign_echoes

@@ -1,4 +1,4 @@
-"""Step 4 of the algorithm: every echo belongs to the mirror through which it is seen."""
+"""Step 4 of the algorithm: every echo is assigned to the mirror through which it is seen."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ ITSELF = "is the radar itself, seen in a mirror"
 
 
 class Found(NamedTuple):
-    """What steps 2 to 4 find.
+    """The result of steps 2 to 4.
 
     Attributes
     ----------
     echoes : Echoes
-        Without those that come from elsewhere.
+        Echoes that were kept: all but those of `elsewhere`.
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight
-        With the chains of the mirrors.
+        Lines of sight, with the chain of each mirror.
     elsewhere : Echoes
-        Those that were left out, as no object stands where the image shows them.
+        Echoes that were left out, because no object stands where the image shows them.
     explanation : (n,) array of str
         Why each of them was left out.
     windows : tuple of Window
-        Half-transparent walls with what is seen through them, see `mirrorfold.tree.half_transparent.transparent`.
+        Half-transparent walls and the echoes that passed through them, see
+        `mirrorfold.tree.half_transparent.transparent`.
     """
 
     echoes: Echoes
@@ -49,10 +50,10 @@ class Found(NamedTuple):
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
-    """The tree of the mirrors with their echoes, by its root, and the lines of sight with the chains of the mirrors.
+    """The root of the tree of mirrors with their echoes, and the lines of sight with the chain of each mirror.
 
-    Where objects are `opaque`, echoes are left out that the radar's own view contradicts, and the radar's own antennas,
-    which a mirror shows to the radar itself.
+    Where objects are `opaque`, two kinds of echoes are left out: those at the edge of a mirror that would fold to where
+    the radar itself sees nothing, and images of the radar's own antennas in a mirror.
     """
     sight = order.sight
     if opaque:
@@ -84,7 +85,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
 
 
 def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
-    """Which of the echoes that are seen by way of mirrors are the radar's own antennas, (n,)."""
+    """Which echoes are images of the radar's own antennas in mirrors, (n,)."""
     found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
     through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), NOBODY)
     for index, chain in enumerate(sight.chain):

@@ -1,4 +1,8 @@
-"""Mirrors told once the order is known: what objects hide of them, and walls that the radar sees edge-on."""
+"""Mirrors that are found once the order is known: parts beyond the shadow of an object, and walls seen edge-on.
+
+Only the order tells which parts of a wall objects hide, and which mirrors are in line of sight. With it, a mirror is
+prolonged to where its row of echoes goes on behind a shadow, and two short rows on one line are joined.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +33,9 @@ def completed(
     settings: FoldSettings,
     find: Finder = find_mirrors,
 ) -> list[Mirror]:
-    """The mirrors, each with what objects hide of it, and walls that the radar sees edge-on."""
+    """The mirrors, prolonged across shadows of objects, and further ones: joined short rows, and walls seen edge-on."""
     clear = order.sight.cover.clear
-    loose = echoes.take(order.face == ROOT)  # no mirror grows over another one's echoes
+    loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
     shortest = settings.minimum_length or 0.0
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)

@@ -1,8 +1,9 @@
-"""Which curved rows of echoes are mirrors: those behind which the image shows what is behind no opaque object.
+"""Curved mirrors: which curved rows of echoes are mirrors, told by the echoes behind them.
 
-A row is a mirror if enough echoes stand behind it, strong enough for how the arc spreads them; if most of them fold to
-where an object may stand; and if some show places that are not known otherwise. Of what is seen directly or in flat
-mirrors, a convex one shows a coarser picture at best, and multiple scattering behind round objects folds to these.
+A curved row may be a mirror or a round object. It is a mirror if enough echoes stand behind it that are strong enough,
+given how much the arc spreads the wave; if most of them fold to where an object may stand; and if some of them fold to
+places that are not known otherwise. The last condition is needed because multiple scattering behind a round object
+folds to objects that are known, and of those a convex mirror shows a coarser picture at best.
 """
 
 from __future__ import annotations
@@ -20,16 +21,17 @@ from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.showing import Evidence, Steps, with_rows
 
 FEWEST_CELLS = 3
-"""Resolution cells behind a mirror in which echoes stand, at least: multiple scattering may fill one."""
+"""Least number of resolution cells with echoes behind a mirror: multiple scattering may fill one."""
 
 FEWEST_NEW, NEW_SHARE = 2, 0.23
-"""Fewest cells, and least share of the cells behind a mirror, that show what is not known. Behind a pillar that shows
-known objects, echoes by way of it and further mirrors, which fold to wrong places, fill fewer. The share was 0.25 and
-more behind true mirrors of random scenes, 0.17 at most behind others, and 0.21 behind an arc of full waves."""
+"""Least number, and least share, of the cells behind a mirror that fold to places not known before. Behind a pillar
+that shows known objects, fewer cells do: those of echoes by way of the pillar and further mirrors, which fold to wrong
+places. The share was at least 0.25 behind true mirrors of random scenes, at most 0.17 behind other rows, and 0.21
+behind an arc of full waves."""
 
 
 def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:
-    """Steps 2 to 4 once more with the curved mirrors that the image tells, these, and other rows, see `with_rows`."""
+    """Steps 2 to 4 once more with curved mirrors: the result, the mirrors, and the rejected rows, see `with_rows`."""
     return with_rows(
         found,
         view,
@@ -41,17 +43,17 @@ def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mir
 
 
 def shows_new(seen: Evidence) -> bool:
-    """Whether enough of what stands behind a row is new."""
+    """Whether enough cells behind a row fold to places not known before."""
     return seen.new >= max(FEWEST_NEW, NEW_SHARE * seen.cells)
 
 
 def candidates(found: Found, view: View) -> Sequence[Mirror]:
-    """Curved rows, in space round sheets, among the echoes in line of sight, and among those that flat mirrors show.
+    """Curved rows (in space, round sheets) among the echoes in line of sight, and among those that flat mirrors show.
 
     Parameters
     ----------
     found : Found
-        What is known so far; its flat mirrors may be pieces of a curved one.
+        The result so far; its flat mirrors may be pieces of a curved one.
     view : View
     """
     sight, echoes = found.sight, found.echoes
@@ -70,6 +72,6 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
 
 
 def without_bent(order: Order) -> list[Mirror] | None:
-    """The mirrors without those seen by way of a curved one; None if there are no such."""
+    """The mirrors that are not seen by way of a curved one; None if no mirror is."""
     bent = [any(mirror.curved for mirror in order.way(index)[:-1]) for index in range(len(order.mirrors))]
     return [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent] if any(bent) else None

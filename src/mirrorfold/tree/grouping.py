@@ -1,4 +1,4 @@
-"""Which echoes belong together, as those of one object."""
+"""Groups of echoes that belong to one object."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.views.view import View
 
 STRONG_SHARE = 0.75
-"""Of the half-width of a beam: there a beam has fallen by some 30 dB, as much as bright echoes exceed the threshold."""
+"""Share of the half-width of a beam up to which echoes are of one object. That far aside a beam has fallen by some
+30 dB, which is as much as bright echoes exceed the threshold."""
 
 
 def object_numbers(view: View, range_: Array, direction: Index) -> Index:
-    """The number of the object that each echo belongs to, (n,), by their ranges [m] and directions.
+    """Number of the object that each echo belongs to, (n,), from the echoes' ranges [m] and directions.
 
-    Echoes of one object follow each other within a beam, or from one line of sight to the next, and no deeper than an
-    object is: from line to line, the range of a slanting surface changes by many range cells.
+    Two echoes touch if they differ in direction by at most `STRONG_SHARE` of a beam's half-width, and in range by at
+    most the depth of an object, `View.object_depth`: from one line of sight to the next, the range of a slanting
+    surface changes by many range cells. Echoes that touch, directly or by way of others, are of one object.
     """
     reach = np.rint(STRONG_SHARE * view.beside_steps(range_))
     steps = np.unravel_index(direction, view.shape)
@@ -28,6 +30,6 @@ def object_numbers(view: View, range_: Array, direction: Index) -> Index:
 
 
 def connected(pairs: Index, count: int) -> Index:
-    """The number of the group that each of so many echoes belongs to, (count,), where those of pairs (n, 2) touch."""
+    """Number of the group that each of `count` echoes belongs to, (count,); `pairs` (n, 2) are those that touch."""
     touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
     return np.asarray(connected_components(touching, directed=False)[1])

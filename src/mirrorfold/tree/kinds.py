@@ -1,7 +1,8 @@
-"""Steps 2 to 4 for mirrors of every kind: those told by their own echoes first, then those told by what they show.
+"""Steps 2 to 4 for mirrors of every kind: flat, curved, short and half-transparent ones.
 
-Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. That a wall lets waves pass, that a
-curved or a short row of echoes is a mirror, is told by what stands behind it; then steps 2 to 4 are done once more.
+Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. Only the echoes behind a wall tell that
+it lets waves pass, or that a curved or a short row is a mirror. Such mirrors are proposed one kind after the other, and
+steps 2 to 4 are repeated with them.
 """
 
 from __future__ import annotations
@@ -44,21 +45,21 @@ def find_every_kind(
     polarizations: Mapping[str, xr.DataArray] | None = None,
     short: bool = True,
 ) -> Found:
-    """Mirrors of every kind, their order, and the echoes seen through each.
+    """Mirrors of every kind, their order, and the echoes that are seen through each.
 
     Parameters
     ----------
     view : View
     echoes : Echoes
     settings : FoldSettings
-        By the published algorithm all mirrors are opaque and flat.
+        In the published algorithm all mirrors are opaque and flat.
     measured : Measured
     known, walls : optional
-        Mirrors in the place of those found, see `find_tree`.
+        Given mirrors, used in the place of found ones, see `find_tree`.
     polarizations : mapping of str to DataArray, optional
-        Complex images by polarization, "TE" and "TM", which tell what passed through walls.
+        Complex images by polarization, "TE" and "TM", which tell which echoes passed through walls.
     short : bool
-        Whether mirrors may be shorter than those that their own echoes tell.
+        Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """
     find = remembering()
     again = partial(find_tree, view, settings=settings, measured=measured, find=find)
@@ -80,7 +81,7 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             found, rows, _ = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        # Short and curved walls are half-transparent as often as others.
+        # Short and curved walls may be half-transparent, too.
         if both and rows:
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations:

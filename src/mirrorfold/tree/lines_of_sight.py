@@ -1,4 +1,4 @@
-"""Every line of sight of the radar: the mirrors that it meets, what it shows behind each, and where objects end it.
+"""Every line of sight of the radar: which mirrors it meets, by way of which mirror it sees on, where objects end it.
 
 In the unfolded image a line of sight is a straight ray from the radar. Walking outward along it, each mirror that is
 crossed opens a view by way of that mirror; the first object ends the view, because objects are opaque: what the image
@@ -20,33 +20,35 @@ from mirrorfold.detection.mirrors.mirror import Fold
 from mirrorfold.detection.views.view import View, in_pieces
 
 CLEAR_DB = 20.0
-"""An echo this much stronger than all objects in front of it stands there all the same: speckle fades by up to 20 dB,
-and multiple scattering is weaker than what scatters, but the glint of a corner outshines the edge of its own leg by
-40 dB."""
+"""An echo is no multiple scattering of the objects in front of it if it is stronger than each of them by this many
+decibels. Multiple scattering is weaker than the object that scatters, but speckle fades the object's own echo by up to
+20 dB. The glint of a corner is 40 dB stronger than the edge of its own leg, and so stays."""
 
 OUTSHINES_DB = 6.0
-"""An echo this much stronger than speckle is none: the brightest of ten speckles exceeds their median by 5 dB."""
+"""An echo that exceeds the median of speckle by this many decibels is no speckle: the brightest of ten speckles exceeds
+their median by 5 dB."""
 
 OPEN_CELLS = 3.0
-"""The radar's own view is taken to be open up to this many resolution cells before and beside each echo in it: an
-object that shows its edge may show its face by way of a mirror only."""
+"""The radar's direct view counts as empty up to this many resolution cells before and beside each echo in it. Nearer
+places may be part of the same object, which may show the radar its edge directly, and its face only in a mirror."""
 
 ITSELF_CELLS = 1.5
-"""What folds this close to the antennas, in the resolution cells of where it stood, is the radar itself."""
+"""An echo that folds to a place this close to the antennas is the radar itself; in resolution cells at the echo's place
+in the image."""
 
 ROOT = -1
-"""In the place of a mirror's number: seen directly."""
+"""Stands for the number of a mirror: seen directly, without any mirror."""
 
 NOBODY = -2
-"""In the place of a mirror's number: neither seen directly nor by way of any mirror."""
+"""Stands for the number of a mirror: neither seen directly nor by way of any mirror."""
 
 
 class Cover(NamedTuple):
-    """What objects hide: along each line of sight, the amplitude that an echo must exceed to be more than an object's
-    multiple scattering.
+    """What objects hide: along each line of sight, the amplitude that an echo must exceed to be seen.
 
-    It rises in steps along each line of sight, at `range` (depth, n) [m], the nearest first, to `level` (depth, n).
-    Where a line of sight has fewer steps, the ranges of the others are infinite.
+    Weaker echoes may be multiple scattering of the objects in front of them. That amplitude rises in steps along each
+    of the n lines of sight: at `range` (depth, n) [m], the nearest first, to `level` (depth, n). Where a line of sight
+    has fewer than `depth` steps, the ranges of the remaining ones are infinite.
     """
 
     range: Array
@@ -54,22 +56,22 @@ class Cover(NamedTuple):
 
     @classmethod
     def nothing(cls, directions: int) -> Cover:
-        """No object hides anything."""
+        """The cover without objects, for so many directions: nothing is hidden."""
         return cls(np.empty((0, directions)), np.empty((0, directions)))
 
     @classmethod
     def of(cls, objects: Echoes, view: View) -> Cover:
-        """What objects hide: in the directions that each covers, all behind its own depth that is not much stronger."""
+        """What objects hide: in the directions that each covers, all behind it that is not stronger by `CLEAR_DB`."""
         row, direction = view.within(objects.position, view.covered_angle)
         begin = (objects.range + view.object_depth(objects.range))[row]
         level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]
         table = _steps(direction, begin, level, view)
-        # Of several objects along a line of sight only those matter that are stronger than all before them.
+        # Of several objects along a line of sight, only those that are stronger than all before them raise the level.
         which = np.nonzero(np.diff(table.level, axis=0, prepend=0.0) > 0.0)
         return _steps(which[1], table.range[which], table.level[which], view)
 
     def clear(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask:
-        """Whether echoes of that amplitude are more than multiple scattering of the objects in front of them."""
+        """Whether no object hides echoes at these ranges [m], in these directions, of these amplitudes."""
         hidden = np.zeros(range_.shape)
         for step, level in zip(self.range, self.level, strict=True):
             hidden = np.where(step[direction] <= range_, level[direction], hidden)
@@ -77,7 +79,7 @@ class Cover(NamedTuple):
 
 
 def _steps(direction: Index, begin: Array, level: Array, view: View) -> Cover:
-    """A table of the steps along each line of sight, from the nearest, with the highest level up to there."""
+    """Sort steps at ranges `begin` [m] by direction, the nearest first; each gets the highest level up to it."""
     directions = len(view.sight)
     order = np.lexsort([begin, direction])
     direction = direction[order]
@@ -92,21 +94,21 @@ def _steps(direction: Index, begin: Array, level: Array, view: View) -> Cover:
 
 @dataclass(frozen=True, eq=False)
 class LinesOfSight:
-    """Every line of sight of the radar, by direction.
+    """All lines of sight of the radar, by direction.
 
     Attributes
     ----------
     view : View
     crossing : (mirrors, n) array [m]
-        Range at which the line of sight meets each mirror; infinite where it passes it by.
+        Range at which each line of sight meets each mirror; infinite where it misses the mirror.
     parent : (mirrors,) array of int
-        The mirror through which each is seen, `ROOT`, or `NOBODY`.
+        Number of the mirror through which each mirror is seen, `ROOT`, or `NOBODY`.
     cover : Cover
         What objects hide.
     chain : tuple of tuple of int
-        Chain of each mirror's node in the tree; empty for mirrors that are not in it.
+        Chain of each mirror in the tree; empty for mirrors that are not in the tree.
     open : (n,) array [m]
-        Up to this range the radar itself looks into each direction and sees nothing; empty if that is not known.
+        Range up to which the radar's direct view is empty in each direction; an empty array if that is not known.
     """
 
     view: View
@@ -118,16 +120,17 @@ class LinesOfSight:
 
     @classmethod
     def unfolded(cls, view: View) -> LinesOfSight:
-        """Those of a scene without mirrors, in which nothing is hidden."""
+        """The lines of sight of a scene without mirrors, in which nothing is hidden."""
         nothing = np.empty((0, len(view.sight)))
         return cls(view, nothing, np.empty(0, dtype=np.intp), Cover.nothing(len(view.sight)))
 
     @cached_property
     def passages(self) -> tuple[Array, Index]:
-        """Crossings along every line of sight from the nearest outward, (depth, n), and the mirror by way of which it
-        shows what follows: before the first of them and after each, (depth + 1, n).
+        """Ranges [m] at which each line of sight meets mirrors, the nearest first, (depth, n); and the number of the
+        mirror by way of which it sees on, before the first crossing and after each, (depth + 1, n).
 
-        A crossing opens the view by way of a mirror only where the view by way of its parent is open.
+        After a crossing the line of sight sees by way of that mirror only if it saw by way of the mirror's parent
+        before; otherwise by way of `NOBODY`.
         """
         depth = int(np.isfinite(self.crossing).sum(axis=0).max(initial=0))
         order = np.argsort(self.crossing, axis=0)[:depth]
@@ -138,7 +141,7 @@ class LinesOfSight:
         return crossing, through
 
     def seen_through(self, range_: Array, direction: Index) -> Index:
-        """The mirror through which points at that range [m] and direction are seen: its number, ROOT or NOBODY."""
+        """Number of the mirror through which points at ranges [m] in directions are seen, or ROOT or NOBODY, (n,)."""
         crossing, through = self.passages
         passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
         return np.asarray(through[passed, direction])
@@ -148,9 +151,10 @@ class LinesOfSight:
         return self.cover.clear(echoes.range, echoes.direction, echoes.amplitude)
 
     def contradicted(self, echoes: Echoes, fold: Fold) -> Mask:
-        """Which echoes at the edge of what their mirror shows would stand where the radar itself sees nothing, (n,).
+        """Which echoes at the edge of a mirror would fold to where the radar's direct view is empty, (n,).
 
-        A beam that reaches over the edge shows what is beside it, too. `fold` maps to where the echoes would stand.
+        A beam at the edge of a mirror reaches over it, and also shows what is beside the mirror: such echoes were not
+        seen by way of the mirror. `fold` maps the echoes to their true places, if the mirror shows them.
         """
         if not self.open.size:
             return np.zeros(len(echoes), dtype=bool)
@@ -161,7 +165,7 @@ class LinesOfSight:
         return empty & np.logical_or.reduce([self.seen_through(echoes.range, side) != mirror for side in sides])
 
     def open_ranges(self, echoes: Echoes) -> Array:
-        """Range up to which each direction of the radar's own view is empty, (n,) [m]; zero where it does not look."""
+        """Range up to which the radar's direct view is empty in each direction, (n,) [m]; 0 where it does not look."""
         nearest = self.crossing.min(axis=0, initial=np.inf)
         met = np.flatnonzero(np.isfinite(nearest))
         direct = echoes.take(self.seen_through(echoes.range, echoes.direction) == ROOT)
@@ -177,10 +181,10 @@ class LinesOfSight:
 
 
 def itself(view: View, echoes: Echoes, fold: Fold) -> Mask:
-    """Which echoes, folded, stand on the antennas, (n,).
+    """Which echoes fold to the place of the antennas, (n,): they are images of the radar itself in a mirror.
 
-    In a mirror that faces it, the radar sees itself, at twice the distance of the mirror: where the antennas sit on the
-    surface of a body, that surface sends the echo of the opposite one back again.
+    In a mirror that faces it, the radar sees itself at twice the distance of the mirror: where the antennas sit on the
+    surface of a body, that surface sends the wave that returns from the mirror back once more.
     """
     return view.on_radar(fold(echoes.position), ITSELF_CELLS * view.cell(echoes.range))
 
@@ -196,7 +200,7 @@ def through_at(crossing, through, distance, direction):  # type: ignore[no-untyp
 
 @njit(nogil=True, error_model="numpy")
 def hidden_at(begin, level, distance, direction):  # type: ignore[no-untyped-def]
-    """The amplitude that one point must exceed to be seen, see `Cover`."""
+    """The amplitude that an echo at one point must exceed to be seen, see `Cover`."""
     hidden = 0.0
     for k in range(begin.shape[0]):
         if begin[k, direction] > distance:

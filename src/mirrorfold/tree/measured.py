@@ -1,4 +1,4 @@
-"""What the sweep tells of echoes and mirrors that their image does not."""
+"""Tests of echoes and mirrors that need the sweep: its image alone does not tell what they find."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from mirrorfold.tree.ordering import Order
 
 @dataclass(frozen=True)
 class Measured:
-    """What is told of the echoes of a view; each function is None where nothing tells.
+    """Measurements of the echoes of a view; a function is None where it is not available.
 
     Attributes
     ----------
     explain : callable, optional
-        Explains echoes (n,) that come from elsewhere, by mixed paths or from beyond the ambiguous range: (n,) str.
+        Why each of n echoes does not come from where the image shows it, (n,) str: mixed path, beyond the ambiguous
+        range, grating lobe. Empty for echoes that do come from there.
     beside : callable, optional
-        What the antennas see past the ends of the mirrors of an order, see `half_shadows`.
+        Where mirrors of an order end, told by which antennas see past their ends; see `half_shadows`.
     share : callable, optional
-        How much of the energy of echoes at places (n, 2) [m] with amplitudes (n,) came back the way it went, (n,).
+        Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
+        it went, (n,); see `directions.confocal_share`.
     """
 
     explain: Callable[[Echoes], Names] | None = None
@@ -36,16 +38,16 @@ class Measured:
 
 
 Teller = Callable[[ImageView], Measured]
-"""What is told of each view of one image."""
+"""A function that returns the measurements of each view of one image."""
 
 
 def nothing_measured(view: ImageView) -> Measured:
-    """What is told of an image whose sweep is not at hand."""
+    """No measurements: for an image whose sweep is not at hand."""
     return Measured()
 
 
 def told_by_sweep(sweep: xr.Dataset) -> Teller:
-    """What the sweep tells that the image was focused from; each echo is measured once, whichever view shows it."""
+    """Measurements by the sweep that the image was focused from; each echo is measured once, for all views."""
     tested: Known = {}
     ends: dict[tuple[float, ...], float] = {}
 

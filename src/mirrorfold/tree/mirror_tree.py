@@ -1,4 +1,4 @@
-"""The tree of mirrors: who is seen through whom."""
+"""The tree of mirrors: which mirror and which object is seen through which mirrors."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from mirrorfold.detection.mirrors.mirror import Fold, Mirror, fold_of
 
 @dataclass(frozen=True, eq=False)
 class MirrorTree:
-    """A mirror with all that was seen through it; the root is the radar's own view and has no mirror of its own.
+    """A mirror and all that is seen through it. The root is the radar's direct view and has no mirror.
 
     Attributes
     ----------
     line : Mirror or None
-        In the coordinates of the unfolded image; in space a plane.
+        The mirror, in the coordinates of the unfolded image; a plane in space. None for the root.
     face : Echoes
-        Echoes of the mirror itself, moved onto it.
+        Echoes of the mirror's own surface, moved onto it.
     objects : Echoes
-        What was seen through this mirror, or directly for the root, and is not a mirror.
+        Echoes of objects that are seen through this mirror, or directly for the root.
     mirrors : tuple of MirrorTree
-        The mirrors seen through this one, from the strongest.
+        The mirrors that are seen through this one, the strongest first.
     chain : tuple of int
-        Indices from the root.
+        Index of each mirror among its parent's `mirrors`, from the root to this node; empty for the root.
     """
 
     line: Mirror | None
@@ -46,19 +46,20 @@ class MirrorTree:
 
     @property
     def generation(self) -> int:
-        """Number of mirrors on the way here: 0 for the root."""
+        """Number of mirrors in the chain: 0 for the root."""
         return len(self.chain)
 
     def folds(self) -> dict[Chain, Fold]:
-        """For the chain of every node of this root, the map from the image to the true place of what it holds.
+        """For the chain of every node below this root: the map from the image to the true places of the node's objects.
 
-        Each reflects across its own mirror, which is a ghost itself, first, then across its parents' up to the root.
+        The map reflects across the node's own mirror first, which is a ghost itself, then across the mirrors of its
+        parents, up to the root.
         """
         dimensions = self.objects.position.shape[1]
         return {chain: fold_of(way, dimensions) for chain, way in self.ways().items()}
 
     def ways(self) -> dict[Chain, tuple[Mirror, ...]]:
-        """For the chain of every node of this root, the mirrors on the way to it, its own last."""
+        """For the chain of every node below this root: the mirrors of the chain, the node's own mirror last."""
         result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
         for node in self.walk():
             if node.line is not None:
@@ -66,23 +67,23 @@ class MirrorTree:
         return result
 
     def errors(self) -> dict[Chain, tuple[float, float]]:
-        """Standard errors of every mirror at its true place: of its direction [degree], and of its position [m].
+        """Standard errors of every mirror at its true place, by chain: of its direction [degree] and position [m].
 
-        What is seen by way of a mirror moves by twice the mirror's error, and turns by twice its angle about it: the
-        errors of all mirrors on the way add to a mirror's own, as independent ones do.
+        An image in a mirror moves by twice the mirror's offset error and turns by twice its angle error. So the errors
+        of all mirrors on the way add to a mirror's own; they are independent, and their squares add.
         """
         result: dict[Chain, tuple[float, float]] = {}
         for chain, (*way, line) in ((chain, way) for chain, way in self.ways().items() if way):
             angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
             covariance, normal = led_astray(line.center[None], way)[0], line.normal
             for mirror in reversed(way):
-                normal = _turn(mirror, line.center[None])[0] @ normal
+                normal = _reflection_matrices(mirror, line.center[None])[0] @ normal
             offset = line.offset_error**2 + float(normal @ covariance @ normal)
             result[chain] = float(np.sqrt(angle)), float(np.sqrt(offset))
         return result
 
     def to_json(self) -> str:
-        """The tree as JSON: chain, mirror and number of objects of every node."""
+        """The tree as JSON: chain, mirror and number of object echoes of every node."""
         return json.dumps(self._plain(), indent=2)
 
     def _plain(self) -> dict[str, object]:
@@ -100,7 +101,7 @@ class MirrorTree:
         }
 
     def _repr_html_(self) -> str:
-        """The unfolded image's mirrors and objects, and who is seen through whom, for notebooks."""
+        """Mirrors and objects of the unfolded image, and which is seen through which mirror, for notebooks."""
         return tree_card(self)
 
     def __repr__(self) -> str:
@@ -113,20 +114,21 @@ class MirrorTree:
 
 
 def led_astray(places: Array, way: Sequence[Mirror]) -> Array:
-    """Covariance (n, d, d) [m^2] of where places (n, d) of the image truly are, by the errors of mirrors on the way.
+    """Covariance (n, d, d) [m^2] of the true places of echoes at places (n, d) [m] of the image, from mirrors' errors.
 
-    The first mirror on the way comes first. The last one, a ghost by way of those before it, is folded away first.
+    `way` holds the mirrors by way of which the echoes are seen, the nearest to the radar first. Echoes are reflected at
+    the last mirror first, which is itself a ghost by way of the mirrors before it.
     """
     covariance, seen = np.zeros((*places.shape, places.shape[1])), places
     for mirror in reversed(way):
-        turn = _turn(mirror, seen)
-        covariance = turn @ covariance @ np.swapaxes(turn, -1, -2) + 4.0 * mirror.strays(places)
+        matrix = _reflection_matrices(mirror, seen)
+        covariance = matrix @ covariance @ np.swapaxes(matrix, -1, -2) + 4.0 * mirror.strays(places)
         hit, normal = mirror.facing(seen)
         places = places - 2.0 * np.sum((places - hit) * normal, axis=1)[:, None] * normal
     return covariance
 
 
-def _turn(mirror: Mirror, seen: Array) -> Array:
-    """The reflections (n, d, d) by which lines of sight through places (n, d) are turned at a mirror."""
+def _reflection_matrices(mirror: Mirror, seen: Array) -> Array:
+    """Reflection matrices (n, d, d) of a mirror where lines of sight through places (n, d) [m] of the image meet it."""
     normal = mirror.facing(seen)[1]
     return np.asarray(np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal))

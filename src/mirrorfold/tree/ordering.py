@@ -1,4 +1,9 @@
-"""Step 3 of the algorithm: the order of the mirrors, from those in line of sight to those seen through others."""
+"""Step 3 of the algorithm: the order of the mirrors, from those in line of sight to those seen through others.
+
+Each line of sight is followed outward from the radar. The parent of a mirror is the mirror that most of its lines of
+sight meet last before it; those that an object blocks before the mirror do not count. A row of echoes that is seen
+partly by way of one mirror and partly by way of another is cut.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +27,19 @@ if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
 
 BEAM = 0.5
-"""Directions are counted in beams of this many resolution cells where the brightest echo of each is looked for."""
+"""Width, in resolution cells, of the beams of which the brightest echoes give the reference level behind a mirror."""
 
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Mirrors in their order.
+    """Mirrors, and which is seen through which.
 
     Attributes
     ----------
     mirrors : sequence of Mirror
-        Those that are seen, cut where one part is seen by way of another mirror than the next.
+        Mirrors that are seen, cut into pieces each of which is seen by way of one mirror only.
     sight : LinesOfSight
-        With the parent of each mirror.
+        Lines of sight, with the parent of each mirror.
     face : (n,) array of int
         The mirror that each echo lies on, `NOBODY` for echoes from inside a wall, `ROOT` for all others.
     """
@@ -44,7 +49,7 @@ class Order:
     face: Index
 
     def itself(self) -> Mask:
-        """Which mirrors are the radar's own antennas, seen in another mirror, (mirrors,)."""
+        """Which mirrors are images of the radar's own antennas in another mirror, (mirrors,)."""
         view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):
             place = fold_of(self.way(self.sight.parent[index]), view.dimensions)(mirror.center)
@@ -52,33 +57,33 @@ class Order:
         return found
 
     def way(self, index: int) -> tuple[Mirror, ...]:
-        """The mirrors on the way to what is seen by way of one of them, the first first; none for `ROOT`."""
+        """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
         way: tuple[Mirror, ...] = ()
         while index >= 0:
             way, index = (self.mirrors[index], *way), int(self.sight.parent[index])
         return way
 
     def shown_by(self, echoes: Echoes) -> Index:
-        """The mirror by way of which each of the echoes is seen, those of mirrors' own faces, too: its number, (n,)."""
+        """Number of the mirror by way of which each echo is seen, (n,); for echoes on a mirror, its parent."""
         parent = np.append(self.sight.parent, [NOBODY, ROOT])
         through = self.sight.seen_through(echoes.range, echoes.direction)
         return np.where(self.face == ROOT, through, parent[self.face])
 
     def seen(self, echoes: Echoes) -> Echoes:
-        """The echoes with their marks `visible` and `strong` as they follow from this order."""
+        """The echoes with their marks `visible` and `strong`, and their `limit`, as they follow from this order."""
         visible = echoes.visible & self.sight.clear(echoes)
         through = self.sight.seen_through(echoes.range, echoes.direction)
         strong, limit = echoes.strong.copy(), echoes.limit.copy()
         beam = np.rint(self.sight.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
         beam -= beam.min(axis=0, initial=0)
         number = beam @ np.cumprod([1, *(beam.max(axis=0, initial=0) + 1)])[:-1]
-        # A lossy mirror dims all that is seen through it: where the objects behind it are dimmer than the reference,
-        # the threshold follows them down.
+        # A lossy mirror dims all that is seen through it. Where the objects behind it are dimmer than the reference,
+        # the threshold is lowered by the same factor.
         for mirror in range(len(self.mirrors)):
             behind = visible & (self.face == ROOT) & (through == mirror)
             objects = behind & echoes.strong
             if objects.any():
-                # What a curved mirror spreads is known, and is no loss.
+                # How much a curved mirror spreads the wave is known from its shape, and does not count as loss.
                 gain = dimming(self.way(mirror), echoes.position)
                 level = echoes.amplitude * gain
                 reference = reference_echo(brightest_of(number[objects], level[objects]))
@@ -90,7 +95,7 @@ class Order:
 def order_mirrors(
     mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None = None
 ) -> Order:
-    """Who is seen through whom.
+    """The order of mirrors: which is seen through which.
 
     Parameters
     ----------
@@ -98,11 +103,11 @@ def order_mirrors(
     view : View
     echoes : Echoes
     settings : FoldSettings
-        The minimum length is also that of the pieces that a mirror is cut into.
+        Its minimum length is also the least length of the pieces that a mirror is cut into.
     walls : (n,) bool array, optional
-        Where the mirrors are given by hand: the echoes of all walls that the image shows, used as mirrors or not. They
-        are no objects. As a given mirror is in view whatever stands before it, objects then hide only what is seen
-        behind the same mirrors, and all that is not folded stays.
+        Where the mirrors are given by hand: which echoes are those of walls, whether these are used as mirrors or not.
+        They are no objects. A given mirror is in view whatever stands before it. So objects hide only what is seen
+        behind the same mirrors as they are, and all that is not folded stays.
     """
     found = _ordered(mirrors, view, echoes, settings, walls)
     if settings.generations is not None:
@@ -118,15 +123,15 @@ def order_mirrors(
 def _ordered(
     mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None
 ) -> Order:
-    """Cut the mirrors, find what hides them, and the parent of each that is seen."""
+    """Cut the mirrors where their parent changes, find what objects hide, and the parent of each seen mirror."""
     whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
-    # A mirror may be hidden by a piece of one that is cut itself: the second pass knows the pieces of the first.
+    # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
     for _ in range(2):
         others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(whole))]
         cut = [_pieces(mirror, rest, view, settings) for mirror, rest in zip(whole, others, strict=True)]
         pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
     mirrors = list(chain(*pieces))
-    # A piece too small for a mirror is still the edge of a wall, and no object that hides anything.
+    # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     face, edge = (
         faces(some, view, echoes, settings.wall_margin or 0.0, nobody=NOBODY, root=ROOT) for some in (mirrors, remains)
     )
@@ -148,11 +153,11 @@ def _ordered(
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
-    # A mirror's parent is the one through which most of it is seen.
+    # The parent of a mirror is the mirror through which most of its lines of sight pass.
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
     parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
     seen = np.flatnonzero([b.size for b in before])
-    # Numbers of the mirrors that are left; one whose parent is never seen cannot be seen either.
+    # New numbers of the mirrors that are seen. A parent that is not seen becomes `NOBODY`.
     number = np.full(len(mirrors) + 2, NOBODY, dtype=np.intp)
     number[seen], number[ROOT] = np.arange(seen.size), ROOT
     own = np.where((face >= 0) & (number[face] == NOBODY), ROOT, number[face])
@@ -163,11 +168,11 @@ def _ordered(
 def _pieces(
     mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings
 ) -> tuple[list[Mirror], list[Mirror]]:
-    """The pieces of a mirror that is seen by more than one way, and those too small to be one.
+    """The pieces of a mirror that is seen by way of several others, and the pieces that are too small for a mirror.
 
-    The mirror image of a wall in another one at right angles to it continues the wall itself.
+    One row of echoes may be seen by two ways: the image of a wall in another wall at right angles continues the wall.
     """
-    go_on()  # each takes as long as there are others: hundreds of mirrors take a minute
+    go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
     directions, before = _last_before(0, np.stack([m.crossing(view) for m in (mirror, *others)]))
     if not directions.size or np.all(before == before[0]):
         return [mirror], []
@@ -175,7 +180,7 @@ def _pieces(
 
 
 def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
-    """Directions that meet a mirror, and the mirror that each met last before it (ROOT: none)."""
+    """Directions that meet mirror `index`, and the mirror that each of them meets last before it; ROOT if none."""
     directions = np.flatnonzero(np.isfinite(crossing[index]))
     ranges = np.where(crossing[:, directions] < crossing[index, directions], crossing[:, directions], -np.inf)
     return directions, np.where(np.isfinite(ranges).any(axis=0), np.argmax(ranges, axis=0), ROOT)

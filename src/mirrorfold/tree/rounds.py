@@ -1,4 +1,9 @@
-"""Steps 2 to 4 in turn: mirrors, their order, and what can be seen at all depend on each other."""
+"""Steps 2 to 4 in turn, until they agree.
+
+Mirrors are found among visible echoes only, but which echoes are visible follows from the mirrors. So mirrors are found
+and ordered again and again, each time with the echoes that the last order left visible. After that, echoes that are
+not of an object at their place are taken out, and the steps are repeated without them.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
 
 MAXIMUM_ROUNDS = 8
-"""Mirrors and what is visible usually agree after two or three rounds."""
+"""At most so many rounds: mirrors and visible echoes usually agree after two or three."""
 
 
 def find_tree(
@@ -49,7 +54,7 @@ def find_tree(
     besides: Sequence[Mirror] = (),
     find: Finder = find_mirrors,
 ) -> Found:
-    """Steps 2 to 4: mirrors, their order, and the echoes seen through each.
+    """Steps 2 to 4: the mirrors, their order, and the echoes that are seen through each.
 
     Parameters
     ----------
@@ -58,24 +63,24 @@ def find_tree(
         As `find_echoes` returns them.
     settings : FoldSettings
     known : array, optional
-        Mirrors in the place of those found, see `find_mirrors`.
+        Given mirrors, used in the place of found ones, see `find_mirrors`.
     walls : (n,) bool array, optional
-        With known mirrors: which echoes are those of walls.
+        With given mirrors: which echoes are those of walls.
     measured : Measured, optional
-        What the sweep tells. What stands behind an echo from elsewhere comes into view when that is left out, and is
-        tested in its turn.
+        Tests by the sweep. When an echo fails a test and is left out, the echoes behind it become visible and are
+        tested in their turn.
     besides : sequence of Mirror
-        Mirrors besides those that are found, see `mirrorfold.tree.showing`.
+        Mirrors to be used besides those that are found, see `mirrorfold.tree.showing`.
     find : callable
         Step 2: `find_mirrors`, or another function with its arguments.
     """
     measured = measured or Measured()
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
-    account, hems = _Account(echoes), Hems.nothing()
-    repeated = settings.copies and (known is None or len(known) > 0)  # without any mirror all stays as it is seen
+    reasons, hems = _Reasons(echoes), Hems.nothing()
+    repeated = settings.copies and (known is None or len(known) > 0)  # with given mirrors, but none, all stays
     while True:
         go_on()
-        echoes = account.echoes
+        echoes = reasons.echoes
         order, seen = agree(view, echoes, walls=walls, hems=hems)
         if measured.beside is not None and not (told := measured.beside(order, seen)).same(hems):
             hems = told
@@ -83,76 +88,77 @@ def find_tree(
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
-            account.put(clear & copies(order, seen), COPY)
-        twice = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
+            reasons.note(clear & copies(order, seen), COPY)
+        rescattered = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
-            # Scattered echoes that pass for a wall go at once: nothing is seen by way of that wall.
-            account.put(twice & (order.face != ROOT), SCATTERED)
-            account.put(clear & short_cuts(order, seen), SHORT_CUT)
-            account.put(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
+            # Scattered echoes in a row that was taken for a mirror go at once: that mirror does not exist.
+            reasons.note(rescattered & (order.face != ROOT), SCATTERED)
+            reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
+            reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
         if measured.explain is not None:
-            account.ask(measured.explain, clear)
+            reasons.test(measured.explain, clear)
         searched = known is None and not settings.published
-        blurs = searched and measured.share is not None and account.blur(measured.share, clear & (order.face >= 0))
-        if account.stays.all() and not blurs:
+        blurs = searched and measured.share is not None and reasons.blur(measured.share, clear & (order.face >= 0))
+        if reasons.stays.all() and not blurs:
             break
-        walls = None if walls is None else walls[account.stays]
-        account.leave_out()
+        walls = None if walls is None else walls[reasons.stays]
+        reasons.leave_out()
         if searched and isinstance(view, ImageView):
-            view = view.knowing(account.elsewhere(NEAREST_LENGTHS * view.glint))
-    # Neither what was scattered twice nor the radar's own image is an object, but each hides what is behind it.
-    if twice.any():
-        account.put(twice, SCATTERED)
-        order = replace(order, face=np.where(twice, NOBODY, order.face))
+            view = view.knowing(reasons.elsewhere(NEAREST_LENGTHS * view.glint))
+    # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
+    if rescattered.any():
+        reasons.note(rescattered, SCATTERED)
+        order = replace(order, face=np.where(rescattered, NOBODY, order.face))
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
     if settings.opaque:
-        account.put(radar_itself(tree, sight, seen), ITSELF)
-    return Found(seen, tree, sight, *account.explained())
+        reasons.note(radar_itself(tree, sight, seen), ITSELF)
+    return Found(seen, tree, sight, *reasons.explained())
 
 
 OWN_SHARE = 0.5
-"""Share of the energy of an echo that must have come back the way it went: with less, most of it is from elsewhere."""
+"""Least share of an echo's energy that came back the way it went: with less, most of it is from mixed paths."""
 
 
-class _Account:
-    """Which echoes come from where they are seen, and what accounts for the others.
+class _Reasons:
+    """The echoes that are kept, and the reason why each of the others is not of an object at its place.
 
     Attributes
     ----------
     echoes : Echoes
-        Those that have not been left out.
+        Those that have not been left out so far.
     """
 
     def __init__(self, echoes: Echoes) -> None:
         self._every = self.echoes = echoes
-        self._index, self._trusted = np.arange(len(echoes)), np.zeros(len(echoes), dtype=bool)
-        self._why = np.full(len(echoes), "", dtype=object)
+        self._index, self._tested = np.arange(len(echoes)), np.zeros(len(echoes), dtype=bool)
+        self._reason = np.full(len(echoes), "", dtype=object)
         self._blurs = np.zeros(len(echoes), dtype=bool)
 
     @property
     def stays(self) -> Mask:
-        """Which of the `echoes` nothing else accounts for, (n,)."""
-        return np.asarray(self._why[self._index] == "")
+        """Which of the `echoes` have no reason against them, (n,)."""
+        return np.asarray(self._reason[self._index] == "")
 
-    def put(self, which: Mask, why: str | Names) -> None:
-        """Say what accounts for some of the `echoes`."""
-        self._why[self._index[which]] = why
+    def note(self, which: Mask, why: str | Names) -> None:
+        """Note the reason against some of the `echoes`, marked by `which` (n,)."""
+        self._reason[self._index[which]] = why
 
-    def ask(self, explain: Callable[[Echoes], Names], clear: Mask) -> None:
-        """Have the `echoes` explained that are in `clear` sight, (n,), each once."""
-        new = ~self._trusted & clear & self.stays
+    def test(self, explain: Callable[[Echoes], Names], clear: Mask) -> None:
+        """Test the `echoes` that are in `clear` sight, (n,), each once, and note the reasons that `explain` returns."""
+        new = ~self._tested & clear & self.stays
         if new.any():
-            self.put(new, explain(self.echoes.take(new)))
-        self._trusted |= new
+            self.note(new, explain(self.echoes.take(new)))
+        self._tested |= new
 
     def leave_out(self) -> None:
-        """Go on without those that something accounts for."""
+        """Take out of `echoes` those with a reason against them."""
         stays = self.stays
-        self._index, self._trusted, self.echoes = self._index[stays], self._trusted[stays], self.echoes.take(stays)
+        self._index, self._tested, self.echoes = self._index[stays], self._tested[stays], self.echoes.take(stays)
 
     def blur(self, share: Callable[[Array, Array], Array], which: Mask) -> bool:
-        """Ask of some of the `echoes` that stay, (n,), whether most of their energy came back by another way than it
-        went: where walls show them, their place says little of the wall. Returns whether any does that did not before.
+        """Find those of some `echoes`, (n,), most of whose energy came back by another way than it went.
+
+        Such echoes on a wall blur it: their places say little of where the wall is. Returns whether new ones are found.
         """
         asked = self._index[which & self.stays & ~self._blurs[self._index]]
         blurs = asked[share(self._every.position[asked], self._every.amplitude[asked]) < OWN_SHARE]
@@ -160,16 +166,16 @@ class _Account:
         return bool(blurs.size)
 
     def elsewhere(self, nearest: float) -> Array:
-        """Where the image shows echoes that came back by another way than they went, (m, d) [m].
+        """Places in the image of echoes that came back by another way than they went, (m, d) [m].
 
-        Directions do not tell that of echoes nearer than `nearest` [m].
+        Echoes nearer than `nearest` [m] are not among them, for there the test by directions is not reliable.
         """
-        return self._every.position[(self._blurs | (self._why == MIXED)) & (self._every.range >= nearest)]
+        return self._every.position[(self._blurs | (self._reason == MIXED)) & (self._every.range >= nearest)]
 
     def explained(self) -> tuple[Echoes, Names]:
-        """All that something accounts for, and what does."""
-        told = self._why != ""
-        return self._every.take(told), self._why[told].astype(str)
+        """All echoes with a reason against them, and the reasons."""
+        told = self._reason != ""
+        return self._every.take(told), self._reason[told].astype(str)
 
 
 def agreed(
@@ -182,9 +188,9 @@ def agreed(
     hems: Hems | None = None,
     find: Finder = find_mirrors,
 ) -> tuple[Order, Echoes]:
-    """Mirrors and their order in turn, until both agree with what is visible.
+    """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
-    Mirrors that only multiple scattering holds up vanish when its echoes turn out to be hidden by objects.
+    A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
     """
     hems = Hems.nothing() if hems is None else hems
     for _ in range(MAXIMUM_ROUNDS):
@@ -195,14 +201,14 @@ def agreed(
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         if (
             known is None and settings.opaque and (own := order.itself()).any()
-        ):  # the antennas are opaque, but no mirror of the scene
+        ):  # the radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
             more = hems.on(completed(mirrors, order, view, echoes, settings, find), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *besides], view, echoes, settings, walls)
-        # What a curved mirror shows of a flat one is not straight.
+        # The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
         if known is None and tested and settings.opaque and (kept := without_bent(order)):
             order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes

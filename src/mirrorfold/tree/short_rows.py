@@ -1,8 +1,9 @@
-"""Which rows of echoes are mirrors although they are too short to be told by themselves.
+"""Short mirrors: rows of echoes that are too short to be mirrors by themselves, but outshone by echoes behind them.
 
-Half of a wall is often hidden, by what stands before it or by the end of the mirror that shows it. What is left says
-too little about the wall's direction, and flat sides of objects are as long. But a mirror is smoother than what it
-shows: echoes behind it outshine those of its own face, which multiple scattering behind an object never does.
+A part of a wall is often hidden, by an object before it or beyond the end of the mirror that shows it. The row that is
+left may be as short as the flat side of an object, and its own echoes do not tell which of both it is. But a mirror is
+smoother than what it shows: echoes behind it are brighter than those of its own face. Multiple scattering behind an
+object never is.
 """
 
 from __future__ import annotations
@@ -23,27 +24,27 @@ from mirrorfold.tree.lines_of_sight import NOBODY, OUTSHINES_DB, ROOT
 from mirrorfold.tree.showing import Steps, behind, with_rows
 
 SHORTEST_CELLS = 5.0
-"""Least length of such a row, in resolution cells, about that of an arc; others must have `MINIMUM_CELLS`."""
+"""Least length of such a row, in resolution cells, about that of an arc. Other mirrors must have `MINIMUM_CELLS`."""
 
 FEWEST = 2
-"""Echoes that must outshine a row, a resolution cell apart: a single one may be seen past the end of the row."""
+"""Least number of echoes, a resolution cell apart, that outshine a row: one alone may be seen past the row's end."""
 
 
 def find_short(
     found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Mirror] = ()
 ) -> tuple[Found, list[Mirror], list[Mirror]]:
-    """Steps 2 to 4 once more with the short mirrors that the image tells, these, and other rows, see `with_rows`.
+    """Steps 2 to 4 once more with short mirrors: the result, the mirrors, and the rejected rows, see `with_rows`.
 
     Parameters
     ----------
     found : Found
-        With all other mirrors.
+        The result so far, with all other mirrors.
     view : ImageView
     steps : Steps
     minimum_length : float [m]
-        Of mirrors that are told by themselves.
+        Least length of mirrors that are found by their own echoes.
     besides : sequence of Mirror
-        Mirrors in it that steps 2 to 4 do not find by themselves.
+        Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
     """
     return with_rows(
         found,
@@ -57,7 +58,7 @@ def find_short(
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
-    """Echoes behind a row that outshine its median, of those within a resolution cell the brightest alone, (n,)."""
+    """Echoes behind a row that outshine its median by `OUTSHINES_DB`, only the brightest within a cell, (n,)."""
     level = 10.0 ** (OUTSHINES_DB / 20.0) * row.strength
     which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > level))
     which = which[np.argsort(-echoes.amplitude[which])]
@@ -70,7 +71,7 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
 
 
 def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
-    """Straight rows of echoes that are seen by the same mirrors and lie on none that is known."""
+    """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     known = [ways[chain][-1] for chain in sight.chain if chain]

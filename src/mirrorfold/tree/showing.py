@@ -1,9 +1,9 @@
-"""Rows of echoes that are mirrors by what the image shows behind them, and by nothing else: curved and short ones.
+"""Curved and short mirrors: rows of echoes that only the echoes behind them prove to be mirrors.
 
-Behind an opaque object a radar image holds multiple scattering at most. Behind a mirror it holds the scene, and no echo
-of the scene folds to where the radar sees that nothing stands. So a row, in space a sheet, is tried as a mirror, and
-what is then seen by way of it is the evidence. Which rows are tried, and what evidence is enough, is told by
-`mirrorfold.tree.curved` and `mirrorfold.tree.short_rows`.
+Behind an opaque object a radar image holds at most multiple scattering. Behind a mirror it holds the mirrored scene,
+and none of its echoes folds to a place that the radar sees to be empty. So a row (in space, a sheet) is tried as a
+mirror, and the echoes that are then seen by way of it are the evidence. `mirrorfold.tree.curved` and
+`mirrorfold.tree.short_rows` decide which rows are tried, and how much evidence is enough.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 
 KNOWN_CELLS = 1.5
-"""An echo that folds so close to a known place, in resolution cells as wide as the mirror makes them, shows that place.
-By range alone fewer would, but then multiple scattering behind round objects would seem to show as much that is new."""
+"""An echo that folds this close to a known place shows that place and is not new, in resolution cells as wide as the
+curved mirror makes them. Compared in range cells alone, fewer echoes would show known places, but then multiple
+scattering behind round objects would seem to show new ones."""
 
 SAMPLES, PIECE = 9, 0.4
-"""Places that are looked at along a flat mirror, and the least share of them on an arc if the mirror is a piece of it:
-of an S-shaped wall that was taken for straight, half lies on either arc."""
+"""Number of places tested along a flat mirror; and the least share of them that lies on an arc if the mirror is a
+piece of the arc: of an S-shaped wall that was taken for straight, half lies on either arc."""
 
 ROUNDING = 1e-9
-"""A mirror that lies no farther beside a row, in lengths of the row, is a part of it."""
+"""Largest distance of a mirror from a row of which it is a part, in lengths of the row."""
 
 MOST_EMPTY = 0.3
-"""Largest share of the cells behind a mirror that may fold to where the radar sees nothing."""
+"""Largest share of the cells behind a mirror that may fold to places that the radar sees to be empty."""
 
 
 Shown = Callable[[View, Echoes, Mirror], Mask]
@@ -43,26 +44,28 @@ Shown = Callable[[View, Echoes, Mirror], Mask]
 
 
 class Heard(Protocol):
-    """The echoes of the image; behind mirrors that dim what they show, the threshold is lower by as much."""
+    """Finds the echoes of the image, with a threshold that is lowered behind mirrors by as much as these dim echoes."""
 
     def __call__(self, *, through: Sequence[Mirror]) -> Echoes: ...  # noqa: D102
 
 
 class Again(Protocol):
-    """Steps 2 to 4 with echoes and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
+    """Does steps 2 to 4 with echoes, and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes, besides: Sequence[Mirror]) -> Found: ...  # noqa: D102
 
 
 class ShownNew(NamedTuple):
-    """New echoes by one way over a row, (n,), where they fold to, (n, d) [m], and how uncertain that is, (n,) [m]."""
+    """New echoes seen by one chain that ends at a row: (n,); their true places (n, d) [m], and how uncertain these are,
+    (n,) [m].
+    """
 
     echoes: Echoes
     place: Array
     reach: Array
 
     def cells_at(self, others: Sequence[ShownNew], view: View) -> int:
-        """Resolution cells of these echoes that fold to a place where some of the others do, too."""
+        """Number of resolution cells of those of these echoes that fold to the same places as some of the others."""
         agrees = np.zeros(len(self.place), dtype=bool)
         for other in others:
             if len(other.place):
@@ -73,18 +76,18 @@ class ShownNew(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What stands behind a row.
+    """The echoes behind a row, counted as evidence that the row is a mirror.
 
     Attributes
     ----------
     cells : int
-        Resolution cells of the image with strong echoes in them.
+        Number of resolution cells of the image that hold such echoes.
     new : int
-        Those of them that fold to places where nothing was known to be.
+        Number of cells whose echoes fold to places where nothing was known to be.
     empty : float
-        Share of all that fold to where the radar sees nothing.
+        Share of the cells that fold to places that the radar sees to be empty.
     shown : tuple of ShownNew
-        What the `new` ones show, by each way over the row.
+        The echoes of the `new` cells, for each chain that ends at the row.
     """
 
     cells: int
@@ -94,7 +97,7 @@ class Evidence:
 
     @property
     def possible(self) -> bool:
-        """Whether few enough of its cells fold to where the radar sees nothing."""
+        """Whether few enough of its cells fold to places that the radar sees to be empty."""
         return self.empty <= MOST_EMPTY
 
 
@@ -105,9 +108,9 @@ class Steps:
     Attributes
     ----------
     heard, glance, again : callable
-        See `Heard` and `Again`. The `glance` leaves out no copies and no echoes from elsewhere, and takes a tenth of
-        the time. These, too, seem new behind an arc: if even so too little is new at a glance, the arc is no mirror.
-        That settled 16 of 70 arcs of random scenes, none of which had been a mirror in the end.
+        See `Heard` and `Again`. `glance` skips the tests for copies and for echoes from elsewhere, and takes a tenth of
+        the time. Echoes that fail these tests can only add to what seems new behind an arc: if too little is new even
+        with them, the arc is no mirror. That rejected 16 of 70 arcs of random scenes, none of them a mirror in the end.
     """
 
     heard: Heard
@@ -126,31 +129,33 @@ def with_rows(
     tells: Callable[[Evidence], bool] = lambda seen: True,
     besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror], list[Mirror]]:
-    """Steps 2 to 4 once more, with the rows that are mirrors by what they show; as before where there are none.
+    """Steps 2 to 4 once more, with the rows that the echoes behind them prove to be mirrors; unchanged if none is.
 
-    Those in line of sight are looked for first, then those that known mirrors show.
+    Rows are proposed twice: first by what is found without them, then by what is found with the mirrors of the first
+    round, behind which further rows may stand. All rows of a round are tried at once; those without enough evidence are
+    taken out, and the others are tried again without them.
 
     Parameters
     ----------
     found : Found
-        Without them.
+        The result without these rows.
     view : View
     steps : Steps
     proposed : callable
-        Rows that may be mirrors, by what is found so far.
+        Returns rows that may be mirrors, from what is found so far.
     fewest : int
-        Resolution cells behind a row with echoes in them that count, at least.
+        Least number of resolution cells behind a row that hold echoes which count as evidence.
     shown : callable, optional
-        Which echoes count, `behind` by default.
+        Returns which echoes count as evidence for a row; `behind` by default.
     tells : callable
-        Whether the evidence is enough.
+        Returns whether the evidence is enough.
     besides : sequence of Mirror
         Rows that are known to be mirrors.
 
     Returns
     -------
     Found, list of Mirror, list of Mirror
-        What is found, the rows that are mirrors with those of `besides`, and the rows that were tried in vain.
+        The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
     """
     told, every_row, first, shown = list[Mirror](), list[Mirror](), found, shown or behind
     for _ in range(2):
@@ -181,18 +186,21 @@ def with_rows(
 
 
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
-    """Strong echoes behind a row, deeper than an object is, (n,)."""
+    """Strong echoes farther behind a row than an object is deep, (n,)."""
     crossing = row.crossing(view)[echoes.direction]
     return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
 
 
 def filled_cells(view: View, echoes: Echoes) -> int:
-    """Resolution cells of the image in which echoes stand."""
+    """Number of resolution cells of the image that hold at least one of the echoes."""
     return int(view.cell_numbers(echoes.position).max(initial=-1)) + 1
 
 
 def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
-    """Where all stands that was found, (n, d) [m], but what flat pieces of these rows show, which is misplaced."""
+    """True places of all objects and mirrors' echoes found so far, (n, d) [m].
+
+    Left out are echoes seen by way of flat mirrors that are pieces of the rows: they were folded to wrong places.
+    """
     folds, ways = found.tree.folds(), found.tree.ways()
     parts = [np.empty((0, view.dimensions))]
     for node in found.tree.walk():
@@ -203,14 +211,14 @@ def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
 
 
 def _along(mirror: Mirror, row: Mirror, view: View) -> bool:
-    """Whether a flat mirror is a piece of a row, or a chord of it."""
+    """Whether a flat mirror is a piece, or a chord, of a row."""
     places = mirror.ends[0] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (mirror.ends[1] - mirror.ends[0])
     cell = view.cell_at(row.center)
     return not mirror.curved and bool(row.holds(places, cell, cell).mean() >= PIECE)
 
 
 def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown = behind) -> Evidence:
-    """What is seen by way of a row that was tried as a mirror, besides known places (n, d) [m]."""
+    """The evidence for a row that was tried as a mirror in `found`; `known` (n, d) [m] are places known before."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
@@ -236,7 +244,9 @@ def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown =
 
 
 def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
-    """The evidence of each row, and with it what other rows show at the same new places: only true mirrors agree."""
+    """The evidence for each row, with the cells of other rows that show the same new places added: only true mirrors
+    agree on a place.
+    """
     together = []
     for own in seen:
         more = sum(shows.cells_at(own.shown, view) for other in seen if other is not own for shows in other.shown)
@@ -245,5 +255,5 @@ def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
 
 
 def _part_of(mirror: Mirror, row: Mirror) -> bool:
-    """Whether a mirror is what was left of a row when it was cut."""
+    """Whether a mirror is a part of a row, as it is when the row was cut."""
     return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0, atol=ROUNDING * row.size)

@@ -1,9 +1,10 @@
-"""Echoes that a mirror would have to show through an object that is known.
+"""Echoes whose path, from the last mirror on, would pass through a known object.
 
-In a line of sight, an object hides what is behind it. But what a mirror shows of the object may be faint, where a face
-throws the wave to the side, while the object is bright in line of sight or in another mirror; and multiple scattering
-behind it, as between the object and a wall, may be brighter. The true places of both tell: the last part of the way to
-an echo, from the last mirror on, would pass between neighbouring echoes of an opaque object, well inside of it.
+Along a line of sight an object hides what is behind it, unless that is much brighter. But the image of an object in a
+mirror may be faint, where its face throws the wave to the side, and multiple scattering behind it, as between the
+object and a wall, may be brighter. The object itself may be bright in line of sight or in another mirror. So true
+places are compared: an echo is left out if the last leg of its path, from the last mirror to its true place, passes
+between neighbouring echoes of an opaque object, well inside of the object.
 """
 
 from __future__ import annotations
@@ -23,26 +24,26 @@ from mirrorfold.tree.grouping import connected
 BEHIND_AN_OBJECT = "would stand behind another object"
 
 NEIGHBOURS_CELLS = 0.75
-"""Echoes at most so many resolution cells apart are those of one surface, which goes on from one to the other."""
+"""Largest distance of two echoes of one unbroken surface, in resolution cells."""
 
 EDGE_CELLS = 0.5
-"""A way passes through a surface if that reaches at least so many resolution cells to either side of the way: echoes of
-an edge lie up to half a cell beyond it, and the edge bends waves around it."""
+"""A path passes through a surface if the surface reaches at least this many resolution cells to either side of the
+path: echoes of an edge lie up to half a cell beyond the edge, and an edge bends waves around it."""
 
 BEYOND_CELLS = 1.0
-"""An object hides only what is more resolution cells behind it, for the rest may be its own; and it hides nothing from
-a mirror that is closer to it."""
+"""An object hides only echoes that are more than this many resolution cells behind it, for nearer ones may be its own;
+and it hides nothing from a mirror that is closer to it than that."""
 
 AT_ONCE = 1_000_000
-"""Pairs, of an echo and of two neighbouring ones, that are looked at together; bounds the memory."""
+"""Number of combinations, of a path and a pair of neighbouring echoes, that are tested at once; bounds the memory."""
 
 
 def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
-    """Which objects of each chain of mirrors would stand behind known ones, (n,) each.
+    """Which object echoes of each chain of mirrors would stand behind known objects, (n,) each.
 
-    An object hides what is seen by way of as many mirrors or more, for with each mirror places are less certain, and
-    what is no brighter than its own brightest echo, for else it may be a side lobe. In a volume nothing is hidden, nor
-    is what curved mirrors show, nor what is seen without any, of which the lines of sight tell.
+    An object hides only echoes that are seen by way of as many mirrors or more, for places are less certain with each
+    mirror; and only echoes no brighter than its own brightest echo, for a weaker object may be a side lobe itself. Not
+    tested are volumes, echoes by way of curved mirrors, and direct echoes, for which the lines of sight tell.
 
     Parameters
     ----------
@@ -68,14 +69,14 @@ def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
 
 
 class _Surface(NamedTuple):
-    """Echoes of one surface.
+    """The echoes of one surface.
 
     Attributes
     ----------
     places : (n, 2) array [m]
-        Where they stand.
+        Their true places.
     neighbours : (k, 2) array of int
-        Pairs of them.
+        Pairs of neighbouring echoes, by their numbers.
     brightest : float
         Their largest amplitude.
     """
@@ -86,7 +87,7 @@ class _Surface(NamedTuple):
 
 
 def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
-    """The surfaces that echoes at places (n, 2) [m] make up; `amplitude` and resolution `cell` [m] are (n,)."""
+    """Group echoes at true places (n, 2) [m], of an `amplitude` and a resolution `cell` [m], (n,), into surfaces."""
     pairs = cKDTree(places).query_pairs(NEIGHBOURS_CELLS * cell.max(initial=0.0), output_type="ndarray")
     apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     pairs = pairs[apart <= NEIGHBOURS_CELLS * cell[pairs].min(axis=1, initial=np.inf)]
@@ -99,19 +100,19 @@ def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
 
 
 def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: Array, cell: Array) -> Mask:
-    """Whether straight ways pass through one of the surfaces well before they end, (n,).
+    """Whether straight paths pass through one of the surfaces well before they end, (n,).
 
     Parameters
     ----------
     surfaces : list of _Surface
     leaves, stands : (n, 2) arrays [m]
-        Where the ways begin and end.
+        Where the paths begin, and the true places of the echoes, where they end.
     amplitude, cell : (n,) arrays
-        Of the echo at the end of each, and its resolution cell [m].
+        Amplitude of the echo at the end of each path, and its resolution cell [m].
     """
-    way, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
-    length = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
-    ahead = way / length[:, None]
+    path, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
+    length = np.maximum(np.linalg.norm(path, axis=1), np.finfo(float).tiny)
+    ahead = path / length[:, None]
     aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     for places, neighbours, brightest in surfaces:
         for some in np.array_split(

@@ -1,8 +1,9 @@
-"""Echoes that would stand behind a wall that is known, where no wave comes.
+"""Echoes that would stand behind a known wall, where no wave comes.
 
-A line of sight ends at the next wall that it meets: what the image shows farther on went by way of that wall, too.
-Where the image shows that wall as a mirror, it is folded by the wall. But the image of a wall in another mirror may be
-too faint to be found, where the wall is half hidden or lies askew, while the wall itself is known from elsewhere.
+A line of sight ends at the next wall that it meets: what the image shows farther on was seen by way of that wall, too.
+Where that wall was found in the image as a mirror, such echoes are folded by it. But the image of a wall in another
+mirror may be too faint to be found, where the wall is half hidden or meets the line of sight at a slant. If the wall is
+known from elsewhere, its true place shows that the last leg of the echo's path would pass through it.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ from mirrorfold.tree.short_rows import SHORTEST_CELLS
 BEHIND = "would stand behind a wall"
 
 BEHIND_CELLS = 1.5
-"""A wall is met by ways that begin and end more resolution cells away from it: an echo closer to it may be its own, and
-a mirror closer to it is the other leg of a corner."""
+"""Only paths that begin and end more than this many resolution cells away from a wall pass through it: an echo closer
+to the wall may be its own, and a mirror closer to it is the other leg of a corner."""
 
 INSIDE_CELLS = 1.0
-"""A wall is met by ways that pass at least so many resolution cells inside of its ends."""
+"""Paths that pass through a wall cross it at least this many resolution cells inside of its ends."""
 
 HIDDEN_CELLS = 1.5
-"""Where the radar sees a place so many resolution cells beyond the end of a wall, the wall does end; where objects hide
-that place, the wall may go on."""
+"""A wall ends if the radar sees the place this many resolution cells beyond its end. If objects hide that place, the
+wall may go on."""
 
 
 def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
-    """`MirrorTree.ways`, in which straight mirrors go on beyond their ends as far as objects hide that."""
+    """`MirrorTree.ways`, with straight mirrors prolonged beyond their ends as far as objects hide the places there."""
     sight, ways = found.sight, found.tree.ways()
     for index, chain in enumerate(sight.chain):
         if chain and isinstance(last := ways[chain][-1], LineMirror):
@@ -50,9 +51,9 @@ def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
 
 
 def flat_objects(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
-    """Straight rows of object echoes in line of sight, each as if it were a mirror, under a chain that no mirror has.
+    """Straight rows of object echoes in line of sight, each in the form of a mirror, under a chain that no mirror has.
 
-    A flat object that is too short for a mirror lets no wave pass, either. In a volume, none are looked for.
+    A flat object that is too short for a mirror lets no wave pass, either. In a volume there are none.
     """
     objects, view = found.tree.objects, found.sight.view
     if not isinstance(view, ImageView):
@@ -62,7 +63,9 @@ def flat_objects(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
 
 
 def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> float:
-    """How far [m] a wall that is seen by way of `parent` may go on, hidden, beyond its start (-1) or its end (1)."""
+    """Length [m] by which a wall that is seen by way of `parent` may go on, hidden by objects, beyond its start (-1) or
+    its end (1).
+    """
     view = sight.view
     end = wall.center + 0.5 * side * wall.length * wall.direction
     cell = view.cell_at(end)
@@ -75,14 +78,14 @@ def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> 
 
 
 def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
-    """Which echoes that are seen through a chain of mirrors would stand behind another known wall, (n,).
+    """Which of the echoes that are seen by way of a chain of mirrors would stand behind another known wall, (n,).
 
     Parameters
     ----------
     echoes : Echoes
     chain : tuple of int
     ways : mapping of chain to tuple of Mirror
-        The mirrors on the way to what each chain shows, as `as_far_as_hidden` tells. Of curved ones nothing is said.
+        The mirrors of each chain, as `as_far_as_hidden` returns them. Curved ones are not tested.
     view : View
     """
     behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]
@@ -95,7 +98,7 @@ def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror
 def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
     """Which objects in line of sight would stand behind curved rows that are no mirrors, (n,).
 
-    Rows are unbroken, and let no wave pass: what is behind is an image of what is known, or multiple scattering.
+    Rows are unbroken and let no wave pass: echoes behind them are images of known objects, or multiple scattering.
     """
     view, behind = sight.view, np.zeros(len(objects), dtype=bool)
     if not isinstance(view, ImageView):
@@ -110,7 +113,7 @@ def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) ->
 
 
 def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, Array]:
-    """Where the last straight part of the way to each echo begins and ends, (n, d) [m] each, by way of flat mirrors."""
+    """Begin and end of the last leg of the path to each echo, from the last of the flat mirrors on, (n, d) [m] each."""
     leaves, sight = np.broadcast_to(view.radar, echoes.position.shape), echoes.position - view.radar
     if way:
         *before, last = way
@@ -120,16 +123,16 @@ def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, 
 
 
 def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array) -> Mask:
-    """Whether one of the walls is met well before the end of straight ways, (n,).
+    """Whether straight paths meet one of the walls well before their end, (n,).
 
     Parameters
     ----------
     walls : iterable of sequences of Mirror
-        Each wall, as the last of the mirrors by way of which it is seen. Of curved ones nothing is said.
+        Each wall, preceded by the mirrors by way of which it is seen. Curved ones are not tested.
     leaves, stands : (n, d) arrays [m]
-        Where the ways begin and end.
+        Where the paths begin and end.
     cell : (n,) array [m]
-        Resolution cell at the end of each.
+        Resolution cell at the end of each path.
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:
@@ -139,7 +142,7 @@ def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell
 
 
 def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array) -> Mask:
-    """Whether a wall, where it truly stands, is met well before the end of ways (n, d) [m], (n,)."""
+    """Whether straight paths (n, d) [m] meet a wall, at its true place, well before their end, (n,)."""
     fold = fold_of(to_it, leaves.shape[1])
     center = fold(wall.center)
     normal, tangents = fold(wall.center + wall.normal) - center, fold(wall.center + wall.tangents) - center

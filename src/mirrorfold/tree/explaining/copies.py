@@ -1,8 +1,9 @@
 """Echoes that are copies of stronger ones in front of them: the tail of the pulse, or the inside of a mirror's wall.
 
-A pulse that rings on draws every echo again, some way behind it and weaker. A wall with a layer inside does so, too,
-but only with what it reflects: once each time that the wave meets the wall. So an echo that follows most of the strong
-echoes at the same delay is a copy and no object; one that follows a single strong echo may well be an object.
+A pulse that rings on repeats every echo at a fixed delay, farther away and weaker. A wall with a layer inside does so,
+too, but only with the echoes that it reflects, and once for each time that the wave meets the wall. So an echo that
+follows most of the strong echoes at the same delay is a copy and no object. An echo that follows only one strong echo
+may well be an object.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ from mirrorfold.tree.ordering import Order
 COPY = "is a copy of a stronger one, of the pulse's tail or a layer in a wall"
 
 FOLLOWED = 0.75
-"""Share of the strong echoes that a copy follows where the pulse or a wall makes copies. In random scenes and in full
-waves, three of four echoes are followed by less than -30 dB at whatever delay."""
+"""Least share of the strong echoes that a copy must follow. In random scenes and in full waves, the level that this
+share of the echoes has behind it is below -30 dB at every delay, so that no object is taken for a copy."""
 
 FEWEST = 3
-"""Fewest strong echoes, apart from each other, that tell of copies: behind two, objects may stand alike by chance."""
+"""Least number of groups of strong echoes that prove copies: behind two, objects may stand alike by chance."""
 
 SAME_CELLS = 1.5
-"""What follows an echo within so many range cells is its own main lobe, and no copy."""
+"""Least delay of a copy, in range cells: nearer samples belong to the main lobe of the echo itself."""
 
 
 def copies(order: Order, echoes: Echoes) -> Mask:
     """Which echoes are no stronger than copies of those in front of them, (n,); in a volume none.
 
-    All that is seen directly is asked for copies by the pulse; and all that a mirror reflects, its face included, for
-    copies by its wall.
+    Copies by the pulse are sought among all direct echoes; copies by the wall of a mirror, among all echoes that the
+    mirror reflects and those of its face.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     sets += [(_reflected(own, sight.parent, mirror), sight.crossing[mirror]) for mirror in range(len(order.mirrors))]
     for reflected, begin in sets:
         which = np.flatnonzero(reflected & echoes.strong & echoes.visible)
-        # What is seen by way of a wall has met it twice, its own face once.
+        # An echo by way of a wall has met the wall twice, an echo of its face once.
         times = np.where(order.face[which] >= 0, 1.0, 2.0) if begin.any() else np.ones(which.size)
         level = copy_level(view, row[which], echoes.direction[which], times)
         found |= _explained(view, echoes, row, level, begin)
@@ -60,7 +61,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
 
 
 def _reflected(own: Index, parent: Index, mirror: int) -> Mask:
-    """Echoes of a mirror's face and all that is seen by way of it, through further mirrors too, (n,)."""
+    """Which echoes are of a mirror's face, or are seen by way of it, also through further mirrors, (n,)."""
     found = own == mirror
     while (own := np.where(own >= 0, parent[np.maximum(own, 0)], ROOT)).max(initial=ROOT) >= 0:
         found |= own == mirror
@@ -68,10 +69,10 @@ def _reflected(own: Index, parent: Index, mirror: int) -> Mask:
 
 
 def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Array:
-    """Amplitude of a copy relative to its echo, by its delay in samples of range, (delays,); zero where there is none.
+    """Amplitude of a copy relative to its echo, for each delay in samples of range, (delays,); zero if there is none.
 
-    Echoes that touch each other are one group, and the median of what follows them at a delay is that of the group. The
-    level is what the share `FOLLOWED` of all groups exceeds.
+    Echoes that touch each other are one group. At each delay, the group has the median of the relative amplitudes
+    behind its echoes. The level is the amplitude that the share `FOLLOWED` of all groups exceeds.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
     row, column : (n,) arrays of int
         Samples of range and direction of strong echoes.
     times : (n,) array
-        How often the wave of each has met what makes the copies.
+        How often the wave of each echo has met the pulse or wall that makes the copies.
     """
     amplitude = view.amplitude
     level = np.zeros(len(amplitude))
@@ -91,10 +92,10 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
         return level
     delay = np.arange(round(SAME_CELLS * SAMPLES_PER_CELL), level.size)
     after, before = row + delay[:, None], row - delay[:, None]
-    told = after < level.size
-    # An echo that itself follows a stronger one at this delay may be a copy, and does not count.
-    told &= (before < 0) | (amplitude[before, column] <= amplitude[row, column])
-    ratio = np.where(told, amplitude[after * told, column] / (times * amplitude[row, column]), np.nan)
+    counts = after < level.size
+    # An echo that follows a stronger one at this delay may itself be a copy, and does not count.
+    counts &= (before < 0) | (amplitude[before, column] <= amplitude[row, column])
+    ratio = np.where(counts, amplitude[after * counts, column] / (times * amplitude[row, column]), np.nan)
     each = np.stack([_quantile(ratio[:, some], 0.5) for some in groups], axis=1)
     known = np.count_nonzero(np.isfinite(each), axis=1) >= FEWEST
     level[delay[known]] = _quantile(each[known], 1.0 - FOLLOWED)
@@ -102,7 +103,7 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
 
 
 def _quantile(values: Array, share: float) -> Array:
-    """The quantile of each row of values (n, m) that are not NaN, (n,); NaN where all are."""
+    """The quantile of the finite values in each row of (n, m), (n,); NaN in rows without any."""
     ordered = np.sort(values, axis=1)
     place = share * np.maximum(np.count_nonzero(np.isfinite(values), axis=1) - 1, 0)[:, None]
     low, high = (np.take_along_axis(ordered, edge(place).astype(np.intp), axis=1) for edge in (np.floor, np.ceil))
@@ -110,12 +111,13 @@ def _quantile(values: Array, share: float) -> Array:
 
 
 def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin: Array) -> Mask:
-    """Which echoes do not exceed the copies of what the view shows in front of them, within a cell to either side.
+    """Which echoes may be copies of what the view shows in front of them, within a cell to either side, (n,).
 
-    Copies have that `level`; those of a mirror begin at its face, at ranges `begin` [m], and are doubled behind it.
+    They exceed by no more than `SIDE_LOBE_MARGIN_DB` the copies of relative amplitude `level` (delays,). Copies by a
+    wall begin at its face, at ranges `begin` (directions,) [m], and are twice as strong behind it.
     """
-    claim = np.zeros(len(echoes))
-    # Copies so weak that even those of the strongest echo are weaker than all echoes explain none.
+    copy_amplitude = np.zeros(len(echoes))
+    # Delays at which even a copy of the strongest echo is weaker than all echoes can be skipped.
     margin = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
     enough = echoes.amplitude.min(initial=np.inf) / (2.0 * margin * view.amplitude.max(initial=np.finfo(float).tiny))
     for delay in np.flatnonzero(level > enough):
@@ -125,5 +127,5 @@ def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin:
             behind = view.range[0] + view.dr * before - begin[column]
             times = np.where((behind > SAME_CELLS * view.range_cell) & begin.any(), 2.0, 1.0)
             known = (before >= 0) & (behind >= -SAME_CELLS * view.range_cell)
-            claim = np.maximum(claim, known * times * level[delay] * view.amplitude[before, column])
-    return np.asarray(echoes.amplitude <= margin * claim)
+            copy_amplitude = np.maximum(copy_amplitude, known * times * level[delay] * view.amplitude[before, column])
+    return np.asarray(echoes.amplitude <= margin * copy_amplitude)

@@ -1,9 +1,9 @@
-"""Mixed-path echoes, told by the directions in which they leave and arrive.
+"""Mixed-path echoes: they leave in one direction and arrive from another.
 
-An echo that leaves by one chain of mirrors and is received by another (out in line of sight, back by way of a wall, or
-the reverse) has the mean of two path lengths, and focuses where nothing stands. A sweep of several transmitters and
-receivers gives such an echo away: with the transmitters focused on the point, the receivers hear the echo arrive from
-another direction than that of the point.
+An echo may go out by one chain of mirrors and come back by another, such as out in line of sight and back by way of a
+wall, or the reverse. Its range is the mean of two path lengths, and it focuses where nothing stands. A sweep of several
+transmitters and receivers shows this: with the transmitters focused on the echo's place in the image, the receivers
+find that the echo arrives from another direction than that of this place.
 """
 
 from __future__ import annotations
@@ -26,47 +26,48 @@ from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
 
 PHASE_SPREAD = 0.5
-"""Frequencies are summed in groups over which the phase of no direction turns by more than this [rad]."""
+"""Largest phase by which any direction turns over a group of frequencies that are summed together [rad]."""
 
 SAME_PLACE = 1e-3
-"""Elements closer than this share of the shortest wavelength stand at the same place: no phase tells them apart."""
+"""Elements closer than this share of the shortest wavelength count as one place: their phases do not differ."""
 
 MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
-"""Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and how high another lobe must be
-that it cannot be told from the main one."""
+"""Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and the height, relative to the
+main lobe, from which on another lobe cannot be told from the main one."""
 
 BAND_SAMPLES, ABOVE_FULL = 9, 2.0
-"""Frequencies at which lobes are computed; and how many times higher than the side lobes of a full aperture, which are
-never taken for echoes, a lobe must be to count."""
+"""Number of frequencies at which lobes are computed; and the least height of a lobe that counts, over the side lobes of
+a full aperture, which are never taken for echoes."""
 
 OFFSETS = np.arange(-3, 4)
-"""Directions around an echo in which its energy leaves and arrives, in resolution cells."""
+"""Directions around an echo in which its leaving and arriving energy is measured, in resolution cells."""
 
 _BETWEEN, _MIDDLE = np.abs(np.subtract.outer(OFFSETS, OFFSETS)), np.abs(np.add.outer(OFFSETS, OFFSETS)) / 2.0
 SAME, APART = (_MIDDLE <= 2.0) & (_BETWEEN == 0), (_MIDDLE <= 2.0) & (_BETWEEN >= 1) & (_BETWEEN <= 3)
-"""Pairs of a direction of leaving and one of arriving, with their middle near the echo: the same, and one to three
-cells apart."""
+"""Pairs of a leaving and an arriving direction whose middle is within two cells of the echo: with both the same, and
+with one to three cells between them."""
 
 NEAREST_LENGTHS = 4.0
-"""Nearer than so many lengths of the aperture, its two ends look at an echo from directions 14 degrees apart,
-and what is a little out of focus seems to arrive from elsewhere."""
+"""Least range of an echo whose directions are measured, in lengths of the aperture. At this range the two ends of the
+aperture look at the echo from directions 14 degrees apart; nearer, an echo that is a little out of focus would seem to
+arrive from elsewhere."""
 
 SAMPLES_A_CELL = 8
-"""Samples of a beam in one resolution cell."""
+"""Number of samples of a beam in one resolution cell."""
 
 LARGEST_OWN = 0.6
-"""If beams share more than this with beams a cell or more away, they do not tell where an echo comes back from."""
+"""Largest h of `confocal_share`: where beams one to three cells apart share more, they do not tell directions apart."""
 
 CHUNK, LOBE_SAMPLES = 64, 1_000_000
-"""Points, and phases of lobes, treated at once; bounds the memory."""
+"""Numbers of points, and of phases of lobes, that are computed at once; bounds the memory."""
 
 WORTH_WINDOWS = 32
-"""Points from which on it pays to cut the sweep into windows of range: profiles over range take as long as ten or
-twenty points take without."""
+"""Number of points from which on the sweep is cut into windows of range. The range profiles for that take as long as
+ten or twenty points take without windows."""
 
 
 def _phasors(phase: Array) -> NDArray[np.complex64]:
-    """``exp(j phase)`` in single precision; whole turns are taken away before."""
+    """``exp(j phase)`` in single precision, after whole turns are removed."""
     phase = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))).astype(np.float32)
     out = np.empty(phase.shape, dtype=np.complex64)
     np.cos(phase, out=out.real)
@@ -75,10 +76,10 @@ def _phasors(phase: Array) -> NDArray[np.complex64]:
 
 
 class _Aperture(NamedTuple):
-    """The transmitters, or the receivers, weighted against the side lobes of bright glints.
+    """The transmitters, or the receivers, with weights that lower the side lobes of bright glints.
 
-    The `weight` (n,) of elements at `position` (n, 3) [m] is a Hann window along the aperture's principal axis; those
-    at the same place share its weight. `places` counts the different places, and `centre` (3,) [m] is their mean.
+    The `weight` (n,) of elements at `position` (n, 3) [m] is a Hann window along the aperture's principal axis;
+    elements at the same place share its weight. `places` counts the different places, `centre` (3,) [m] is their mean.
     """
 
     position: Array
@@ -93,9 +94,9 @@ class _Aperture(NamedTuple):
         rounded, place, count = np.unique(np.rint(position / distance), axis=0, return_inverse=True, return_counts=True)
         place, places = place.ravel(), rounded * distance
         centre = places.mean(axis=0)
-        # Sorted places have one principal axis, whatever the order of the elements.
+        # `np.unique` sorts the places, so that the principal axis does not depend on the order of the elements.
         along = (places - centre) @ _axis(places - centre)
-        # The aperture reaches half a mean pitch beyond its outermost places: the window gives none the weight zero.
+        # The window reaches half a mean pitch beyond the outermost places, so that none of them has the weight zero.
         length = max(float(np.ptp(along)), distance)
         margin = 0.5 * length / np.unique(np.rint(along / distance)).size
         share = (along - along.min() + margin) / (np.ptp(along) + 2.0 * margin)
@@ -108,7 +109,7 @@ class _Aperture(NamedTuple):
         return np.asarray(offset @ _axis(offset))
 
     def beam(self, k: float, sine: Array) -> Array:
-        """Amplitude of the beam, relative to its peak, where u differs from its own direction by `sine`, (m,)."""
+        """Amplitude of the beam, relative to its peak, in directions whose u differs from its own by `sine`, (m,)."""
         along = self.along
         parts = np.array_split(sine, 1 + sine.size * along.size // LOBE_SAMPLES)  # bounds the memory
         level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ self.weight) for part in parts])
@@ -127,10 +128,10 @@ def _apertures(sweep: xr.Dataset) -> list[_Aperture]:
 
 
 def grating_lobe(sweep: xr.Dataset) -> float:
-    """The largest lobe of the receivers that is told from the main one, relative to it; zero where there is none.
+    """Height of the receivers' largest grating lobe, relative to the main lobe; zero if there is none.
 
-    A ghost that stands where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main
-    one, as of antennas more than a wavelength apart, cannot be told from it.
+    A ghost where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main lobe do not
+    count, such as those of antennas more than a wavelength apart: they cannot be told from it.
     """
     aperture = _apertures(sweep)[1]
     k = float(wavenumber(sweep).mean())
@@ -143,11 +144,11 @@ def grating_lobe(sweep: xr.Dataset) -> float:
 
 
 def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
-    """Amplitude, relative to an echo, at which an image repeats it where u differs from its direction by `sine`, (n,).
+    """Amplitude, relative to an echo, of its lobe in the image at directions whose u differs by `sine`, (n,).
 
-    All antennas count alike in an image, so that this is the product of the beams of both apertures. The largest over
-    the band counts, for grating lobes wander with the wavelength; zero where it is not well above the side lobes of
-    full apertures of the same lengths L, ``1 / (pi L u)`` of each, L in wavelengths.
+    This is the product of the beams of both apertures, unweighted, as in an image all antennas count alike. The largest
+    product over the band is taken, for grating lobes wander with the wavelength. It is set to zero where it is not well
+    above the side lobes of full apertures of the same lengths L in wavelengths, ``1 / (pi L u)`` for each aperture.
     """
     sides, k = [side._replace(weight=np.ones(len(side.position))) for side in _apertures(sweep)], wavenumber(sweep)
     some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
@@ -158,13 +159,13 @@ def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
 
 
 def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
-    """How much of an echo at ranges [m] and u, (n,) each, arrives from the direction in which it left: 0 to 1, (n,).
+    """How much of each echo, at ranges [m] and u, (n,) each, arrives from the direction in which it left: 0 to 1, (n,).
 
     Let ``B(u, u')`` be the sum over transmitters, focused on a point at range r in direction u, and over receivers,
     focused at the same range in direction u'. The ratio is ``|B(u, u)| / max over u' of |B(u, u')|``: near one for an
-    echo that came back the way it went out, small for one that arrives from elsewhere. The points are taken at the
-    height of the radar, the mean of the heights of its two apertures. Where all transmitters, or all receivers, stand
-    at one place, directions cannot be told, and all ratios are one.
+    echo that came back the way it went out, small for one that arrives from elsewhere. Points lie at the height of the
+    radar, the mean of the heights of its two apertures. If all transmitters, or all receivers, stand at one place,
+    directions cannot be measured, and all ratios are one.
 
     Raises
     ------
@@ -183,9 +184,9 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
 def heard_by(
     sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], heard: NDArray[np.bool_]
 ) -> Array:
-    """Mean amplitude of echoes at ranges [m] and u, (n,) each, that some antennas hear of what some have sent, (n,).
+    """Mean amplitude of echoes at ranges [m] and u, (n,) each, focused with some of the antennas only, (n,).
 
-    `sent` (n, tx) and `heard` (n, rx) choose the antennas for each echo, whose signals are focused on it.
+    `sent` (n, tx) and `heard` (n, rx) choose the transmitters and receivers for each echo.
 
     Raises
     ------
@@ -198,15 +199,16 @@ def heard_by(
 
 
 def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
-    """Share of the energy about echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
+    """Share of the energy around echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
 
-    What scatters once, at one place, returns from the direction in which it was sent; what scatters at several objects
-    on its way leaves towards one of them and arrives from another. With B as in `direction_ratio` and its intensity
-    taken over the directions around an echo, let D be the mean where both directions are the same, and A that where
-    they are one to three resolution cells apart. A radar's own beams give A = h D to what scatters once, with h < 1,
-    and A = D to what leaves and arrives anyhow, so that of the two the first has the share ``(1 - A / D) / (1 - h)``.
-    This is the common-midpoint profile of the focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys.
-    Rev. X 10, 021048, 2020). NaN where the apertures cannot tell, or an echo is too near.
+    A wave that scatters once, at one place, returns from the direction in which it was sent. A wave that scatters at
+    several objects leaves towards one of them and arrives from another. Take the intensity ``|B|^2``, with B as in
+    `direction_ratio`, over leaving and arriving directions around an echo. Let D be its mean where both directions are
+    the same, and A its mean where they are one to three resolution cells apart. Single scattering gives A = h D, with
+    h < 1 due to the width of the radar's beams; waves that leave and arrive in unrelated directions give A = D. So
+    single scattering has the share ``(1 - A / D) / (1 - h)`` of the energy. This is the common-midpoint profile of the
+    focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys. Rev. X 10, 021048, 2020). NaN where the
+    apertures cannot tell, or an echo is too near.
 
     Raises
     ------
@@ -229,9 +231,10 @@ def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
 
 
 def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
-    """How much of the echo of a rough surface beams some cells apart still share: h of `confocal_share`, at most one.
+    """The ratio h of `confocal_share`: the intensity A / D of the echo of a rough surface, at most one.
 
-    The surface sends each direction back with a random phase of its own, so that intensities add.
+    Such a surface returns each direction with a random phase of its own, so that intensities add: h follows from how
+    much beams one to three cells apart overlap.
     """
     if min(aperture.places for aperture in sides) < 2:
         return 1.0
@@ -245,13 +248,13 @@ def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
 
 
 def _group_size(k: Array, spread: float) -> int:
-    """Frequencies of a group, by wavenumbers [1/m] and the largest distance of a receiver from the radar [m]."""
-    # A path to the radar's middle and one to the farthest receiver differ by at most the distance between these two.
+    """Number of frequencies in a group, from wavenumbers [rad/m] and the largest distance of a receiver [m]."""
+    # The paths to the radar's middle and to the farthest receiver differ by at most the distance between these two.
     return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
 
 
 def _windows(sweep: xr.Dataset) -> RangeWindows:
-    """The samples of a sweep (frequency, tx, rx), to be gated to the ranges of echoes under a Hann taper."""
+    """The samples of a sweep (frequency, tx, rx) under a Hann taper, ready to be gated to the ranges of echoes."""
     k = wavenumber(sweep)
     return RangeWindows(k, sweep["s"].values, hann(k.size))
 
@@ -259,8 +262,8 @@ def _windows(sweep: xr.Dataset) -> RangeWindows:
 def bytes_at_once(sweep: xr.Dataset) -> float:
     """Memory [bytes] that this module takes for a sweep.
 
-    That is for profiles over range, and for what all cores together work on: windows of the profiles, phasors of the
-    transmitters, what the receivers hear.
+    It is taken by the range profiles, and by the work of all cores together: windows of the profiles, phasors of the
+    transmitters, and the fields at the receivers.
     """
     k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
     radar, windows = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), _windows(sweep)
@@ -276,9 +279,9 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
 def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
     """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
 
-    Places (n, 3) and receivers (3, receivers) count from a point that all places are at the distance r of. All is in
-    single precision. The field (m, groups, 2, receivers) holds real and imaginary parts; the sum over groups is taken
-    by Horner's rule.
+    Places p (n, 3) and receivers x (3, receivers) are relative to the radar, and all places are at the distance r from
+    it. All values are in single precision. The field (m, groups, 2, receivers) holds real and imaginary parts; the sum
+    over groups g is taken by Horner's rule.
     """
     beams, groups, _, count = field.shape
     square, path = np.empty((2, count), np.float32)
@@ -289,7 +292,7 @@ def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-d
     for n in range(places.shape[0]):
         px, py, pz = np.float32(2.0) * places[n]
         for x in range(count):
-            # Of |p - x|^2 - r^2 all digits count, where the difference of the roots would keep few.
+            # |p - x| - r is computed from |p - x|^2 - r^2: the difference of the roots would lose most digits.
             beyond = square[x] - px * receivers[0, x] - py * receivers[1, x] - pz * receivers[2, x]
             path[x] = beyond / (np.sqrt(r * r + beyond) + r)
         for x in range(count):
@@ -321,7 +324,8 @@ def _bistatic(
 ) -> Array:
     """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
 
-    `only` chooses transmitters (n, tx) and receivers (n, rx) for each.
+    `sent` holds the directions u of leaving, `heard` those u' of arriving. `only` chooses the transmitters (n, tx) and
+    receivers (n, rx) that are used for each point.
 
     Raises
     ------
@@ -342,7 +346,7 @@ def _bistatic(
         windows.transform()
 
     def places(range_: Array, u: Array) -> Array:
-        """Positions (..., 3) [m] at the radar's height."""
+        """Positions (..., 3) [m] at ranges [m] and directions u, at the radar's height."""
         plan = view.to_points(range_, u)
         return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
 
@@ -350,21 +354,21 @@ def _bistatic(
     near_first = np.argsort(range_, kind="stable")  # neighbours in range share a window
     at_once = max(CHUNK // sent.shape[1], 1)
 
-    def listen(first: int) -> None:
-        """|sum over transmitters, receivers and frequencies| for some points."""
+    def focus_points(first: int) -> None:
+        """Compute `level`, |sum over transmitters, receivers and frequencies|, for the points from `first` on."""
         part = near_first[first : first + at_once]
         paths = 2.0 * range_[part]
         k, samples, taper = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
         dk, size = float(k[-1] - k[0]) / max(k.size - 1, 1), _group_size(k, spread[1])
         r = np.repeat(range_[part], sent.shape[1])
-        # The range, taken away again by the receivers' sum, keeps the phases there small between frequencies.
+        # Adding the range here, which the receivers' sum subtracts again, keeps the phases there small.
         path = cdist(tx.position, places(r, sent[part].ravel())) + r
         sends, hears = (
             side.weight[:, None] * (1.0 if only is None else np.repeat(only[i][part], sent.shape[1], axis=0).T)
             for i, side in enumerate((tx, rx))
         )
         send, turn = sends.astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
-        # With what is left over for the last group.
+        # The last group holds the remaining frequencies.
         field = np.zeros((-(-k.size // size), len(rx.position), r.size), dtype=np.complex64)
         arrives = np.empty(field.shape[1:], dtype=np.complex64)
         for number, weight in enumerate(taper):
@@ -374,7 +378,7 @@ def _bistatic(
             send *= turn
         field *= hears.astype(np.float32)
         of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
-        # A group's middle frequency counts.
+        # A group is taken at its middle frequency.
         turns = (np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)).astype(np.float32)
         for point, beams in zip(part, of_points, strict=True):
             beyond, directions = range_[point], heard[point]
@@ -383,5 +387,5 @@ def _bistatic(
             _hear(at, receivers, np.float32(beyond), turns, split, level[point])
 
     with one_thread():
-        for_each(listen, range(0, range_.size, at_once))
+        for_each(focus_points, range(0, range_.size, at_once))
     return level

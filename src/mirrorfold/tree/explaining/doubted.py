@@ -1,4 +1,4 @@
-"""Objects that are left out once the tree is found: known walls and objects, or far brighter echoes, explain them."""
+"""Objects that are left out once the whole tree is known, because the tree holds another cause of their echoes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 
 
 def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
-    """What was found, without the objects that the tree itself explains.
+    """What was found, without the object echoes that the tree gives another cause.
 
-    They would stand behind known walls or objects, went to and fro between an object and a wall, come from beyond the
+    These would stand behind known walls or objects, went to and fro between an object and a wall, come from beyond the
     ambiguous range by the edge of a wall, or may be side lobes.
 
     Parameters
@@ -31,28 +31,28 @@ def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Fo
     found : Found
     view : View
     bent : sequence of Mirror
-        Curved rows of echoes of which nothing tells that they are mirrors.
+        Curved rows of echoes that were not proved to be mirrors.
     """
     ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_objects(found)
-    between = to_and_fro(found, view)
-    told = (
+    turned_back = to_and_fro(found, view)
+    causes = (
         (LATE, lambda node: late_edges(node.objects, ways, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
         (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
-        (TO_AND_FRO, lambda node: between[node.chain]),
+        (TO_AND_FRO, lambda node: turned_back[node.chain]),
         (OUTSHONE, lambda node: outshone(node.objects, view)),
     )
     found = _without(found, {
-        node.chain: np.select([tells(node) for _, tells in told], [reason for reason, _ in told], "")
+        node.chain: np.select([cause(node) for _, cause in causes], [reason for reason, _ in causes], "")
         for node in found.tree.walk()
     })  # fmt: skip
-    # Only objects that are left hide others.
+    # Only objects that are kept hide others.
     hidden = behind_objects(found, view)
     return _without(found, {chain: np.where(marks, BEHIND_AN_OBJECT, "") for chain, marks in hidden.items()})
 
 
 def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:
-    """What was found, without the objects of each chain that have a reason (n,) to be left out; others have ""."""
+    """What was found, without the objects of each chain that have a reason to be left out, (n,); "" means none."""
     if not any((reason != "").any() for reason in reasons.values()):
         return found
 

@@ -1,7 +1,8 @@
-"""Echoes beside the end of a mirror that are what the mirror shows: a beam is wider than its line of sight.
+"""Echoes beside the end of a mirror that are seen by way of the mirror all the same, because a beam has a width.
 
-Where the middle of a beam just misses the end of a mirror, half of the beam is still reflected: what the mirror shows
-at its end appears up to a beam's width beyond the end, too, where it would pass for an object behind the mirror.
+Where the middle of a beam just misses the end of a mirror, half of the beam is still reflected. So an object that the
+mirror shows at its end also appears up to a beam's width beyond the end, where it would pass for an object behind the
+mirror.
 """
 
 from __future__ import annotations
@@ -15,21 +16,23 @@ from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.ordering import Order
 
 BEHIND_CELLS = 1.5
-"""What stands no more range cells behind a mirror may be the mirror itself."""
+"""Echoes at most this many range cells behind a mirror may be of the mirror itself."""
 
 
 def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
-    """The mirror through which each echo is seen, corrected beside the ends of mirrors, (n,).
+    """Number of the mirror through which each echo is seen, corrected beside the ends of mirrors, (n,).
 
-    An echo behind a mirror, less than a beam beside its end, is what the mirror shows, unless it belongs to an object
-    that reaches farther away from that end, or would be folded to where the radar itself sees that nothing stands.
+    An echo behind a mirror and less than a beam beside its end is assigned to the mirror, with two exceptions: if it
+    belongs to an object that reaches farther away from that end, or would fold to where the radar's direct view is
+    empty.
 
     Parameters
     ----------
     order : Order
     echoes : Echoes
     owner : (n,) array of int
-        The mirror through which its line of sight shows each, `ROOT`, or `NOBODY` for echoes of no visible object.
+        Number of the mirror through which each echo is seen by its line of sight, `ROOT` if direct, or `NOBODY` for
+        echoes that are not of a visible object.
     """
     sight, view, owner = order.sight, order.sight.view, owner.copy()
     for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):

@@ -1,11 +1,11 @@
-"""What is seen past the end of a mirror, and what by way of it: told by which of the antennas see it.
+"""Echoes near the end of a mirror: whether they are seen past the end or by way of the mirror, told by the antennas.
 
 Lines of sight are drawn from the middle of the radar. Where a mirror ends near the radar, some antennas look past its
-end at what stands behind, while others look into the mirror, as an edge throws a half-shadow where the lamp is large.
-What stands there is heard by the former alone, and what the mirror shows by the latter alone. So the echo is focused
-twice, by the antennas whose line to it meets the mirror and by those whose line passes the mirror by: one group hears
-the echo, the other hears nothing. Lines of sight are then taken to meet the mirror as far beyond its end as these
-echoes tell, or not quite up to it: this length is the `hem` of the mirror there.
+end at the objects behind, while others look into the mirror, just as an edge throws a half-shadow if the lamp is large.
+An object behind the mirror is received by the former antennas alone, an object that the mirror shows by the latter
+alone. So each echo is focused twice, by the antennas whose line to it meets the mirror and by those whose line misses
+it, and the two amplitudes are compared. From these echoes follows the `hem` of the mirror at that end: the length
+beyond its end (negative: before its end) up to which lines of sight are taken to meet the mirror.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from mirrorfold.tree.explaining.edges import BEHIND_CELLS
 from mirrorfold.tree.ordering import Order
 
 HEMS = "beyond_start", "beyond_end"
-"""Columns of a table of mirrors that tell their hems [m]."""
+"""Columns of a table of mirrors that hold their hems [m], at start and end."""
 
 LEAST_SHARE = 0.15
-"""Least share of the antennas on either side: fewer resolve little."""
+"""Least share of the antennas in each of the two groups: fewer antennas resolve too little."""
 
 CLEARER_DB = 12.0
-"""One side must hear an echo louder than the other by at least this. In full waves it mostly is 20 to 50 dB."""
+"""Least difference in amplitude between the two groups of antennas; in full waves it is mostly 20 to 50 dB."""
 
 LEAST_ZONES = 3.0
-"""A half-shadow is seen where, on the echo's way past the end, the antennas are spread over at least so many Fresnel
-zones: an edge bends waves over one of them."""
+"""Least spread of the antennas in Fresnel zones, where the paths to an echo pass the end of the mirror: an edge bends
+waves over one zone, which blurs a half-shadow of few zones."""
 
 Known = dict[tuple[float, ...], float]
 
 
 @dataclass(frozen=True)
 class Hems:
-    """How far lines of sight meet mirrors beyond their ends, where it is known.
+    """Lengths beyond the ends of mirrors up to which lines of sight meet these, for the ends where they are known.
 
     Attributes
     ----------
     end : (n, 2) array [m]
-        Ends of mirrors, in the image.
+        Those ends of mirrors, in the image.
     length : (n,) array [m]
-        Beyond each; negative where antennas look past it.
+        The hem at each end: beyond it, or before it if negative.
     """
 
     end: Array
@@ -61,15 +61,15 @@ class Hems:
 
     @classmethod
     def nothing(cls) -> Hems:
-        """None is known."""
+        """No hem is known."""
         return cls(np.empty((0, 2)), np.empty(0))
 
     def same(self, other: Hems) -> bool:
-        """Whether both say the same."""
+        """Whether both hold the same ends and lengths."""
         return np.array_equal(self.end, other.end) and np.array_equal(self.length, other.length)
 
     def on(self, mirrors: Sequence[Mirror], view: View) -> Sequence[Mirror]:
-        """The mirrors with the hems of all ends that are a resolution cell from theirs at most."""
+        """The mirrors with these hems: each at the end of a mirror within a resolution cell of the hem's own end."""
         if not self.length.size:
             return mirrors
         return [self._on(one, view) if isinstance(one, LineMirror) else one for one in mirrors]
@@ -82,17 +82,17 @@ class Hems:
 
 
 def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) -> Hems:
-    """How far lines of sight meet the mirrors of an order beyond their ends, by which antennas hear which echoes.
+    """The hems of the mirrors of an order, from which antennas receive which echoes.
 
     Parameters
     ----------
     order : Order
     echoes : Echoes
-        Those that the order was found with.
+        The echoes that the order was found with.
     sweep : xarray.Dataset
         Of several transmitters and receivers.
     known : dict
-        What was measured in earlier calls; what is measured now is added.
+        Measurements of earlier calls; those of this call are added.
     """
     view = order.sight.view
     hems = Hems.nothing()
@@ -110,9 +110,9 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         behind = mirror.behind(view, echoes.position) > BEHIND_CELLS * view.range_cell
         own = asked & beside & behind & (order.face != index)
         for end, far_end in (mirror.ends, mirror.ends[::-1]):
-            outside, louder = _told(echoes.take(own), view, end, end - far_end, sweep, known)
+            outside, excess = _told(echoes.take(own), view, end, end - far_end, sweep, known)
             reach = 0.5 * view.cell_at(end)
-            length = max(_hem(outside, louder > 0.0, reach), -0.5 * mirror.size)
+            length = max(_hem(outside, excess > 0.0, reach), -0.5 * mirror.size)
             if length != 0.0:
                 ends.append(end[None])
                 lengths.append(np.array([length]))
@@ -120,15 +120,15 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
 
 
 def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:
-    """How far [m] beyond the end of a mirror lines from points (m, 2) to places (n, 2) meet its line, (n, m)."""
+    """Distance [m] beyond a mirror's end at which lines from points (m, 2) to places (n, 2) meet its line, (n, m)."""
     return crossing(start, places[:, None], end, end + unit(outward))[1]
 
 
 def _told(
     echoes: Echoes, view: ImageView, end: Array, outward: Array, sweep: xr.Dataset, known: Known
 ) -> tuple[Array, Array]:
-    """Of each echo in the half-shadow of an end that one side hears clearly louder, how far beyond the end its line of
-    sight passes [m], and how much louder the antennas that look into the mirror hear it [dB].
+    """For each echo in the half-shadow of an end that is clearly stronger at one group of antennas: how far beyond the
+    end its line of sight passes [m], and how much stronger the antennas that look into the mirror receive it [dB].
     """
     tx, rx = (_beyond(antennas[:, :2], echoes.position, end, outward) for antennas in antenna_positions(sweep))
     share = np.stack([(side <= 0.0).mean(axis=1) for side in (tx, rx)])
@@ -144,17 +144,18 @@ def _told(
         )
         tiny = np.finfo(float).tiny
         known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}
-    louder = np.array([known[place] for place in where])
-    clear = np.abs(louder) >= CLEARER_DB
+    excess = np.array([known[place] for place in where])
+    clear = np.abs(excess) >= CLEARER_DB
     middle = _beyond(view.radar[None], echoes.position[half], end, outward)[:, 0]
-    return middle[clear], louder[clear]
+    return middle[clear], excess[clear]
 
 
 def _zones(view: ImageView, range_: Array, end: Array) -> Array:
-    """How many Fresnel zones wide the aperture is, where the ways from echoes at ranges (n,) [m] pass an end, (n,).
+    """Width of the aperture in Fresnel zones, where the paths from echoes at ranges (n,) [m] pass an end, (n,).
 
-    At the distance d of the end, what antennas see of an echo at range r passes over a width of ``L (r - d) / r`` of
-    their L; the zone there is ``sqrt(lambda d (r - d) / r)`` wide (Born and Wolf, Principles of Optics, 7th ed., 8.3).
+    At the distance d of the end, the paths from an echo at range r to an aperture of length L are spread over the width
+    ``L (r - d) / r``. A zone there is ``sqrt(lambda d (r - d) / r)`` wide (Born and Wolf, Principles of Optics, 7th
+    ed., 8.3).
     """
     distance = np.linalg.norm(end - view.radar)
     length = min(view.aperture_tx, view.aperture_rx)  # in wavelengths
@@ -163,16 +164,16 @@ def _zones(view: ImageView, range_: Array, end: Array) -> Array:
 
 
 def _hem(outside: Array, into: Mask, reach: float) -> float:
-    """How far beyond its end [m] a mirror is met, so that the fewest echoes are on the wrong side.
+    """Length [m] beyond its end up to which a mirror is met, chosen so that the fewest echoes are on the wrong side.
 
     Parameters
     ----------
     outside : (n,) array [m]
-        How far beyond the end each echo's line of sight passes.
+        Distance beyond the end at which each echo's line of sight passes.
     into : (n,) bool array
-        Those that are seen by way of the mirror.
+        Which echoes are seen by way of the mirror.
     reach : float [m]
-        How far beyond the outermost of these echoes the mirror may be taken to end.
+        Distance beyond the outermost of these echoes at which the mirror may be taken to end.
     """
     if not outside.size:
         return 0.0

@@ -1,10 +1,11 @@
-"""Echoes from beyond the ambiguous range that the edge of a wall sends on, after waves went to and fro before it.
+"""Late echoes of wall edges: waves that went to and fro between two walls, and come from beyond the ambiguous range.
 
-The edge of a wall bends waves to all sides, also square towards another wall, and the wave that returns from there to
-the radar. If both walls face each other, the first sends back what its edge does not bend, so that the wave goes to and
-fro between them and hardly fades. In the direction of the edge, at the range r0 and the distance d from the other wall,
-the image shows an echo at r0 + d, one at r0 + 2 d, and so on. Where equal frequency steps cannot tell the range r from
-r - P, with P the ambiguous range, late ones stand among the objects nearby, but in no row as late walls do.
+The edge of a wall bends waves to all sides: also along the normal of another wall, and, when they return from there, to
+the radar. If both walls face each other, the wave goes to and fro between them and hardly fades, as the first wall
+sends back what its edge does not bend. Let the edge be at range r0 and at the distance d from the other wall. In the
+direction of the edge, the image then shows echoes at r0 + d, r0 + 2 d, and so on. Equal frequency steps cannot tell the
+range r from r - P, with P the ambiguous range. So echoes of this series from beyond P stand among the objects nearby.
+They fill no row, as late walls do; but the earlier echoes of their series must be in the image, too.
 """
 
 from __future__ import annotations
@@ -27,32 +28,32 @@ from mirrorfold.tree.explaining.true_walls import BEYOND, EXPECTED_CELLS, strong
 from mirrorfold.tree.grouping import object_numbers
 
 NEAR_CELLS = 1.0, 2.0
-"""How far, in range cells and in cells aside, the earlier echoes of a series may be from where they are expected: an
-edge bends waves into more than one beam, and later on the wave has wandered along the walls."""
+"""Largest distance of the earlier echoes of a series from where they are expected, in range cells and in cells aside:
+an edge bends waves into more than one beam, and later the wave has wandered along the walls."""
 
 FADED_DB = 3.0
-"""A series fades, but by speckle an echo may be this much stronger than an earlier one."""
+"""An echo may be this much stronger than an earlier one of its series: a series fades, but speckle varies."""
 
 
 def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
-    """Which echoes are late ones of edges of walls that are known, (n,); in a volume, and without any range P, none.
+    """Which echoes are late echoes of the edges of known walls, (n,); none in a volume, or without an ambiguous range.
 
-    All echoes of an object are judged by its brightest one. All earlier echoes of the same series, as far as the image
-    reaches, must be there and be as strong, apart from how an image amplifies echoes by their range.
+    The brightest echo of an object decides for all of its echoes. All earlier echoes of the series that lie within the
+    image must be there, and at least as strong, once the amplification of echoes by their range is undone.
 
     Parameters
     ----------
     echoes : Echoes
-        Objects that one chain of mirrors shows, or that are in line of sight.
+        Object echoes by way of one chain of mirrors, or in line of sight.
     ways : mapping of chain to tuple of Mirror
-        The mirrors on the way to what each chain shows, as `MirrorTree.ways` tells. Of curved ones nothing is said.
+        The mirrors of each chain, as `MirrorTree.ways` returns them. Curved ones are not tested.
     view : View
     """
     found = np.zeros(len(echoes), dtype=bool)
     if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous) or not len(echoes):
         return found
     walls, image = [true_ends(way) for way in strongest_flat(ways.values())], _Brightest(view)
-    # An image amplifies by the range that it takes echoes to have.
+    # The image has amplified a late echo by its apparent range; here, by its true range, as the earlier echoes are.
     level = echoes.amplitude * ((echoes.range + view.ambiguous) / echoes.range) ** view.power
     level *= 10.0 ** (-FADED_DB / 20.0)
     for bending, facing in permutations(walls, 2):
@@ -61,8 +62,8 @@ def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: V
             on_it = np.flatnonzero(np.abs(place - view.ambiguous - echoes.range) <= EXPECTED_CELLS * view.range_cell)
             if len(series) and on_it.size:
                 before = image.at(series[:, on_it], echoes.direction[on_it])
-                held = np.isfinite(before)
-                found[on_it] |= held.any(axis=0) & ((before >= level[on_it]) | ~held).all(axis=0)
+                inside_image = np.isfinite(before)
+                found[on_it] |= inside_image.any(axis=0) & ((before >= level[on_it]) | ~inside_image).all(axis=0)
             series = np.concatenate([series, place[None]])
     if not found.any():
         return found
@@ -71,20 +72,20 @@ def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: V
 
 
 class _Brightest:
-    """The brightest that an image shows near places of it."""
+    """The largest amplitude of an image near its samples."""
 
     def __init__(self, view: ImageView) -> None:
         self.view = view
 
     @cached_property
     def level(self) -> Array:
-        """The largest amplitude as near as `NEAR_CELLS` to each sample, (nr, nu)."""
+        """The largest amplitude within `NEAR_CELLS` of each sample, (nr, nu)."""
         cells = self.view.range_cell / self.view.dr, self.view.u_cell / self.view.du
         size = tuple(2 * round(near * cell) + 1 for near, cell in zip(NEAR_CELLS, cells, strict=True))
         return np.asarray(maximum_filter(self.view.amplitude, size=size, mode="constant"))
 
     def at(self, range_: Array, direction: Index) -> Array:
-        """That level at ranges (k, n) [m] in directions (n,); NaN beyond the image."""
+        """The `level` at ranges (k, n) [m] in directions (n,); NaN beyond the image."""
         row = (range_ - self.view.range[0]) / self.view.dr
         inside = (row >= 0.0) & (row <= self.view.range.size - 1)
         row = np.where(inside, np.rint(np.nan_to_num(row)), 0.0).astype(np.intp)
@@ -92,9 +93,9 @@ class _Brightest:
 
 
 def _series(echoes: Echoes, view: ImageView, bending: Array, facing: Array) -> Iterator[Array]:
-    """Ranges at which edges of a wall, in the directions of echoes, are seen by way of a facing wall, (n,) [m], or NaN.
+    """Ranges of the echoes of a series, (n,) [m], for an edge of a wall in the direction of each echo; NaN if none.
 
-    First by one visit of the facing wall, then by two, and so on, up to twice the ambiguous range.
+    First those after one visit of the facing wall, then after two, and so on, up to twice the ambiguous range.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ def _series(echoes: Echoes, view: ImageView, bending: Array, facing: Array) -> I
     edge, along = crossing(view.radar, view.radar + sight, *bending)
     on_it = (edge > 0.0) & (np.abs(along - 0.5) <= 0.5 + BEYOND)
     place = view.radar + np.where(on_it, edge, np.nan)[:, None] * sight
-    # The wave goes straight on through the images of both walls in each other, and returns from the last of them.
+    # Unfolded, the wave goes straight on through the images of both walls in each other, and returns from the last one.
     before, wall, way = bending, facing, np.zeros(len(echoes))
     while on_it.any():
         normal, span = segment_normal(*wall), wall[1] - wall[0]

@@ -1,9 +1,10 @@
-"""Echoes of walls that face each other, from beyond the ambiguous range.
+"""Late walls: echoes of walls that face each other, from beyond the ambiguous range.
 
-Between two walls a wave goes to and fro and hardly fades: the image shows wall behind wall. Where equal frequency steps
-cannot tell the range r from r - P, with P the ambiguous range, walls from beyond P stand among the objects nearby. Many
-ways by rough walls add up there, so that no curvature of the waves tells how far they have come (see `wrapped`); but
-both walls are known, and lines of sight can be followed from one to the other.
+Between two walls a wave goes to and fro and hardly fades: the image shows wall behind wall. Equal frequency steps
+cannot tell the range r from r - P, with P the ambiguous range, so that walls from beyond P stand among the objects
+nearby. Many paths by rough walls add up in them, so that the curvature of the waves does not tell their distance (see
+`wrapped`). But both walls are known: lines of sight are followed from one to the other, to where late walls are
+expected.
 """
 
 from __future__ import annotations
@@ -22,30 +23,30 @@ from mirrorfold.tree.explaining.true_walls import BEYOND, strongest_flat, true_e
 from mirrorfold.tree.ordering import Order
 
 CELLS, ACROSS_CELLS = 1.0, 1.0
-"""How far an echo may be from where it is expected, in range cells and in resolution cells aside: it is seen half a
-cell off, and so are walls, whose errors grow from one to the next."""
+"""Largest distance of an echo from where it is expected, in range cells and in resolution cells aside: the places of
+echoes and walls err by half a cell, and the errors of walls add from bounce to bounce."""
 
 APART_CELLS = 4.0
-"""Walls stand so many range cells apart, at least; what is nearer is another piece of the same."""
+"""Least distance of two walls, in range cells: nearer ones are pieces of the same wall."""
 
 FEWEST_BOUNCES = 3
-"""A wave goes to and fro if it meets walls at least so often."""
+"""Least number of bounces at walls of a wave that goes to and fro."""
 
 STRETCH_CELLS = 8.0
-"""Stretch of a row, in resolution cells, that must be filled: how long a row is nobody knows, as objects may hide parts
-of it, but a few objects that stand there by chance do not fill so much."""
+"""Length of the part of a row, in resolution cells, that echoes must fill. The whole row need not be filled, as objects
+may hide parts of it; but a few objects that stand there by chance do not fill this much."""
 
 BRIGHTER_DB = 12.0
-"""Such an echo is at most so much stronger than the brighter of both walls would be that far away: the wave has lost
-something at each wall, but a wall that faces the radar shows a glint, four times the middle of its row. Objects nearby
-are stronger: an image amplifies echoes by their range, and a late one by the range that it seems to have."""
+"""Largest level of such an echo over that of the brighter of both walls, if that wall were as far away. The wave has
+lost power at each wall, but a wall that faces the radar shows a glint, four times the median of its row. Objects nearby
+are stronger: an image amplifies echoes by their range, and a late one by its apparent range only."""
 
 
 def from_late_walls(order: Order, echoes: Echoes) -> Mask:
     """Which echoes stand where walls are seen by way of each other beyond the ambiguous range, (n,).
 
-    They come from no farther than twice that range, are as weak as an echo from there, and fill a row as walls do, but
-    no object that stands there by chance. In a volume, and where ranges do not repeat, none.
+    Up to twice the ambiguous range is searched. Such echoes are as weak as an echo from there would be, and fill a row,
+    as a wall does and an object that stands there by chance does not. In a volume, or without an ambiguous range, none.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def from_late_walls(order: Order, echoes: Echoes) -> Mask:
 
 
 def met_in_turn(view: ImageView, first: Array, second: Array, farthest: float) -> Array:
-    """Ranges at which lines of sight meet two walls in turn, (bounces, nu) [m]; NaN where they do no more.
+    """Ranges at which lines of sight meet two walls in turn, (bounces, nu) [m]; NaN from where they meet none.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Echoes that are grating lobes of brighter ones at the same range: of arrays whose antennas stand too far apart.
+"""Echoes that are grating lobes of brighter ones at the same range, in images of arrays with antennas too far apart.
 
-The image shows the product of both beams: a lobe of the transmitters and one of the receivers at the same place are as
-many decibels below the echo as both together are below their main lobes. A full array has no such lobes; where every
-third antenna is missing, they are 12 dB below the echo.
+The image is formed with the product of the transmitters' and the receivers' beams. So the levels of both beams add in
+decibels: where both have a lobe in the same direction, the image repeats an echo below its own level by the sum of both
+lobes' levels. A full array has no such lobes; where every third antenna is missing, they are 12 dB below the echo.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from mirrorfold.tree.explaining.directions import beside_main_lobe
 LOBE = "is a grating lobe of a brighter one"
 
 MARGIN_DB = 3.0
-"""A lobe may be so much stronger than the strongest one expected at its place: those of two echoes add."""
+"""A lobe may be this much stronger than the strongest one expected at its place: lobes of two echoes add."""
 
 HIGHEST = 0.5
-"""A lobe as high as this, relative to its echo, explains none: an echo would pass for the lobe of its own ghost."""
+"""Lobes at least this high, relative to their echo, are not used: an echo would pass for the lobe of its own ghost."""
 
 
 def lobe_level(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
-    """Amplitude of the strongest lobe of what the view shows at ranges [m] and u, (n,) each; zero where there is none.
+    """Amplitude of the strongest lobe of other echoes at ranges [m] and u, (n,) each; zero where there is none.
 
-    `sweep` is that of several transmitters and receivers.
+    The `sweep` is one of several transmitters and receivers; the `view` holds the echoes that have lobes.
     """
     cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
     level = beside_main_lobe(sweep, view.u - view.u[0])

@@ -1,4 +1,8 @@
-"""Echoes that come from elsewhere than where they stand in the image, told by the sweep."""
+"""Echoes that come from elsewhere than their place in the image, found with the sweep.
+
+Three causes are tested: grating lobes, waves from beyond the ambiguous range, and mixed paths. Each test is made once
+in each resolution cell, at its brightest echo, and remembered.
+"""
 
 from __future__ import annotations
 
@@ -17,26 +21,28 @@ from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
-"""True echoes have ratios near one, glints of faces somewhat less, mixed paths far below a half. Where antennas are
-missing, ghosts by grating lobes have the ratio of the lobe (a half, if every third is): then this many times it."""
+"""Least `direction_ratio` of a true echo; where antennas are missing, at least `ABOVE_LOBES` times the height of their
+grating lobe. True echoes have ratios near one, glints of faces somewhat less, mixed paths far below a half. Ghosts by
+grating lobes have the ratio of the lobe, which is a half if every third antenna is missing."""
 
 LARGEST_WRAPPING_RATIO = 1.15
-"""Echoes fit at least as well to the waves of where they stand as to those from one ambiguous range farther away; those
-from there fit several times better. Far away, where waves are flat either way, both fit alike."""
+"""Largest `wrapping_ratio` of a true echo. True echoes fit waves from their own range at least as well as waves from
+one ambiguous range farther away; echoes from there fit the latter several times better. Far away, where waves are flat
+either way, both fit alike."""
 
 LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
 
 GHOST_CELLS = 0.5
-"""An echo this close, in resolution cells, to a known ghost is that ghost."""
+"""Largest distance of an echo from a known ghost that it is, in resolution cells."""
 
 Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]
 
 
 def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None) -> Names:
-    """What makes echoes of a view stand elsewhere than where they are seen, (n,); empty for those that do not.
+    """Why echoes of a view come from elsewhere than they are seen, (n,): `LOBE`, `LATE`, `MIXED`, or "" if they do not.
 
-    `known` holds what was measured in earlier calls, by range [m] and u; what is measured now is added.
+    `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added.
     """
     known = {} if known is None else known
     claimed = 10.0 ** (MARGIN_DB / 20.0) * _once_a_cell(lobe_level, *_seen(echoes), sweep, view, known)
@@ -50,7 +56,7 @@ def misplaced(echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known |
 
 
 def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:
-    """`misplaced` by ghosts that are known from before, at places (m, d) [m] with an `explanation` each, (m,)."""
+    """As `misplaced`, from known ghosts at places (m, d) [m] of the image, with an `explanation` each, (m,)."""
     distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(echoes.position))
     return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
 
@@ -61,7 +67,7 @@ def confocal(position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageVi
 
 
 def known_confocal(position: Array, amplitude: Array, view: ImageView, places: Array, share: Array) -> Array:
-    """`confocal` by what was measured before at places (m, 2) [m]: its `share` (m,), NaN for echoes elsewhere, (n,)."""
+    """As `confocal`, from the `share` (m,) measured before at places (m, 2) [m]; NaN for echoes elsewhere, (n,)."""
     if not len(places):
         return np.full(len(position), np.nan)
     distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(position))
@@ -75,7 +81,7 @@ def _seen(echoes: Echoes) -> tuple[Array, Array]:
 def _once_a_cell(
     measure: Measure, position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known
 ) -> Array:
-    """What `measure` says of echoes, (n,): measured once in each resolution cell, at its brightest echo."""
+    """The result of `measure` for echoes, (n,), measured once in each resolution cell, at its brightest echo."""
     if not len(position):
         return np.zeros(0)
     range_, u = view.to_polar(position)

@@ -1,10 +1,10 @@
 """Echoes so weak beside the brightest one at their range that they may be side lobes of it.
 
-The side lobes of a full aperture of equal antennas are known, and never taken for echoes. True ones are higher:
-antennas that differ by a few percent leave lobes 40 dB below a bright glint in all directions. And where only a part
-of the array, D wide, sees the glint, past the end of a mirror or beside an object, its lobes fall no faster than
-``1 / (pi D u / lambda)``. Such echoes are left out once the whole tree is found: until then they hide what is behind
-them, and a wall may go on through them.
+The side lobes of a full aperture of equal antennas are known, and are never taken for echoes. The side lobes of a real
+array are higher. Antennas that differ by a few percent leave lobes 40 dB below a bright glint in all directions. And if
+only a part of the array, D wide, sees the glint, past the end of a mirror or beside an object, its lobes fall no faster
+than ``1 / (pi D u / lambda)``. Echoes as weak as that are left out once the whole tree is found. Until then they hide
+what is behind them, and a wall may go on through them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mirrorfold.detection.views.view import View
 OUTSHONE = "may be a side lobe of a much brighter one"
 
 OUTSHONE_DB = 40.0
-"""An echo this much weaker than the brightest within a resolution cell of its range is no evidence of an object."""
+"""An echo weaker by this than the brightest echo within a range cell of its range is no evidence of an object."""
 
 
 def outshone(objects: Echoes, view: View) -> Mask:

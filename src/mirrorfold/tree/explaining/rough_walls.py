@@ -1,10 +1,11 @@
-"""Echoes that a rough wall makes of walls and bright objects before it, where no mirror image of them is.
+"""Echoes that a rough wall scatters towards another wall or a bright object, and back.
 
-A wall that is not quite smooth scatters a little of the wave from each of its places, also square towards another wall
-before it. The other wall sends it straight back, and the same place scatters it once more. By a place of the rough wall
-at range r0, which is d away from the other wall, an echo stands at r0 + d: nearer than the mirror image of the other
-wall, which the same line of sight meets askew, and like an object hidden between the two. A bright object at the
-distance d, such as a corner, makes such echoes, too: faint ones all along the wall, and farther than its image.
+A wall that is not quite smooth scatters a little of the wave from each of its places in all directions, also along the
+normal of another wall before it. The other wall sends the wave straight back, and the same place scatters it to
+the radar. If that place is at range r0 and the distance d away from the other wall, an echo stands in its direction at
+r0 + d. That is nearer than the mirror image of the other wall, which the same line of sight meets at a slant: it looks
+like an object hidden between the two. A bright object at the distance d, such as a corner, makes such echoes, too:
+faint ones behind all places of the wall, farther away than the object's mirror image.
 """
 
 from __future__ import annotations
@@ -22,23 +23,25 @@ from mirrorfold.tree.ordering import Order
 SCATTERED = "was scattered by a rough wall on the way to something else and back"
 
 BRIGHT = 0.9
-"""What is scattered twice is weaker than what the same wall scatters once: than this quantile of the echoes of its
-face, of which a few may be glints."""
+"""Quantile of the amplitudes of a wall's face that bounds such echoes: what the wall scatters twice is weaker than what
+it scatters once. The quantile leaves out a few echoes of the face that may be glints."""
 
 OUTSHINES_DB, FADED_DB = 10.0, 30.0
-"""A rough wall scatters from all of its places: an echo that is so much stronger than the median of what the image
-shows behind them, where they would repeat the same object, is no such echo. Speckle outshines its mean by up to 10 dB,
-and faded its mean is up to 20 dB lower. The first number is for echoes beside the object's image, hardly behind it."""
+"""Largest level of such an echo over the median of the image where the other places of the wall would repeat the same
+object: a rough wall scatters from all of its places alike. The first number is for echoes beside the object's mirror
+image and hardly behind it: speckle outshines its mean by up to 10 dB. The second is for all others, as where
+speckle fades, its mean is up to 20 dB lower still."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
-"""What a wall scatters twice is so much weaker than the object that it repeats; and, unless it lies in a row, so many
-range cells behind the mirror image of that object, or resolution cells beside it, where it has neighbours."""
+"""Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
+mirror image, where that has echoes of its own: in range cells behind it, unless the echo lies in a row, or in
+resolution cells beside it."""
 
 
 def scattered(order: Order, echoes: Echoes) -> Mask:
-    """Which echoes behind mirrors may be what these scatter towards other walls or objects and back, (n,).
+    """Which echoes behind mirrors these may have scattered towards other walls or objects and back, (n,).
 
-    Echoes that would pass for a wall of their own are among them. In a volume, none are found.
+    Echoes in a row that was taken for a mirror may be among them. In a volume there are none.
 
     Parameters
     ----------
@@ -76,9 +79,9 @@ class _Surface:
     ----------
     view : ImageView
     crossing : (nu,) array [m]
-        Range at which each direction meets it, infinite where none does.
+        Range at which each line of sight meets the wall; infinite where it misses the wall.
     fold : callable
-        Maps what is seen on it to its true place.
+        The map from the wall's places in the image to their true places.
     """
 
     def __init__(self, view: ImageView, crossing: Array, fold: Fold) -> None:
@@ -87,21 +90,22 @@ class _Surface:
         self.places = fold(view.points(crossing[self.directions], self.directions))
 
     def of(self, echoes: Echoes) -> Index:
-        """Which of the `directions`, each with its place, is that of each echo, (n,)."""
+        """Index into `directions` and `places` for the direction of each echo, (n,)."""
         return np.searchsorted(self.directions, echoes.direction)
 
     def way(self, echoes: Echoes) -> Array:
-        """From the wall to where each echo is seen, (n,) [m]."""
+        """Distance of each echo behind the wall along its line of sight, (n,) [m]."""
         return np.asarray(echoes.range - self.crossing[echoes.direction])
 
     def usual(self, way: Array, counts: Mask) -> Array:
-        """Median amplitude of what the image shows so far behind places of the wall, (m,); infinite for no places.
+        """Median amplitude of the image at given distances behind places of the wall, (m,); infinite without places.
 
         Parameters
         ----------
         way : (directions, m) array [m]
+            The distance behind each place, along its line of sight.
         counts : (directions, m) or (directions, 1) bool array
-            The places that count.
+            Which places count.
         """
         view, half = self.view, round(EXPECTED_CELLS * self.view.range_cell / self.view.dr)
         row = np.rint((self.crossing[self.directions, None] + way - view.range[0]) / view.dr).astype(np.intp)
@@ -113,12 +117,12 @@ class _Surface:
 
 
 def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
-    """Which echoes have come as far behind places of a rough wall as it is from a wall before it, (n,).
+    """Which echoes are as far behind a place of a rough wall as this place is from another wall, (n,).
 
     Parameters
     ----------
     wall : (2, 2) array [m]
-        Its ends.
+        Ends of the other wall.
     rough : _Surface
     echoes : Echoes
     """
@@ -131,12 +135,12 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
 def _of_objects(
     objects: Array, level: Array, order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask
 ) -> Mask:
-    """Which echoes the rough wall of that number may make of bright objects, (n,).
+    """Which echoes the rough wall of that `number` may make of bright objects, (n,).
 
-    These stand at (m, 2) [m] and have amplitudes `level` (m,). Echoes that are `single` (n,) lie in no row.
+    The objects stand at (m, 2) [m] and have amplitudes `level` (m,). Echoes that are `single` (n,) lie in no row.
     """
     view = order.sight.view
-    # The way over the wall is shortest where it reflects the object; by all other places the object is seen farther.
+    # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
     image = _image(order, number, objects)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - objects, axis=2)
@@ -152,14 +156,14 @@ def _of_objects(
 
 
 def _image(order: Order, mirror: int, places: Array) -> Array:
-    """Where the image shows places (n, 2) [m] by way of a flat mirror, (n, 2)."""
+    """Where true places (n, 2) [m] appear in the image by way of a flat mirror, (n, 2) [m]."""
     for step in order.way(mirror):
         places = step.reflection.inverse(places)
     return places
 
 
 def _objects(order: Order, echoes: Echoes) -> tuple[Array, Array]:
-    """Places (n, 2) [m] where objects stand, one in each resolution cell of the image, and their amplitudes (n,)."""
+    """True places (n, 2) [m] of objects, one for each resolution cell of the image, and their amplitudes (n,)."""
     view = order.sight.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))

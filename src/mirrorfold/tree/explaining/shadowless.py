@@ -1,8 +1,8 @@
-"""Objects that cast no shadow on the wall behind them, and hide little.
+"""Echoes of objects that cast no shadow on the wall behind them, and so hide little.
 
-An opaque object hides the part of a wall that stands behind it. Where the row of echoes of that wall goes on undimmed,
-no such object stands before it: the echo before the wall comes from elsewhere, or from an object so small that the
-array looks around it. Such an echo hides only what is not clearly brighter than itself.
+An opaque object hides the part of a wall that stands behind it. If the wall's row of echoes goes on undimmed there, no
+such object stands before the wall: the echo before it comes from elsewhere, or from an object so small that the array
+looks around it. Such an echo hides only echoes that are not clearly brighter than itself.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from mirrorfold.tree.grouping import object_numbers
 from mirrorfold.tree.lines_of_sight import CLEAR_DB, OUTSHINES_DB
 
 UNDIMMED_DB = 10.0
-"""Where nothing stands before a wall, speckle takes its mean power over a beam no farther below its usual level."""
+"""Largest drop of a wall's mean power over a beam below its usual level that speckle alone makes, without an object."""
 
 BEFORE = 0.5
-"""A wall tells of an object if it stands behind this share, at least, of the directions that the object covers."""
+"""A wall is a test of an object if it stands behind at least this share of the directions that the object covers."""
 
 SEEN_PAST = 0.5
-"""A wall tells of objects if more than this share of it is seen past all of them."""
+"""A wall is a test of objects if more than this share of it is seen past all of them."""
 
 
 def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:
-    """The objects with the amplitudes by which they hide what is behind them, lower where they cast no shadow.
+    """The objects, with lower amplitudes where they cast no shadow, so that they hide less.
 
     Parameters
     ----------
@@ -43,17 +43,17 @@ def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
 
 
 def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Mask:
-    """Which objects in line of sight stand before mirrors whose echoes go on behind them, brighter than they are, (n,).
+    """Which objects in line of sight stand before mirrors whose echoes go on behind them, brighter than theirs, (n,).
 
-    All echoes of one object do or none. A mirror tells if most of it is seen past all objects: else it may be an image
-    that these reflect, as behind a wall that is seen edge-on. In a volume, nothing is said.
+    The answer is the same for all echoes of one object. A mirror counts only if most of it is seen past all objects:
+    otherwise it may be an image that these reflect, as behind a wall that is seen edge-on. In a volume, none.
 
     Parameters
     ----------
     objects : Echoes
     mirrors : sequence of Mirror
     crossing : (mirrors, directions) array [m]
-        Range at which each line of sight meets each mirror, infinite where it passes it by.
+        Range at which each line of sight meets each mirror; infinite where it misses the mirror.
     view : View
     """
     if not isinstance(view, ImageView) or not len(objects) or not mirrors:
@@ -77,7 +77,7 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     usual = np.array([mirror.strength for mirror in mirrors])[first] * 10.0 ** (-UNDIMMED_DB / 20.0)
 
     def summed(values: Array) -> Array:
-        """Their sum over the directions that each object covers, (objects,)."""
+        """Sum of the values over the directions that each object covers, (objects,)."""
         return np.bincount(covering, weights=values, minlength=len(depth)).astype(float)
 
     meets = summed(met)

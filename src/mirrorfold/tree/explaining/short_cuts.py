@@ -1,9 +1,9 @@
-"""Echoes that went one way by a rough wall's short cut and the other way by mirrors, where nothing stands.
+"""Echoes that went one way straight from a rough wall to an object, and the other way by mirrors.
 
-Where one mirror is seen in another, and shows a bright object, the first mirror may face that object itself. If it is
-rough, it scatters some of the wave straight to the object, which sends it back by way of both mirrors, and some takes
-the same path the other way round. The echo leaves and arrives in the direction of the object, so that no test by
-directions tells it; but its range is the mean of both ways, and short of the object's image.
+Let a mirror B be seen in a mirror A, and show a bright object. A may also face the object itself. If A is rough, it
+scatters some of the wave straight to the object, which sends it back by way of both mirrors; and some of the wave takes
+the same path in the opposite direction. The echo leaves and arrives in the direction of the object's image, so that the
+test by directions does not detect it. But its range is the mean of both ways, and less than that of the image.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from mirrorfold.tree.ordering import Order
 SHORT_CUT = "took a short cut by a rough wall one way, and came by mirrors the other"
 
 WEAKER_DB = -6.0
-"""Such an echo is so much weaker, at least, than the object that mirrors show: what a rough wall scatters is weaker,
-but the short cut is taken both ways round, which doubles the echo."""
+"""Largest level of such an echo over that of the object's image: what a rough wall scatters is weaker than what it
+reflects, but the short cut is taken in both directions, which doubles the echo."""
 
 ACROSS_CELLS = 1.5
-"""How far aside of the object, in resolution cells, the echo may be: both beams must meet the object."""
+"""Largest distance of the echo aside of the object, in resolution cells: both beams must meet the object."""
 
 APART_CELLS = 2.0
-"""What is fewer range cells away from the object's image may be a part of it."""
+"""Least distance of the echo from the object's image, in range cells: nearer echoes may be a part of the image."""
 
 
 def short_cuts(order: Order, echoes: Echoes) -> Mask:
-    """Which echoes stand where brighter ones would be seen by a short cut, (n,); in a volume none.
+    """Which echoes stand where brighter objects would appear by a short cut, (n,); in a volume none.
 
     Parameters
     ----------
     order : Order
         Of the mirrors, with the `face` of the same echoes.
     echoes : Echoes
-        Hidden ones, too: the bright object may be hidden by the very echo that is made of it.
+        All of them, also hidden ones: the bright object may be hidden by its own echo by the short cut.
     """
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):
@@ -64,9 +64,9 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
 
 
 def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Echoes, places: Array) -> Mask:
-    """Which echoes a rough wall makes of `bright` ones, which truly stand at `places` (m, 2) [m], (n,).
+    """Which echoes a rough wall makes, by a short cut, of `bright` ones with true places `places` (m, 2) [m], (n,).
 
-    Lines of sight truly meet the wall at `met` (n, 2) [m], in the image at ranges `crossing` (n,) [m].
+    Lines of sight meet the wall at true places `met` (n, 2) [m], and in the image at ranges `crossing` (n,) [m].
     """
     short = crossing[:, None] + np.linalg.norm(met[:, None] - places, axis=2)
     with np.errstate(invalid="ignore"):

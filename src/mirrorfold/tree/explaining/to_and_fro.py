@@ -1,10 +1,10 @@
-"""Echoes that have gone to and fro between an object and a wall beside it.
+"""Echoes of waves that went to and fro between an object and a wall beside it.
 
-An object near a wall sends a part of the wave on to that wall, square to it; the wall sends it back to the same place
-of the object, and this place to the radar. By a place at range r0, the distance d away from the wall, an echo stands at
-r0 + d in the same direction, behind the object; after a second turn another stands at r0 + 2 d. Where the object is
-smooth, all turns are glints, and the first echo is as bright as the object's own face: brightness does not tell it from
-the echo of another object.
+An object near a wall sends a part of the wave along the wall's normal to that wall. The wall sends it back to the same
+place of the object, and this place to the radar. For a place at range r0 and the distance d away from the wall, an echo
+stands in the same direction at r0 + d, behind the object, and after a second turn another at r0 + 2 d. If the object is
+smooth, all turns are glints, and the first echo is as bright as the object's own face: its brightness does not
+distinguish it from the echo of another object.
 """
 
 from __future__ import annotations
@@ -26,19 +26,20 @@ from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 TO_AND_FRO = "went to and fro between an object and a wall"
 
 APART_CELLS = 1.0
-"""What is fewer range cells apart is not told apart: a wall from a place beside it, an echo from one in front of it."""
+"""Least distance, in range cells, of a place from the wall, and of an echo behind that place: nearer ones are not
+resolved."""
 
 BRIGHTER_DB = 6.0, -10.0
-"""How much brighter an echo may be than the brightest of the object before it, after one turn and after two. A turn
-does not make an echo brighter, but speckle may. The vertex of a corner, a true object that stands at such a place, is
-brighter than the edges before it by 16 dB and more."""
+"""Largest level of an echo over the brightest echo of the object before it, after one turn and after two. A turn does
+not make an echo brighter, but speckle may. The vertex of a corner, a true object that stands at such a place, is at
+least 16 dB brighter than the edges before it."""
 
 
 def to_and_fro(found: Found, view: View) -> dict[Chain, Mask]:
-    """Which objects of each chain of mirrors went to and fro between a known object and a known wall, (n,) each.
+    """Which object echoes of each chain of mirrors went to and fro between a known object and a known wall, (n,) each.
 
-    The known object may be seen by way of other mirrors than the echo. In a volume nothing is said, nor of
-    curved mirrors and walls.
+    The known object may be seen by way of other mirrors than the echo. Volumes, and curved mirrors and walls, are not
+    tested.
 
     Parameters
     ----------
@@ -70,9 +71,10 @@ def to_and_fro(found: Found, view: View) -> dict[Chain, Mask]:
 def _behind(
     echoes: Echoes, stands: Array, way: Sequence[Mirror], sight: LinesOfSight, index: int
 ) -> tuple[Array, Array, Array]:
-    """Pairs of one of the places `stands` (n, 2) [m] and an echo behind it, (pairs,) each, and how far behind it [m].
+    """Pairs of a true place among `stands` (n, 2) [m] and an echo behind it, (pairs,) each, and how far behind it [m].
 
-    The mirrors of a way, the last of number `index`, show the place in a direction that its beam shares with the echo.
+    The place appears in the image by way of the mirrors `way`, the last of which has the number `index`, in a direction
+    whose beam also holds the echo.
     """
     view, seen = sight.view, stands
     for mirror in way:
@@ -92,7 +94,7 @@ def _behind(
 
 
 def _brightest(echoes: Echoes, view: ImageView) -> Array:
-    """Amplitude of the brightest echo of each echo's own object, before it or not told apart from it in range, (n,)."""
+    """Amplitude of the brightest echo of each echo's own object, of those before it or unresolved from it, (n,)."""
     level = echoes.amplitude.copy()
     of_object = object_numbers(view, echoes.range, echoes.direction) if len(echoes) else np.empty(0, dtype=np.intp)
     for number in np.unique(of_object):

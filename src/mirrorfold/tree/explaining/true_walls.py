@@ -1,4 +1,4 @@
-"""Flat walls where they truly stand: between them waves are followed to where their echoes are expected."""
+"""Flat walls at their true places, between which paths of waves are followed to predict the places of echoes."""
 
 from __future__ import annotations
 
@@ -11,34 +11,35 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
 
 EXPECTED_CELLS = 0.75
-"""How far an echo may be, in range cells, from where it is expected: it is seen half a cell off, and walls are, too."""
+"""Largest distance of an echo from where it is expected, in range cells: echoes and walls each err by half a cell."""
 
 BEYOND = 1.0
-"""How far a wall may go on beyond its ends, in lengths of what is seen of it: objects often hide half of it."""
+"""Largest length of a wall beyond either end, in lengths of its seen part: objects often hide half of a wall."""
 
 MOST_WALLS = 16
-"""The strongest walls that are looked at in pairs: the time grows with the square of their number."""
+"""Number of the strongest walls that are used in pairs: the time grows with its square."""
 
 Way = tuple[Mirror, ...]
-"""The mirrors on the way to what the last of them shows, the first first."""
+"""The mirrors of a chain, the nearest to the radar first."""
 
 
 def strongest_flat(ways: Iterable[Way]) -> list[Way]:
-    """The ways that end at the strongest walls, of those without any curved mirror."""
+    """The ways that end at the strongest walls, the strongest first, among those without a curved mirror."""
     flat = (way for way in ways if way and not any(mirror.curved for mirror in way))
     return sorted(flat, key=lambda way: -way[-1].strength)[:MOST_WALLS]
 
 
 def true_ends(way: Way) -> Array:
-    """Ends of the last mirror of a way where it truly stands, (2, d) [m]."""
+    """True places of the ends of the last mirror of a way, (2, d) [m]."""
     *before, wall = way
     return fold_of(before, wall.ends.shape[1])(wall.ends)
 
 
 def square_distances(places: Array, wall: Array) -> tuple[Array, Array]:
-    """How far places (n, 2) [m] are from a wall, square to it, and along it beyond its ends, (n,) [m] each.
+    """Distance of places (n, 2) [m] from the line of a wall, and how far along it they lie beyond its ends, (n,) [m]
+    each.
 
-    The latter is negative for places before the wall itself, whose ends are `wall` (2, 2) [m].
+    The latter is negative for places between the ends. `wall` (2, 2) [m] holds the ends.
     """
     start, end = wall
     along = np.abs((places - 0.5 * (start + end)) @ unit(end - start)) - 0.5 * float(np.linalg.norm(end - start))

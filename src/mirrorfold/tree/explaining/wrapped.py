@@ -1,8 +1,9 @@
-"""Echoes from beyond the ambiguous range, told by the curvature of their waves.
+"""Echoes from beyond the ambiguous range, found by the curvature of their waves.
 
-Equal steps of frequency cannot tell the range r of an echo from r + P, P the ambiguous range: a late echo stands in the
-image before the radar, where nothing is. Its waves give it away: what the places of transmitter and receiver add to the
-path by way of a point, a flat face or a corner at the distance rho, must fit to where it stands.
+Equal steps of frequency cannot tell the range r of an echo from r + P, with P the ambiguous range: a late echo stands
+in the image at r, where nothing is. But its waves have the curvature of waves from r + P. The places of transmitter and
+receiver lengthen the path by way of a point, a flat face or a corner at the distance rho by amounts that depend on rho.
+So each echo is compared with waves from r and with waves from r + P.
 """
 
 from __future__ import annotations
@@ -17,30 +18,32 @@ from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POI
 from mirrorfold.sweep.pairs import Pairs, pairs_of
 
 PAIRS = 1000, 8000
-"""Pairs of antennas that are used, a random choice: the more, the weaker is what stands elsewhere at the same range.
-The second number is for echoes that the first cannot tell from it, as between walls that face each other."""
+"""Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
+range become. The second number is for echoes that the first cannot separate from these, as between walls that face each
+other."""
 
 MOST_SAMPLES = 2**23
-"""Most samples of their range profiles; bounds the memory."""
+"""Largest number of samples in the range profiles of these pairs; bounds the memory."""
 
 IN_PHASE = 15.0
-"""Coherence, over that of random phases, from which on an echo can be told to come from farther away: the largest of
-some hundred random ones stays below."""
+"""Least coherence, over that of random phases, of an echo whose distance can be judged: the largest of some hundred
+random coherences stays below."""
 
 DIRECTION_STEP = 0.5
-"""Step of the directions that are tried, in resolution cells of the array."""
+"""Step between the directions that are tried, in resolution cells of the array."""
 
 
 def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
-    """How much better echoes at ranges [m] and u, (n,) each, fit to waves from one ambiguous range farther, (n,).
+    """How much better echoes at ranges [m] and u, (n,) each, fit waves from one ambiguous range farther away, (n,).
 
-    The ratio of two coherences, see `focusing.echoes.coherence`, each the largest over the directions into which an
-    echo spreads that is focused at the wrong distance, and over points, faces and corners. One where no waves fit.
+    This is the ratio of two coherences, for r + P over r, see `focusing.echoes.coherence`. Each is the largest over
+    points, faces and corners, and over the directions into which an echo spreads when it is focused at the wrong
+    distance. One where no waves fit.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        Of pairs, s(frequency, tx, rx).
+        A sweep of pairs, s(frequency, tx, rx).
     view : ImageView
     range_, u : (n,) arrays
     """
@@ -55,18 +58,18 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
 
 
 def profile_bytes(sweep: xr.Dataset) -> float:
-    """Memory [bytes] of the range profiles of pairs, and of what they are made from."""
+    """Memory [bytes] of the range profiles of pairs, and of the samples that they are computed from."""
     frequencies, *antennas = sweep["s"].shape[-3:]
     return 8.0 * (OVERSAMPLING + 1) * frequencies * max(_counts(frequencies, int(np.prod(antennas))))
 
 
 def _counts(frequencies: int, pairs: int) -> list[int]:
-    """How many pairs are looked at, and how many where these are too few."""
+    """Number of pairs that are used first, and of those that are used where the first are too few."""
     return [min(count, pairs, max(1, MOST_SAMPLES // (OVERSAMPLING * frequencies))) for count in PAIRS]
 
 
 def _ratio(pairs: Pairs, chosen: Index, view: ImageView, range_: Array, u: Array) -> Array:
-    """`wrapping_ratio` by some `chosen` pairs, (n,); NaN where they cannot tell an echo from what stands elsewhere."""
+    """`wrapping_ratio` from some `chosen` pairs, (n,); NaN where they cannot separate an echo from others."""
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     profile, step = profiles(pairs.s[:, chosen], pairs.wavenumber)
     period = 0.5 * profile.shape[1] * step
@@ -88,7 +91,7 @@ def _ratio(pairs: Pairs, chosen: Index, view: ImageView, range_: Array, u: Array
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
 
         def fit(distance: float, directions: Array) -> float:
-            """The largest coherence with waves from that distance."""
+            """The largest coherence with waves from that `distance` [m], over shapes and directions."""
             found = np.zeros(1)
             for shape in (POINT, FACE, CORNER):
                 coherence(

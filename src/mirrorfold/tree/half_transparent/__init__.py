@@ -1,7 +1,7 @@
-"""Walls that let a part of the waves pass: which echoes behind them were reflected, and which passed through.
+"""Half-transparent walls: which echoes behind them were reflected, and which passed through.
 
-* `transparent` sorts the echoes behind a wall, where two polarizations were measured.
-* `guessed` sorts them by geometry, where only one was measured.
-* `panes` tells the permittivity and thickness of a wall, from the ratio of both polarizations.
-* `wall_glints` tells them more sharply, from glints, whose whole spectrum bears the wall.
+* `transparent` sorts the echoes behind a wall, if two polarizations were measured.
+* `guessed` sorts them by geometry, if only one was measured.
+* `panes` finds the permittivity and thickness of a wall from the ratio of both polarizations.
+* `wall_glints` finds them more precisely from glints, whose whole spectrum is shaped by the wall.
 """

@@ -1,11 +1,12 @@
-"""In the mirror, or through it, where only one polarization was measured: a guess from geometry alone.
+"""Reflected by a wall, or passed through it, if only one polarization was measured: a guess from geometry alone.
 
-An object that the image shows behind a wall may stand there, or before the wall where its echoes fold to. Geometry
-tells only if the object is seen otherwise, too: at one of both places by way of other mirrors, or directly before the
-wall. Then it stands there. It tells nothing that the radar does not see the object before the wall, for it may turn a
-smooth face to the mirror alone; nor that it is seen past the end of the wall, too, for from one end of the array to the
-other the end of a mirror moves before what it shows. All echoes of an object are decided together, and a wall of which
-geometry tells nothing stays a mirror.
+An object that the image shows behind a wall may stand there, seen through the wall, or before the wall, where its
+echoes fold to. Geometry decides only if the object is also seen elsewhere: at one of the two places by way of other
+mirrors, or directly before the wall. Then it stands there. Two other facts decide nothing. If the radar does not see
+the object before the wall, the object may turn a smooth face to the mirror alone. If the object is also seen past the
+end of the wall, it may still be mirrored, for from one end of the array to the other the end of a mirror moves before
+the objects that the mirror shows. All echoes of an object are decided together. A wall about which geometry says
+nothing stays a mirror.
 """
 
 from __future__ import annotations
@@ -26,21 +27,22 @@ from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST, UN
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 GUESS = 0.8
-"""Probability of what geometry tells. It is no more: an object may stand where a mirror would show another."""
+"""Probability of the place that geometry decides for. It is not higher, as one object may stand where a mirror would
+show another."""
 
 SAME_PLACE = 1.5
-"""Two echoes show the same place up to so many resolution cells."""
+"""Largest distance of two echoes that show the same place, in resolution cells."""
 
 
 def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) -> Found:
-    """Steps 2 to 4 once more without what, by geometry, passed through walls; the same as before where nothing did.
+    """Steps 2 to 4 once more without the echoes that, by geometry, passed through walls; unchanged if none did.
 
-    Beside curved mirrors nothing is guessed: what they show is sorted by other means.
+    If any mirror is curved, nothing is guessed: the echoes behind curved mirrors are judged by other tests.
 
     Parameters
     ----------
     found : Found
-        With all echoes taken for reflected ones.
+        The result with all echoes behind walls taken for reflected ones.
     view : View
     every : Echoes
         All echoes of the view.
@@ -66,16 +68,16 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) 
 def passage(
     found: Found, view: View, node: MirrorTree, folds: Mapping[Chain, Fold], ways: Mapping[Chain, tuple[Mirror, ...]]
 ) -> Array:
-    """The probability that each echo behind a wall, seen by way of `node`, passed through the wall, (n,)."""
+    """Probability that each object echo of `node`, behind its wall, passed through the wall, (n,)."""
     echoes, chain = node.objects, node.chain
     folded = folds[chain](echoes.position)
     others = [other for other in found.tree.walk() if other is not node]
-    # What stands behind the wall is shown there by no chain that begins with it.
+    # An object behind the wall is seen there by chains that do not begin with the wall.
     around = [other for other in others if other.chain and other.chain[: len(chain)] != chain]
     there = _shown(view, echoes.position, [_seen_around(other, ways, ways[chain], view) for other in around])
     mirrored = _shown(view, folded, [folds[other.chain](other.objects.position) for other in others])
     number = object_numbers(view, echoes.range, echoes.direction)
-    # An object that is seen at both places tells nothing.
+    # An object that is seen at both places decides nothing.
     passed = _told(number, there & ~mirrored, view, echoes)
     reflected = _told(number, mirrored & ~there, view, echoes)
     return np.select([passed & ~reflected, reflected & ~passed], [GUESS, 1.0 - GUESS], UNDECIDED)
@@ -84,22 +86,22 @@ def passage(
 def _seen_around(
     node: MirrorTree, ways: Mapping[Chain, tuple[Mirror, ...]], wall: tuple[Mirror, ...], view: View
 ) -> Array:
-    """Where objects of a node truly stand, without those whose last stretch of way meets a wall, (n, d) [m].
+    """True places of the objects of a node, without those whose path meets a wall on its last leg, (n, d) [m].
 
-    For in every mirror that shows the wall, what the wall reflects seems to stand behind it, too.
+    Those are left out because every mirror that shows the wall also shows, behind it, the objects that it reflects.
     """
     leaves, stands = last_leg(node.objects, ways[node.chain], view)
     return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
 
 
 def _told(number: Index, told: Mask, view: View, echoes: Echoes) -> Mask:
-    """Echoes of objects that have enough resolution cells with echoes that are `told`, (n,)."""
+    """Which echoes are of objects with enough resolution cells that hold echoes marked `told`, (n,)."""
     pairs = np.unique(np.stack([number, view.cell_numbers(echoes.position)])[:, told], axis=1)
     return np.asarray((np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number])
 
 
 def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
-    """Which places (n, d) [m] are the same as some that are `seen`, arrays of (m, d) [m]: (n,)."""
+    """Which places (n, d) [m] agree with one of the places in `seen`, arrays of (m, d) [m]: (n,)."""
     elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
     if not len(elsewhere):
         return np.zeros(len(places), dtype=bool)

@@ -1,12 +1,12 @@
 """Half-transparent walls: their permittivity and thickness, from echoes behind them in two polarizations.
 
-Of an echo that the wall reflected on both ways, TE and TM bear its coefficients R^2; of one that passed through it,
-T^2. What scattered it is unknown, and taken to send both polarizations back alike up to a phase (of conductors: plus
-for one reflection, minus for two). So at every frequency the pair (TE, TM) should be parallel to (R_TE^2, R_TM^2) or
-to (T_TE^2, T_TM^2); the share of its power that is not, for all frequencies, is the misfit of either. One wall has to
-serve all echoes behind it, over angle and frequency: its permittivity and thickness are those that make the likelihood
-largest of a mixture of reflected, transmitted and other echoes (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39, 1,
-1977).
+An echo that the wall reflected on both ways is multiplied by R^2 of TE and of TM; an echo that passed through the wall,
+by T^2. The object that scattered it is unknown. It is assumed to return both polarizations alike up to a phase (for
+conductors: plus for one reflection, minus for two). So at every frequency the pair (TE, TM) should be parallel to
+(R_TE^2, R_TM^2) or to (T_TE^2, T_TM^2). The share of its power, over all frequencies, that is not parallel is the
+misfit of that kind. All echoes behind a wall, over angle and frequency, have the same permittivity and thickness: those
+that maximise the likelihood of a mixture of reflected, transmitted and other echoes (Dempster, Laird and Rubin, J. R.
+Stat. Soc. B 39, 1, 1977).
 """
 
 from __future__ import annotations
@@ -25,40 +25,41 @@ from mirrorfold.common.types import Array, Index, Mask
 Spectra = NDArray[np.complex128]
 
 PERMITTIVITY = 1.8, 10.0
-"""Between which the permittivity of building materials lies at these frequencies: wood and concrete at the ends
-(Recommendation ITU-R P.2040)."""
+"""Least and largest relative permittivity that is tried: between these, building materials lie at these frequencies,
+wood and concrete at the ends (Recommendation ITU-R P.2040)."""
 
 LOSSES = 0.002, 0.02, 0.06, 0.18
 """Loss tangents that are tried first."""
 
 STEP = 0.6
-"""Of the phase of one way through the wall and back, between thicknesses that are tried first [rad]."""
+"""Step between the thicknesses that are tried first: phase of one way through the wall and back [rad]."""
 
 THINNEST, THICKEST = 0.15, 1.5
-"""Optical thickness that is looked for, in range cells: of a thinner wall only the permittivity times the thickness is
-told, and the two faces of a thicker one have echoes of their own."""
+"""Least and largest optical thickness that is tried, in range cells: a thinner wall shows only the product of
+permittivity and thickness, and the two faces of a thicker one have separate echoes."""
 
 MISMATCH = 0.1
-"""Amplitude of what is not as the model says, over that of the echo: 20 dB, neighbours and side lobes."""
+"""Amplitude of what the model leaves out, neighbours and side lobes, over that of the echo: 20 dB below it."""
 
 OBJECT_DB, ECHO_DB = 2.0, 1.0
-"""How much stronger one polarization may come back than the other from what a metal mirror shows [dB]: by the same
-number for all echoes; and besides by a number of its own for each echo, which is tried with zero, too."""
+"""Standard deviations of the ratio of TM to TE of objects that a metal mirror shows [dB]: of a ratio that all echoes
+share, and of another one of each echo, for which zero is tried, too."""
 
 SHARED = 3.0
-"""Neighbouring echoes share so much of their spectra: the windows that cut them out are six cells long and overlap."""
+"""Number of neighbouring echoes that count as one independent echo: the windows that cut them out are six cells long
+and overlap."""
 
 OTHER = 0.02
-"""Share of echoes that are neither reflected nor transmitted, and whose pairs of amplitudes may be any."""
+"""Share of other echoes, neither reflected nor transmitted, whose pair of amplitudes may be any."""
 
 MOST_ODDS = -np.log(OTHER)
-"""Largest logarithm of the odds that a single echo may give."""
+"""Largest logarithm of the odds that a single echo may contribute."""
 
 SHARES = 0.05, 0.2, 0.4, 0.6, 0.8, 0.95
-"""Of the echoes behind a wall that passed through it, that are tried."""
+"""Shares of passed echoes, among those behind a wall, that are tried."""
 
 BATCH = 400
-"""Walls that are tried at once; bounds the memory."""
+"""Number of walls that are tried at once; bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +69,16 @@ class Pairs:
     Attributes
     ----------
     te, tm : (n, m) complex arrays
-        Spectra.
+        Spectra of the echoes.
     angle : (n,) array [rad]
-        Of incidence on the wall.
+        Angle of incidence on the wall.
     wavenumber : (m,) array [rad/m]
     noise : (n,) array
-        Power of the noise over that of the echo, of one independent value.
+        Power of the noise over that of the echo, for one independent value.
     independent : float
-        Values of each spectrum.
+        Number of independent values of each spectrum.
     cell : float [m]
-        Of range.
+        Range cell.
     """
 
     te: Spectra
@@ -89,7 +90,7 @@ class Pairs:
     cell: float
 
     def some(self, most: int) -> Pairs:
-        """No more than so many echoes, evenly chosen by the angle of incidence."""
+        """At most so many of the echoes, evenly chosen by the angle of incidence."""
         if self.angle.size <= most:
             return self
         return self.take(np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)]))
@@ -100,42 +101,43 @@ class Pairs:
         return replace(self, **each)
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
-        """The misfits of reflection and of transmission at walls (w,), (w, n) each."""
+        """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
         walls = permittivity[:, None, None], thickness[:, None, None]
         te, tm = both_polarizations(*walls, self.wavenumber, self.angle[:, None])
         reflected, passed = (parallel_misfit(self.te, self.tm, a**2, b**2) for a, b in zip(te, tm, strict=True))
         return reflected, passed
 
     def log_likelihood(self, misfit: Array) -> Array:
-        """Logarithm of the likelihood of a misfit, without a constant."""
+        """Logarithm of the likelihood of a `misfit`, up to a constant."""
         return np.asarray(-self.independent * misfit / (MISMATCH**2 + self.noise))
 
     @property
     def other(self) -> Array:
-        """`log_likelihood` for echoes of any amplitudes, (n,): the mean over all pairs of two, of misfit a half."""
+        """`log_likelihood` of other echoes, (n,): its mean over all pairs of amplitudes, of a mean misfit of a half."""
         return np.asarray(np.log(OTHER) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise)))
 
     def mixed(self, reflected: Array, passed: Array) -> tuple[Array, Array]:
-        """Logarithm of the likelihood of a mixture of both, by their misfits (w, n), and of others, summed, (w,); and
-        the share of what passed with which it is largest.
+        """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, from the misfits (w, n) of
+        the first two, summed over echoes, (w,); and the share of passed echoes that makes it largest, (w,).
         """
         kinds = self.log_likelihood(reflected), self.log_likelihood(passed)
         return best_mixture(*kinds, self.other, lambda each: each.sum(-1))
 
     def alone(self, misfit: Array) -> Array:
-        """Logarithm of the likelihood of one kind, by its misfit (w, n), and of others, summed, (w,)."""
+        """Logarithm of the likelihood of one kind, from its misfit (w, n), and of others, summed over echoes, (w,)."""
         return np.asarray(np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1))
 
     def with_metal(self, spread_db: float) -> float:
-        """Logarithm of the likelihood of a metal mirror, whose objects may send one polarization back stronger than the
-        other: all alike, and each echo by so many decibels more.
+        """Logarithm of the likelihood of a metal mirror, whose objects may return one polarization stronger than the
+        other: all of them by one ratio (`OBJECT_DB`), and each echo by another one of its own (`spread_db`).
         """
         te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
         common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
-        # At its best ratio of amplitudes, the misfit is the smaller eigenvalue of their covariance.
+        # At its best ratio of amplitudes, the misfit of an echo is the smaller eigenvalue of their covariance.
         least = 0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm))
         ratio = 0.5 * np.log(tm / te)
-        # A ratio that is off by the factor exp(q) has a misfit of (q / 2)^2: the standard error of its logarithm.
+        # A ratio that is off by the factor exp(q) adds a misfit of (q / 2)^2. From this follows the standard error of
+        # the ratio's logarithm.
         variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
         own = variance + (spread_db / 20.0 * np.log(10.0)) ** 2
         sigmas = np.linspace(-3.0, 3.0, 61)
@@ -144,11 +146,11 @@ class Pairs:
         return float(logsumexp(prior + np.logaddexp(each, self.other).sum(axis=-1)) - logsumexp(prior))
 
     def log_odds(self, pane: Pane) -> tuple[Array, Mask]:
-        """Logarithm of the odds of each echo that it passed through the wall instead of being reflected; and whether it
-        is like neither, (n,) each.
+        """Logarithm of the odds that each echo passed through the wall, against reflection; and whether each is more
+        likely neither, (n,) each.
 
-        Rough objects scatter TE and TM a little differently, so that a single echo may seem to be of the wrong kind:
-        none tells more than the share of other echoes allows.
+        Rough objects scatter TE and TM a little differently, so that a single echo may seem to be of the wrong kind.
+        So the odds are limited to `MOST_ODDS`, as the share of other echoes demands.
         """
         misfits = self.misfits(np.array([pane.permittivity]), np.array([pane.thickness]))
         reflected, passed = (self.log_likelihood(misfit[0]) for misfit in misfits)
@@ -159,9 +161,9 @@ class Pairs:
 def best_mixture(
     reflected: Array, passed: Array, other: Array | float, total: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Logarithm of the likelihood of echoes of which a share passed, and that of `SHARES` with which it is largest.
+    """Logarithm of the likelihood of a mixture of kinds of echoes, for the best of `SHARES`; and that share, (w,) each.
 
-    `reflected`, `passed` and `other` are the logarithms for each echo (w, n), which `total` sums up to (w,).
+    `reflected`, `passed` and `other` are the logarithms for each echo and kind, (w, n); `total` sums them over echoes.
     """
     each = np.stack([
         total(np.logaddexp(np.logaddexp(reflected + np.log1p(-share), passed + np.log(share)), other))
@@ -171,7 +173,7 @@ def best_mixture(
 
 
 def parallel_misfit(echo_te: Spectra, echo_tm: Spectra, te: Spectra, tm: Spectra) -> Array:
-    """The share of the power of echoes (n, m) that is not parallel to the pair (te, tm) of walls, (w, n)."""
+    """Share of the power of echoes (n, m) that is not parallel to the pairs (te, tm) of walls, (w, n, m): (w, n)."""
     size = np.maximum(np.abs(te) ** 2 + np.abs(tm) ** 2, np.finfo(float).tiny)
     one, other = tm * echo_te, te * echo_tm
     left = np.sum((np.abs(one) ** 2 + np.abs(other) ** 2) / size, axis=-1)
@@ -181,25 +183,25 @@ def parallel_misfit(echo_te: Spectra, echo_tm: Spectra, te: Spectra, tm: Spectra
 
 @dataclass(frozen=True)
 class Pane:
-    """A wall that lets waves through.
+    """A half-transparent wall: its material and thickness, and the evidence that it lets waves pass.
 
     Attributes
     ----------
     permittivity : complex
-        Relative, ``eps' - j eps''``.
+        Relative permittivity, ``eps' - j eps''``.
     thickness : float [m]
     permittivity_error, thickness_error : float
-        Standard errors, of the real part and [m].
+        Standard errors of the real part of the permittivity, and of the thickness [m].
     evidence, against_metal : float
-        Logarithm of how much more likely the echoes are with it than with a wall of it that only reflects; and than
-        with one of metal, whose objects may prefer one polarization.
+        Logarithm of the likelihood of the echoes with this wall over that with a wall of the same kind that only
+        reflects; and over that with a metal mirror, whose objects may return one polarization stronger.
     share : float
-        Of the echoes behind it that passed through it.
+        Share of passed echoes among those behind the wall.
     against_alike : float
-        The same as `against_metal`, if what metal shows sends both polarizations back by one ratio: what passes a thin
-        wall at small angles may be shown by metal as well.
+        As `against_metal`, if all objects that the metal mirror shows have the same ratio of TM to TE: echoes that
+        passed a thin wall at small angles look the same as echoes in metal.
     rms_height : float [m]
-        Of the roughness of both faces, as it dims the coherent wave.
+        Roughness of both faces, as it dims the coherent wave.
     """
 
     permittivity: complex
@@ -214,7 +216,7 @@ class Pane:
 
 
 def find_pane(pairs: Pairs) -> Pane:
-    """The wall that serves all echoes best, and how much better than one that only reflects."""
+    """The wall that explains all echoes best, and the evidence that it does not only reflect."""
     trials, thickness = _trials(pairs)
     both, mirror = [], []
     for first in range(0, trials.size, BATCH):
@@ -225,7 +227,7 @@ def find_pane(pairs: Pairs) -> Pane:
     score, opaque = np.concatenate(both), np.concatenate(mirror)
     peaks = [_polished(pairs, trials[i], thickness[i]) for i in _peaks(score, trials, thickness)]
     best, height, covariance = max(peaks, key=lambda peak: peak[1])
-    # Other walls may be nearly as likely, such as those whose phases differ by whole turns: the errors hold them all.
+    # Other walls may be nearly as likely, such as those whose phases differ by whole turns: the errors include these.
     weight = np.exp((score - score.max()) / SHARED)
     real, width = (np.average((tried - at) ** 2, weights=weight) for tried, at in ((trials.real, best[0]),
                                                                                    (thickness, best[2])))  # fmt: skip
@@ -246,7 +248,7 @@ def find_pane(pairs: Pairs) -> Pane:
 
 
 def _trials(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
-    """Permittivities and thicknesses of walls to try, (w,) each."""
+    """Permittivities and thicknesses [m] of walls to try, (w,) each."""
     middle = float(pairs.wavenumber.mean())
     found: list[tuple[Array, Array]] = []
     for real in np.geomspace(*PERMITTIVITY, 18):
@@ -258,11 +260,11 @@ def _trials(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
 
 
 PEAKS = 12
-"""Best trials from which the likelihood is climbed."""
+"""Number of best trials from which a peak of the likelihood is searched."""
 
 
 def _peaks(score: Array, eps: NDArray[np.complex128], thickness: Array) -> list[int]:
-    """The best trials, no two of them neighbours."""
+    """Indices of the best trials, no two of them neighbours in permittivity and thickness."""
     found: list[int] = []
     place = np.stack([np.log(eps.real) / 0.1, thickness / thickness.mean() / 0.05])
     for index in np.argsort(-score):
@@ -274,7 +276,9 @@ def _peaks(score: Array, eps: NDArray[np.complex128], thickness: Array) -> list[
 
 
 def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, float, Array]:
-    """Permittivity, loss tangent and thickness of the peak near a trial; its likelihood; and their covariance."""
+    """Permittivity, loss tangent and thickness [m] at the peak near a trial, (3,); the logarithm of the likelihood
+    there; and the covariance of the three numbers, (3, 3).
+    """
     scale = np.array([0.1, 0.01, 0.1 / (2.0 * float(pairs.wavenumber.mean()) * np.sqrt(eps.real))])
     start = np.array([eps.real, -eps.imag / eps.real, thickness])
 
@@ -292,9 +296,10 @@ def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, floa
 
 
 def covariance(cost: Callable[[Array], float], at: Array, *, step: float = 0.3, least: float = 1e-6) -> Array:
-    """Inverse of the second derivatives of a negative logarithm of a likelihood of n numbers, (n, n).
+    """Covariance of n numbers, (n, n): the inverse of the second derivatives of `cost`, the negative log-likelihood.
 
-    They are differences over twice a `step`, and taken for no smaller than the `least`, where nothing tells.
+    Derivatives are differences over twice a `step`. Their eigenvalues are at least `least`: smaller ones mean that the
+    data say nothing about that combination of numbers.
     """
     units = step * np.eye(at.size)
     slopes = np.array([

@@ -1,10 +1,10 @@
-"""In the mirror, or through it? Which echoes passed through a half-transparent wall, told by two polarizations.
+"""Reflected by a half-transparent wall, or passed through it: the echoes are sorted with two polarizations.
 
-What was reflected bears the wall's R^2, what passed through it T^2, and both differ between TE and TM, most near
-Brewster's angle (`panes`). A wall counts as transparent where a mixture of both explains the echoes behind it better
-than a mirror does, dielectric or metal; else nothing changes. What passed is taken out before mirrors and their order
-are found once more: it hides nothing of what the mirror shows. Of what passed, as of what is seen directly, the first
-echo in each line of sight is an object, and what lies behind it multiple scattering.
+A reflected echo is multiplied by R^2 of the wall, an echo that passed through it by T^2. Both differ between TE and TM,
+most near Brewster's angle (`panes`). A wall counts as transparent if a mixture of reflected and passed echoes explains
+the echoes behind it better than a mirror does, dielectric or metal; otherwise nothing changes. Echoes that passed are
+taken out, and mirrors and their order are found once more, for such echoes hide nothing of what the mirror shows. As in
+direct view, the first passed echo in each line of sight is an object, and later ones are multiple scattering.
 """
 
 from __future__ import annotations
@@ -30,57 +30,59 @@ from mirrorfold.tree.half_transparent.wall_glints import Glints, measured
 from mirrorfold.tree.lines_of_sight import Cover
 
 EVIDENCE, AGAINST_METAL = 5.0, 15.0
-"""Least logarithm of the odds of a transparent wall against one of its material that only reflects, and against one of
-metal: the four numbers of a wall fit some noise, neighbouring echoes share much of their spectra, and a mirror may show
-objects that are no metal."""
+"""Least logarithm of the odds of a transparent wall: against a wall of the same kind that only reflects, and against a
+metal mirror. They are above zero because the four numbers of a wall also fit some noise, neighbouring echoes share much
+of their spectra, and a mirror may show objects that are not of metal."""
 
 FEWEST = 3
-"""Resolution cells with echoes behind a wall that can tell what it is."""
+"""Least number of resolution cells with echoes behind a wall from which its material can be found."""
 
 MOST_PAIRS = 150
-"""So many echoes, evenly chosen, tell what a wall is; a volume has thousands, and its cells overlap."""
+"""Largest number of echoes, evenly chosen, from which a wall is found: a volume has thousands, and its cells
+overlap."""
 
 NOISE_LIMIT = 6.0
-"""The limit that noise stays below, over its standard deviation, see `noise_limit`."""
+"""The limit that noise stays below, in standard deviations, see `noise_limit`."""
 
 SAME_LINE, SAME_WAY_DEG = 1.0, 10.0
-"""A wall is the same one after its echoes were sorted, if it moved by less than so many cells, and turned by less than
-this [degree]: walls that meet in a corner differ by far more."""
+"""A wall that is found once more after its echoes were sorted is the same if it moved by at most this many resolution
+cells, and turned by less than this [degree]: walls that meet in a corner differ by far more."""
 
 ANGLE_STEP = 1e-3
-"""Over which a delay is differentiated [rad]."""
+"""Step over which a delay is differentiated by the angle of incidence [rad]."""
 
 NEIGHBOURS = 1.5
-"""Echoes no farther apart, in resolution cells, are decided together."""
+"""Largest distance of echoes that are decided together, in resolution cells."""
 
 UNDECIDED = 0.5
-"""Probability where nothing tells."""
+"""Probability of an echo that is not decided."""
 
 BY_POLARIZATION, BY_GEOMETRY = "polarization", "geometry"
-"""By what it was decided which echoes passed through a wall; the latter is a guess."""
+"""The evidence by which the echoes of a wall were sorted; geometry gives a guess only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A half-transparent wall, and what is seen behind it.
+    """A half-transparent wall, and the echoes behind it.
 
     Attributes
     ----------
     mirror : Mirror
     pane : Pane or None
-        None where geometry alone tells what passed, see `mirrorfold.tree.half_transparent.guessed`, or nothing tells.
+        The wall's material. None if echoes were sorted by geometry alone, see
+        `mirrorfold.tree.half_transparent.guessed`, or not at all.
     echoes : Echoes
-        Those that passed through it.
+        Echoes that passed through the wall.
     place : (n, d) array [m]
-        Where the objects that sent these echoes stand: without the delay and the shift of the wall.
+        True places of their objects: without the delay and the shift aside that the wall causes.
     probability : (n,) array
-        That they passed.
+        Probability of each that it passed.
     tested : (m, d) array [m]
-        Where all echoes behind the wall stand in the image ...
+        Places in the image of all echoes behind the wall.
     passed : (m,) array
-        ... and the probability of each that it passed.
+        Probability of each of these that it passed.
     decided : str
-        By what that was decided, `BY_POLARIZATION` or `BY_GEOMETRY`.
+        The evidence by which they were sorted, `BY_POLARIZATION` or `BY_GEOMETRY`.
     """
 
     mirror: Mirror
@@ -94,7 +96,7 @@ class Window:
 
 
 class Again(Protocol):
-    """Steps 2 to 4 with some of the echoes, see `mirrorfold.tree.rounds.find_tree`."""
+    """Does steps 2 to 4 with some of the echoes, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes) -> Found: ...  # noqa: D102
 
@@ -102,16 +104,16 @@ class Again(Protocol):
 def find_transparent(
     found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, again: Again
 ) -> Found:
-    """Steps 2 to 4 once more without what passed through walls; the same as before where no wall is transparent.
+    """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if no wall is transparent.
 
     Parameters
     ----------
     found : Found
-        With all echoes taken for reflected ones.
+        The result with all echoes behind walls taken for reflected ones.
     view : View
-        Of one of the images.
+        The view of one of the images.
     images : mapping of str to DataArray
-        Complex, by polarization, "TE" and "TM".
+        Complex images by polarization, "TE" and "TM".
     every : Echoes
         All echoes of the view.
     again : callable
@@ -127,20 +129,21 @@ def find_transparent(
 
 
 def taken_out(found: Found, windows: Sequence[Window], view: View, every: Echoes, again: Again) -> Found:
-    """Steps 2 to 4 once more without what passed through windows; the same as before where there are none."""
+    """Steps 2 to 4 once more without the echoes that passed through `windows`; unchanged if there are none."""
     if not windows:
         return found
     gone = np.isin(_key(every), np.concatenate([_key(window.echoes) for window in windows]))
     result = again(echoes=every.take(~gone)) if gone.any() else found
-    return result._replace(windows=tuple(_seen(_moved(window, result), view) for window in windows))
+    return result._replace(windows=tuple(_first_objects(_with_new_mirror(window, result), view) for window in windows))
 
 
 def look_through(
     found: Found, view: View, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
 ) -> Window | None:
-    """What is seen behind a mirror, sorted; None if nothing tells that it is transparent.
+    """Sort the echoes behind a mirror; None if nothing indicates that the mirror is transparent.
 
-    Where metal would serve as well, what is behind may be either: it is all taken for reflected, with doubt.
+    If a metal mirror would explain the echoes as well, they may be reflected or passed: all of them are then taken for
+    reflected, with the probability `UNDECIDED`.
     """
     echoes = found.echoes
     crossing = found.sight.crossing[index][echoes.direction]
@@ -157,7 +160,7 @@ def look_through(
     if pane.against_alike < EVIDENCE or not (known or pane.evidence >= EVIDENCE):
         return None
     glints = None
-    if known and view.dimensions == 2:  # what a beam of a scan meets has a depth of its own, and is no glint
+    if known and view.dimensions == 2:  # in a scan, what a beam meets has a depth of its own, and is no glint
         glints = glints_of(view, images, echoes.take(brightest), pairs)
         pane = measured(glints, pane)
     if pane.evidence < EVIDENCE:
@@ -170,7 +173,7 @@ def look_through(
             odds = glints.log_odds(pane)
         passed = expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell]
         through = passed > UNDECIDED
-        # Echoes like neither, behind objects that passed, are multiple scattering between these and the wall's back.
+        # Echoes like neither kind, behind objects that passed, are multiple scattering between object and wall.
         clear = Cover.of(echoes.take(through), view).clear(echoes.range, echoes.direction, echoes.amplitude)
         behind_it = neither[cell] & ~through & ~clear
         passed[behind_it], through = UNDECIDED, through | behind_it
@@ -182,9 +185,9 @@ def look_through(
 
 
 def agreed_odds(place: Array, odds: Array) -> Array:
-    """Logarithms of the odds of echoes (n,) with those of their neighbours, at places (n, d) in resolution cells.
+    """Logarithms of the `odds` of echoes, (n,), summed over each echo and its neighbours; `place` (n, d) is in cells.
 
-    Echoes close together are mostly those of one object, and passed or were reflected as a whole.
+    Echoes close together are mostly of one object, which passed or was reflected as a whole.
     """
     near = np.abs(place[:, None] - place).max(axis=-1) <= NEIGHBOURS
     return np.asarray(near @ odds)
@@ -196,7 +199,7 @@ def _cells(view: View, echoes: Echoes) -> tuple[Index, Index]:
 
 
 def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
-    """Echoes behind a wall in both polarizations."""
+    """Spectra of echoes behind a wall in both polarizations, and what is needed to judge them."""
     te, tm = (spectra(view, images[name], echoes.position) for name in ("TE", "TM"))
     return Pairs(
         te=te,
@@ -210,7 +213,7 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
 
 
 def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints:
-    """The same echoes, of which any may be glints."""
+    """The same echoes with the spectra of whole echoes, for the test for glints."""
     te, tm = (spectra(view, images[name], echoes.position, whole=True) for name in ("TE", "TM"))
     return Glints(pairs, te, tm, tapers(images["TE"]), view.in_cells(echoes.position))
 
@@ -223,17 +226,17 @@ def incidence(view: View, position: Array, mirror: Mirror) -> Array:
 
 
 def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
-    """Where objects stand that are seen through a wall at places (n, d) [m] of the image.
+    """True places (n, d) [m] of objects that are seen through a wall at places (n, d) [m] of the image.
 
-    The wall makes the way longer by a length L that depends on the angle of incidence t. An array focuses on a place as
-    much farther, and ``dL/dt`` aside, away from the normal.
+    The wall lengthens the path by a length L that depends on the angle of incidence t. An array therefore focuses the
+    echo at a place farther away by L, and shifted by ``dL/dt`` aside, away from the normal.
     """
     angle = incidence(view, position, mirror)
     away = position - view.radar
     sight = away / np.linalg.norm(away, axis=1)[:, None]
     inward = mirror.inward(view)
     aside = sight - (sight @ inward)[:, None] * inward
-    # Across the line of sight, away from the normal, where the angle of incidence grows.
+    # Unit vectors across the line of sight, away from the normal: there the angle of incidence grows.
     across = aside - np.sum(aside * sight, axis=1)[:, None] * sight
     size = np.linalg.norm(across, axis=1)[:, None]
     across = np.where(size > 0.0, across / np.maximum(size, np.finfo(float).tiny), 0.0)
@@ -243,9 +246,9 @@ def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: 
 
 
 def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
-    """By how much [m] what is seen through a wall seems farther away, at angles of incidence (n,) [rad].
+    """Length [m] by which objects appear farther away through a wall, at angles of incidence (n,) [rad].
 
-    The delay of the middle of the pulse: the mean slope of the phase of T over the band, with the weights of its power.
+    This is the delay of the middle of the pulse: the mean slope of the phase of T over the band, weighted with power.
     """
     wall = pane.permittivity, pane.thickness, wavenumber, angle[:, None]
     passed = slab(*wall, "TE", rms_height=pane.rms_height)[1]
@@ -255,12 +258,12 @@ def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
 
 
 def _key(echoes: Echoes) -> Array:
-    """A number for each echo by its place along its line of sight, (n,)."""
+    """A complex number that identifies each echo, from its direction and range, (n,)."""
     return np.asarray(echoes.direction + 1j * echoes.range)
 
 
-def _moved(window: Window, found: Found) -> Window:
-    """The window with its mirror as it was found anew; the nearest one in line of sight, if it stands there."""
+def _with_new_mirror(window: Window, found: Found) -> Window:
+    """The window with its mirror as it was found anew: the nearest one in line of sight, if it is at the same place."""
     old = window.mirror
     lines = [node.line for node in found.tree.mirrors if node.line is not None and not node.line.curved]
     near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))]
@@ -271,8 +274,8 @@ def _moved(window: Window, found: Found) -> Window:
     return replace(window, mirror=best) if abs(float(best.beside(old.center))) <= SAME_LINE * cell else window
 
 
-def _seen(window: Window, view: View) -> Window:
-    """The window with only the first object along each line of sight through it."""
+def _first_objects(window: Window, view: View) -> Window:
+    """The window with only the first object along each line of sight through the wall."""
     echoes = window.echoes
     if not len(echoes):
         return window
