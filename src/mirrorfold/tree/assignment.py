@@ -27,7 +27,8 @@ class Found(NamedTuple):
     Attributes
     ----------
     echoes : Echoes
-        Echoes that were kept: all but those of `elsewhere`.
+        Echoes from which the mirrors and their order were found. Of `elsewhere`, they hold only the echoes that were
+        left out after that.
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight

@@ -81,7 +81,7 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             found, rows, _ = find_short(found, view, steps, minimum_length=shortest, besides=rows)
-        # Short and curved walls may be half-transparent, too.
+        # Short and curved walls are half-transparent as often as other walls.
         if both and rows:
             found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
     if passable and not polarizations:

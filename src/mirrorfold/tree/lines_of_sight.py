@@ -61,7 +61,11 @@ class Cover(NamedTuple):
 
     @classmethod
     def of(cls, objects: Echoes, view: View) -> Cover:
-        """What objects hide: in the directions that each covers, all behind it that is not stronger by `CLEAR_DB`."""
+        """What objects hide.
+
+        In the directions that it covers, an object hides all that is farther behind it than an object is deep
+        (`View.object_depth`), unless that is stronger than the object by `CLEAR_DB`.
+        """
         row, direction = view.within(objects.position, view.covered_angle)
         begin = (objects.range + view.object_depth(objects.range))[row]
         level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]

@@ -1,4 +1,4 @@
-"""Tests of echoes and mirrors that need the sweep: its image alone does not tell what they find."""
+"""Tests of echoes and mirrors that need the sweep: the image alone does not hold enough for them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ class Measured:
         Why each of n echoes does not come from where the image shows it, (n,) str: mixed path, beyond the ambiguous
         range, grating lobe. Empty for echoes that do come from there.
     beside : callable, optional
-        Where mirrors of an order end, told by which antennas see past their ends; see `half_shadows`.
+        How far beyond their ends the mirrors of an order are met, from which antennas see past the ends; see
+        `half_shadows`.
     share : callable, optional
         Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
         it went, (n,); see `directions.confocal_share`.

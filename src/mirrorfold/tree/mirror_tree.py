@@ -50,7 +50,7 @@ class MirrorTree:
         return len(self.chain)
 
     def folds(self) -> dict[Chain, Fold]:
-        """For the chain of every node below this root: the map from the image to the true places of the node's objects.
+        """For the chain of every node of this tree: the map from the image to the true places of the node's objects.
 
         The map reflects across the node's own mirror first, which is a ghost itself, then across the mirrors of its
         parents, up to the root.
@@ -59,7 +59,7 @@ class MirrorTree:
         return {chain: fold_of(way, dimensions) for chain, way in self.ways().items()}
 
     def ways(self) -> dict[Chain, tuple[Mirror, ...]]:
-        """For the chain of every node below this root: the mirrors of the chain, the node's own mirror last."""
+        """For the chain of every node of this tree: the mirrors of the chain, the node's own mirror last."""
         result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
         for node in self.walk():
             if node.line is not None:

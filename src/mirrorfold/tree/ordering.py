@@ -153,7 +153,7 @@ def _ordered(
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
-    # The parent of a mirror is the mirror through which most of its lines of sight pass.
+    # The parent of a mirror is the mirror that most of its visible lines of sight meet last before it.
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
     parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
     seen = np.flatnonzero([b.size for b in before])

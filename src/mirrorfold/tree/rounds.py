@@ -77,7 +77,8 @@ def find_tree(
     measured = measured or Measured()
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
     reasons, hems = _Reasons(echoes), Hems.nothing()
-    repeated = settings.copies and (known is None or len(known) > 0)  # with given mirrors, but none, all stays
+    # Where an empty list of mirrors is given, the image stays as it is.
+    repeated = settings.copies and (known is None or len(known) > 0)
     while True:
         go_on()
         echoes = reasons.echoes

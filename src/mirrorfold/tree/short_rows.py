@@ -1,7 +1,7 @@
 """Short mirrors: rows of echoes that are too short to be mirrors by themselves, but outshone by echoes behind them.
 
-A part of a wall is often hidden, by an object before it or beyond the end of the mirror that shows it. The row that is
-left may be as short as the flat side of an object, and its own echoes do not tell which of both it is. But a mirror is
+Half of a wall is often hidden, by an object before it or beyond the end of the mirror that shows it. The row that is
+left says too little about the wall's direction, and may be as short as the flat side of an object. But a mirror is
 smoother than what it shows: echoes behind it are brighter than those of its own face. Multiple scattering behind an
 object never is.
 """

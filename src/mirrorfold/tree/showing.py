@@ -24,9 +24,9 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 
 KNOWN_CELLS = 1.5
-"""An echo that folds this close to a known place shows that place and is not new, in resolution cells as wide as the
-curved mirror makes them. Compared in range cells alone, fewer echoes would show known places, but then multiple
-scattering behind round objects would seem to show new ones."""
+"""An echo that folds to within this distance of a known place shows that place and is not new. The distance is in
+resolution cells, as wide as the mirror makes them. In range cells alone, fewer echoes would show known places, but then
+multiple scattering behind round objects would seem to show as many new places as a mirror does."""
 
 SAMPLES, PIECE = 9, 0.4
 """Number of places tested along a flat mirror; and the least share of them that lies on an arc if the mirror is a
@@ -56,9 +56,7 @@ class Again(Protocol):
 
 
 class ShownNew(NamedTuple):
-    """New echoes seen by one chain that ends at a row: (n,); their true places (n, d) [m], and how uncertain these are,
-    (n,) [m].
-    """
+    """New echoes by one chain that ends at a row, (n,), their true places (n, d) [m] and errors of these (n,) [m]."""
 
     echoes: Echoes
     place: Array
@@ -255,5 +253,5 @@ def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
 
 
 def _part_of(mirror: Mirror, row: Mirror) -> bool:
-    """Whether a mirror is a part of a row, as it is when the row was cut."""
+    """Whether a mirror is a row, or a piece that was left when the row was cut."""
     return isinstance(mirror, type(row)) and np.allclose(row.beside(mirror.ends), 0.0, atol=ROUNDING * row.size)

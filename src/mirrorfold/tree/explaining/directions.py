@@ -36,8 +36,8 @@ MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 main lobe, from which on another lobe cannot be told from the main one."""
 
 BAND_SAMPLES, ABOVE_FULL = 9, 2.0
-"""Number of frequencies at which lobes are computed; and the least height of a lobe that counts, over the side lobes of
-a full aperture, which are never taken for echoes."""
+"""Number of frequencies at which lobes are computed; and the least height of a lobe that counts, in side lobes of a
+full aperture, which are never taken for echoes."""
 
 OFFSETS = np.arange(-3, 4)
 """Directions around an echo in which its leaving and arriving energy is measured, in resolution cells."""

@@ -39,7 +39,7 @@ def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: V
     """Which echoes are late echoes of the edges of known walls, (n,); none in a volume, or without an ambiguous range.
 
     The brightest echo of an object decides for all of its echoes. All earlier echoes of the series that lie within the
-    image must be there, and at least as strong, once the amplification of echoes by their range is undone.
+    image must be there, and at most `FADED_DB` weaker, once the amplification of echoes by their range is undone.
 
     Parameters
     ----------

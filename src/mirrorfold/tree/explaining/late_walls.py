@@ -27,7 +27,8 @@ CELLS, ACROSS_CELLS = 1.0, 1.0
 echoes and walls err by half a cell, and the errors of walls add from bounce to bounce."""
 
 APART_CELLS = 4.0
-"""Least distance of two walls, in range cells: nearer ones are pieces of the same wall."""
+"""Least way from one wall to the other along a line of sight, in range cells: nearer ones are pieces of the same
+wall."""
 
 FEWEST_BOUNCES = 3
 """Least number of bounces at walls of a wave that goes to and fro."""

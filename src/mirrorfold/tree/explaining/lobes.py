@@ -1,8 +1,9 @@
 """Echoes that are grating lobes of brighter ones at the same range, in images of arrays with antennas too far apart.
 
-The image is formed with the product of the transmitters' and the receivers' beams. So the levels of both beams add in
-decibels: where both have a lobe in the same direction, the image repeats an echo below its own level by the sum of both
-lobes' levels. A full array has no such lobes; where every third antenna is missing, they are 12 dB below the echo.
+An echo spreads in the image as the product of the transmitters' and the receivers' beams, so that the levels of both
+add in decibels: where both have a lobe in the same direction, the image repeats an echo below its own level by the sum
+of both lobes' levels. A full array has no such lobes; where every third antenna is missing, they are 12 dB below the
+echo.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ either way, both fit alike."""
 LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
 
 GHOST_CELLS = 0.5
-"""Largest distance of an echo from a known ghost that it is, in resolution cells."""
+"""Largest distance, in resolution cells, at which an echo is the same as a known ghost."""
 
 Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]

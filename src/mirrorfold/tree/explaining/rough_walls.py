@@ -1,8 +1,8 @@
 """Echoes that a rough wall scatters towards another wall or a bright object, and back.
 
 A wall that is not quite smooth scatters a little of the wave from each of its places in all directions, also along the
-normal of another wall before it. The other wall sends the wave straight back, and the same place scatters it to
-the radar. If that place is at range r0 and the distance d away from the other wall, an echo stands in its direction at
+normal of another wall before it. The other wall sends the wave straight back, and the same place scatters it to the
+radar. If that place is at range r0 and the distance d away from the other wall, an echo stands in its direction at
 r0 + d. That is nearer than the mirror image of the other wall, which the same line of sight meets at a slant: it looks
 like an object hidden between the two. A bright object at the distance d, such as a corner, makes such echoes, too:
 faint ones behind all places of the wall, farther away than the object's mirror image.
@@ -29,13 +29,13 @@ it scatters once. The quantile leaves out a few echoes of the face that may be g
 OUTSHINES_DB, FADED_DB = 10.0, 30.0
 """Largest level of such an echo over the median of the image where the other places of the wall would repeat the same
 object: a rough wall scatters from all of its places alike. The first number is for echoes beside the object's mirror
-image and hardly behind it: speckle outshines its mean by up to 10 dB. The second is for all others, as where
-speckle fades, its mean is up to 20 dB lower still."""
+image and hardly behind it: speckle outshines its mean by up to 10 dB. The second is for all others, as where speckle
+fades, its mean is up to 20 dB lower still."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
-mirror image, where that has echoes of its own: in range cells behind it, unless the echo lies in a row, or in
-resolution cells beside it."""
+mirror image, which has echoes of its own around it: in range cells behind the image, unless the echo lies in a row, or
+in resolution cells beside it."""
 
 
 def scattered(order: Order, echoes: Echoes) -> Mask:

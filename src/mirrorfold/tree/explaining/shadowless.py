@@ -24,10 +24,10 @@ UNDIMMED_DB = 10.0
 """Largest drop of a wall's mean power over a beam below its usual level that speckle alone makes, without an object."""
 
 BEFORE = 0.5
-"""A wall is a test of an object if it stands behind at least this share of the directions that the object covers."""
+"""Least share of the directions that an object covers in which a wall must stand behind it to test its shadow."""
 
 SEEN_PAST = 0.5
-"""A wall is a test of objects if more than this share of it is seen past all of them."""
+"""A wall can test the shadows of objects if more than this share of it is seen past all of them."""
 
 
 def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:

@@ -1,6 +1,6 @@
 """Echoes of waves that went to and fro between an object and a wall beside it.
 
-An object near a wall sends a part of the wave along the wall's normal to that wall. The wall sends it back to the same
+An object near a wall sends a part of the wave to that wall, along the wall's normal. The wall sends it back to the same
 place of the object, and this place to the radar. For a place at range r0 and the distance d away from the wall, an echo
 stands in the same direction at r0 + d, behind the object, and after a second turn another at r0 + 2 d. If the object is
 smooth, all turns are glints, and the first echo is as bright as the object's own face: its brightness does not

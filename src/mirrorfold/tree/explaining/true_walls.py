@@ -36,8 +36,7 @@ def true_ends(way: Way) -> Array:
 
 
 def square_distances(places: Array, wall: Array) -> tuple[Array, Array]:
-    """Distance of places (n, 2) [m] from the line of a wall, and how far along it they lie beyond its ends, (n,) [m]
-    each.
+    """Distance of places (n, 2) [m] from the line of a wall, and along it beyond the nearer end, (n,) [m] each.
 
     The latter is negative for places between the ends. `wall` (2, 2) [m] holds the ends.
     """

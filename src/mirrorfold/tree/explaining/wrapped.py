@@ -38,7 +38,7 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
 
     This is the ratio of two coherences, for r + P over r, see `focusing.echoes.coherence`. Each is the largest over
     points, faces and corners, and over the directions into which an echo spreads when it is focused at the wrong
-    distance. One where no waves fit.
+    distance. The ratio is one where waves from r + P do not fit.
 
     Parameters
     ----------
