@@ -5,17 +5,17 @@ from __future__ import annotations
 import re
 
 LONG_WORD = re.compile(r"(\S{300})\S{100,}(\S{100})")
-"""What no text has but a value that was not meant to be read, such as a number of a thousand digits."""
+"""A word of at least 500 characters: no text for people has one, but a number of a thousand digits is one."""
 
 UNPRINTABLE = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Characters that steer a terminal, turn the direction of writing, or stand for bytes that are no text."""
 
 LONGEST = 2000
-"""Letters of a sentence that somebody reads."""
+"""Characters of an error message at most: nobody reads a longer one."""
 
 
 def printable(text: str) -> str:
-    r"""The text with a mark in the place of what is no character: a file from a stranger may hold any.
+    r"""The text with U+FFFD in the place of each unprintable character: a file from a stranger may hold any of them.
 
     Examples
     --------
@@ -28,8 +28,8 @@ def printable(text: str) -> str:
 class InputError(ValueError):
     """Wrong input: one plain sentence with what was expected, what was found, where, and the remedy.
 
-    The command line prints the sentence and exits with code 2. What it quotes is shortened where it is very long, and
-    holds no character that a terminal would obey.
+    The command line prints the sentence and exits with code 2. Long words in the sentence are shortened, and control
+    characters, which a terminal would obey, are replaced.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ class InputError(ValueError):
 
 
 class EndedError(InputError):
-    """A process that shared the work has ended before its time; the input need not be wrong: exit code 1."""
+    """A worker process has ended before its time; the input need not be wrong, so the exit code is 1."""
 
 
 def shortened(sentence: str) -> str:
-    """The sentence without the middle of what is too long in it.
+    """The sentence as `printable` text, without the middle of words and of sentences that are too long.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def shortened(sentence: str) -> str:
     1985
     """
     sentence = str(sentence)
-    if len(sentence) > 10 * LONGEST:  # to look through megabytes takes seconds
+    if len(sentence) > 10 * LONGEST:  # searching megabytes for long words takes seconds
         sentence = f"{sentence[: 5 * LONGEST]}{sentence[-5 * LONGEST :]}"
     sentence = LONG_WORD.sub(r"\1 ... \2", printable(sentence))
     if len(sentence) > LONGEST:

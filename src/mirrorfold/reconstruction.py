@@ -4,11 +4,11 @@
 2. `mirrorfold.detection.find_mirrors`: the mirrors among the echoes of the image.
 3. `mirrorfold.tree.order_mirrors`: which mirror is seen through which.
 4. `mirrorfold.tree.assign_echoes`: which echo is seen through which chain of mirrors.
-5. `mirrorfold.folding.fold_back`: every echo back to where it stands.
+5. `mirrorfold.folding.fold_back`: every echo moved back to where its object stands.
 6. `mirrorfold.folding.collect`: the corrected scene.
 
-Steps 2 to 4 are one call here, `find_every_kind`: mirrors, their order, and what can be seen at all depend on each
-other, so that these steps are taken in turn until nothing changes.
+Steps 2 to 4 are one call here, `find_every_kind`. Which mirrors there are, their order, and which echoes are visible
+depend on each other, so these steps are repeated in turn until nothing changes.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def reconstruct(
     Parameters
     ----------
     sweep : xarray.Dataset
-        MIMO or synthetic-aperture Sweep, or that of a raster scan. Of a recording, with a dimension `frame`, each frame
-        gives what it gives alone; all are focused by one plan.
+        Sweep of a MIMO or synthetic-aperture radar, or of a raster scan. Each frame of a recording, which has a
+        dimension `frame`, is reconstructed as if it were alone; one plan focuses all frames.
     tolerance : float
         Relative error of the image. 1e-3 is 60 dB below the image, and far below the threshold.
     mirrors, preset, finished
@@ -84,7 +84,7 @@ def reconstruct(
     Returns
     -------
     xarray.DataTree
-        The Reconstruction; of a recording that of all frames, see `fold`.
+        The Reconstruction; for a recording, the Reconstructions of all frames in one, see `fold`.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def reconstruct(
         If the sweep or a setting cannot be used.
     """
     if frame_count(sweep) is not None:  # `focus` keeps its plan from one frame to the next
-        one = partial(reconstruct, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
-        return each_frame(check_sweep(sweep), one, finished, progress)
+        fold_frame = partial(reconstruct, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
+        return each_frame(check_sweep(sweep), fold_frame, finished, progress)
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
     chosen = FocusSettings().with_given(tolerance=tolerance, **imaging)
@@ -117,38 +117,40 @@ def fold(
     progress: Progress | None = None,
     **given: Any,
 ) -> xr.DataTree:
-    """Find the mirrors in an image, and fold what was seen through them back to where it stands.
+    """Find the mirrors in an image, and fold every echo seen through them back to where its object stands.
 
     Parameters
     ----------
     image : (y, x), (z, y, x) or (range, azimuth, elevation) DataArray, or DataTree
-        Complex or amplitude. Of voxels (z, y, x) the plan view is folded. The initial image of a Reconstruction is
-        folded again. Of a recording, with a leading dimension `frame`, each frame is folded by itself. With a leading
-        dimension `polarization` the image of TE is folded, and both tell what passed through half-transparent walls.
+        Complex values or amplitudes. Voxels (z, y, x) are folded as their plan view. Of a Reconstruction, the initial
+        image is folded again. With a leading dimension `frame`, as in a recording, each frame is folded by itself. With
+        a leading dimension `polarization`, the image of TE is folded, and TE and TM together tell which echoes passed
+        through half-transparent walls.
     sweep : xarray.Dataset, optional
-        The MIMO or synthetic-aperture Sweep that the image was focused from. It tells echoes that left and arrived by
-        different ways, which focus where nothing is, from true ones.
+        The MIMO or synthetic-aperture Sweep that the image was focused from. It tells true echoes from those whose
+        waves left and arrived by different ways, which focus where nothing stands.
     mirrors : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], list of dicts, FloorPlan or path, optional
-        Mirrors in the unfolded image, where they are known or drawn: the two ends of each line, or in a volume the
-        four corners of each plane, or a file of them (JSON), or what its list holds. Of a floor plan (DXF, GeoJSON)
-        the walls that the radar sees, directly or by way of others. No others are looked for.
+        Mirrors of the unfolded image, known or drawn by hand: the two ends of each line, or in a volume the four
+        corners of each plane, or a JSON file of them, or the list in such a file. Of a floor plan (DXF, GeoJSON), the
+        walls that the radar sees directly or by way of other walls. No other mirrors are looked for.
     preset : {"default", "published"}
-        Where the settings below come from unless they are given.
+        Values of those of the settings below that are not given.
     **given
     memory_limit : float [B], optional
-        Memory that the process may hold in all; what needs more is refused before the work. By default what is free.
+        Memory that the process may hold in all; work that needs more is refused before it begins. By default, the
+        limit is the free memory.
     finished : mutable mapping of int to xarray.DataTree, optional
-        Of a recording: frames that are done are put into it, and those that are in it already are not made again. With
-        a dict an interrupted call can be repeated from where it was; `mirrorfold.io.own.frame_folder` keeps them on
-        disk.
+        For a recording: each frame that is done is stored here by its number, and frames that are here already are not
+        made again. With a dict, an interrupted call can be continued where it stopped;
+        `mirrorfold.io.own.frame_folder` keeps the frames on disk.
     progress : callable (done, total), optional
 
     Returns
     -------
     xarray.DataTree
-        The Reconstruction. Without any mirror it is the unfolded image, and its attr `remark` says so. That of a
-        recording has pictures (frame, y, x), and tables whose column `frame` says which frame a row belongs to;
-        `mf.pick_frame` gives one frame as it would be alone.
+        The Reconstruction. Where no mirror is found, it shows the unfolded image, and its attribute `remark` says so.
+        For a recording, the pictures are (frame, y, x), and the column `frame` of the tables says which frame a row
+        belongs to; `mf.pick_frame` gives one frame as it would be alone.
 
     Raises
     ------
@@ -162,49 +164,49 @@ def fold(
                 "image was focused from"
             )
 
-        one = partial(fold, mirrors=mirrors, preset=preset, memory_limit=memory_limit, **given)
-        return each_frame(image, one, finished, progress, sweep=sweep)
+        fold_frame = partial(fold, mirrors=mirrors, preset=preset, memory_limit=memory_limit, **given)
+        return each_frame(image, fold_frame, finished, progress, sweep=sweep)
     plan = FoldPlan(image, sweep=sweep)
     plan.expect_memory(memory_limit)
     return plan.fold(mirrors=mirrors, preset=preset, progress=progress, **given)
 
 
 class FoldPlan:
-    """An image that is folded again and again, as by `fold`: what does not change is found once."""
+    """An image to be folded several times, as by `fold`: what does not change between two calls is computed once."""
 
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
         if not isinstance(image, xr.DataArray | xr.DataTree):
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
-        # What is folded is the first polarization; both together tell what passed through walls.
-        self._both, image, sweep = polarized(image, sweep)
-        self._told: Teller = (
+        # The image of the first polarization is folded; both images together tell which echoes passed through walls.
+        self._polarizations, image, sweep = polarized(image, sweep)
+        self._measure: Teller = (
             told_before(image) if isinstance(image, xr.DataTree) and sweep is None else nothing_measured
         )
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
-        # A single antenna that sends and hears cannot tell echoes that left one way and came back another.
+        # With a single antenna that sends and receives, nothing tells whether waves left and arrived by different ways.
         checked = None if sweep is None else check_sweep(sweep)
         self._sweep = None if checked is None or is_monostatic(checked) else checked
         if self._sweep is not None:
             check_origin(self.image, self._sweep)
-            self._told = told_by_sweep(self._sweep)
-        # Users move given mirrors more often than they change settings: what the latest settings led to is kept.
+            self._measure = told_by_sweep(self._sweep)
+        # Users move given mirrors more often than they change settings: the echoes of the latest settings are kept.
         self._view = lru_cache(partial(see, self.image))
-        # None of these refers to the plan: an image of hundreds of megabytes goes as soon as its plan does.
+        # None of these caches refers to the plan: an image of hundreds of megabytes is freed as soon as its plan is.
         self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
-        self._shown_walls = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
+        self._wall_echoes = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
 
     def expect_memory(self, limit: float | None = None) -> None:
-        """Log what folding will take of the memory, and refuse it where that is more than there is.
+        """Log how much memory folding will take, and refuse to fold where that is more than there is.
 
         Parameters
         ----------
         limit : float [B], optional
-            Of all that the process may hold.
+            Memory that the process may hold in all; by default, what is free counts.
 
         Raises
         ------
         InputError
-            If it does not fit, or the image cannot be used.
+            If the memory does not suffice, or the image cannot be used.
         """
         parts = fold_parts(self.image, self._sweep)
         pixels = " x ".join(map(str, self.image.shape))
@@ -229,8 +231,8 @@ class FoldPlan:
         mirrors, preset, progress
             As for `mirrorfold.fold`.
         grid : tuple of 1D arrays [m], optional
-            Pixel coordinates (x, y) of the resulting pictures, equal rising steps; of a volume (x, y, z). The image's
-            by default.
+            Pixel coordinates (x, y) of the resulting pictures, for a volume (x, y, z), in equal rising steps. By
+            default, those of the image, grown to hold all points; for a volume, a grid around all points.
         **given
 
         Returns
@@ -252,7 +254,7 @@ class FoldPlan:
         view = self._view(normalization=chosen.normalization)
         echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
         settings = chosen.completed(normalization=view.normalization, **usual_settings(view, echoes))
-        if self._sweep is None:  # without the sweep, the tail of the pulse is not known
+        if self._sweep is None:  # copies are found by the tail of the pulse, which only the sweep tells
             settings = replace(settings, copies=False)
         report(1, 3)
         by_hand, walls = mirrors is not None, None
@@ -260,13 +262,13 @@ class FoldPlan:
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
         if settings.generations == 0 and not by_hand:
-            mirrors = check_mirrors([])  # no mirror is used, and no echo taken for the ghost of one
+            mirrors = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
         if mirrors is not None and settings.opaque:
-            echoes, walls = self._shown_walls(chosen, settings)
-        told = self._told if not settings.published else nothing_measured
-        measured = told(view) if isinstance(view, ImageView) else Measured()
+            echoes, walls = self._wall_echoes(chosen, settings)
+        measure = self._measure if not settings.published else nothing_measured
+        measured = measure(view) if isinstance(view, ImageView) else Measured()
         found = find_every_kind(
-            *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._both,
+            *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._polarizations,
             short=chosen.minimum_length is None,
         )  # fmt: skip
         report(2, 3)
@@ -281,23 +283,24 @@ class FoldPlan:
         return result
 
 
-Seen = Callable[..., View]
-"""The radar's view of an image, by its normalization."""
+ViewOf = Callable[..., View]
+"""Makes the radar's view of an image, given the normalization."""
 
 
-def _find_echoes(seen: Seen, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:
-    """The echoes of an image."""
-    return find_echoes(seen(normalization=normalization), threshold_db=threshold_db, published=published)
+def _find_echoes(view_of: ViewOf, normalization: str | None, threshold_db: float | None, published: bool) -> Echoes:
+    """The echoes of an image in the view of that normalization."""
+    return find_echoes(view_of(normalization=normalization), threshold_db=threshold_db, published=published)
 
 
 def _find_walls(
-    seen: Seen, heard: Callable[..., Echoes], chosen: FoldSettings, settings: FoldSettings
+    view_of: ViewOf, echoes_of: Callable[..., Echoes], chosen: FoldSettings, settings: FoldSettings
 ) -> tuple[Echoes, Mask]:
-    """What the image itself tells, whichever mirrors are given: which echoes are strong, and which those of walls.
+    """The echoes, marked as strong or faint by the mirrors that the image itself shows, and which lie on walls, (n,).
 
-    A wall that is switched off or moved by hand is no object, and its ghosts are as strong as they were.
+    Given mirrors do not change these marks. A wall whose mirror is switched off or moved by hand does not become an
+    object that hides what is behind it, and its ghosts are as strong as they were.
     """
-    view = seen(normalization=chosen.normalization)
-    echoes = heard(chosen.normalization, chosen.threshold_db, chosen.published)
+    view = view_of(normalization=chosen.normalization)
+    echoes = echoes_of(chosen.normalization, chosen.threshold_db, chosen.published)
     order, marked = agreed(view, echoes, replace(settings, generations=settings.generations or None))
     return replace(echoes, strong=marked.strong, limit=marked.limit), order.face != ROOT

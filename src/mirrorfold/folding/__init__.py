@@ -1,4 +1,4 @@
-"""Steps 5 and 6 of the algorithm: every ghost back to its true place, and the folded scene."""
+"""Steps 5 and 6 of the algorithm: every ghost is moved back to its true place, and the folded scene is collected."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ __all__ = ["PRESETS", "FoldSettings", "Points", "collect", "fold_back"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for."""
+    """Import the module of a public name when the name is first used."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

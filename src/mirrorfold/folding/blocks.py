@@ -1,4 +1,9 @@
-"""Blocks of pixels, and how bright their pixels can be: most of a grid shows nothing, and is not looked at."""
+"""Upper bounds on the brightness of blocks of pixels, so that drawing can skip the blocks that show nothing.
+
+Most of a grid shows nothing. Before it is drawn, every sample of the image is therefore mapped into the scene, and
+raises the bound of the blocks of pixels that may look it up. A block whose bound does not exceed what is already drawn
+there is skipped.
+"""
 
 from __future__ import annotations
 
@@ -15,28 +20,29 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
 
 FEWEST_PIXELS = 8
-"""Pixels of a block along each axis, at least: fewer cost more to look up than they spare."""
+"""A block has at least this many pixels along each axis: the bounds of smaller blocks cost more than they spare."""
 
 HALF_SAMPLE = 0.75
-"""How far a direction may be from the sampled one that is nearest to it, as a share of the chord between neighbouring
-samples: half of it in equal steps of the angle; in equal steps of the sine up to 0.71 at the edge of the view."""
+"""Largest distance of a direction from the nearest sampled direction, as a share of the chord between neighbouring
+samples. It is 0.5 for samples in equal steps of the angle, and up to 0.71, at the edge of the view, in equal steps of
+the sine."""
 
 SHARE_OF_BLOCK = 0.25
-"""Neighbouring samples of one direction are handled as one where they reach over no more than this share of the edge
-of a block."""
+"""Neighbouring range samples of one direction are handled as one while they span at most this share of the edge of a
+block."""
 
 
 class Blocks(NamedTuple):
-    """Blocks of pixels, and how bright each mirror may make their pixels.
+    """Blocks of pixels, and upper bounds of the amplitudes that each map may draw in them.
 
     Attributes
     ----------
     size : tuple of int
         Pixels of a block along y, x and z.
     bound : (y, maps, x, z) array
-        The largest amplitude that each map may show in each block; zero where it shows nothing.
+        Upper bound of the amplitude that each map may draw in each block; zero where it draws nothing.
     order : (y, maps, x, z) array of int
-        Indices of the blocks along z, from the one with the largest bound on.
+        Indices of the blocks along z, from the largest bound to the smallest.
     """
 
     size: tuple[int, int, int]
@@ -53,20 +59,21 @@ def blocks(
     gain: NDArray[np.float32],
     through: tuple[NDArray[Any], NDArray[Any], float],
 ) -> Blocks:
-    """The blocks of a grid x, y, z [m], see `mirrorfold.folding.pictures.draw`.
+    """The blocks of the grid of pixels that `mirrorfold.folding.pictures.draw` draws on, with their bounds.
 
     Parameters
     ----------
     view : View
         The image by direction and range.
     maps : dict of int to Isometry
-        By the number of each mirror, the map from where the image shows an object to where it stands.
+        For the number of each mirror, and `ROOT` for none: the map from where the image shows an object to where it
+        stands.
     grid : tuple of (n,) arrays [m]
         Coordinates x, y and z of the pixels.
     blobs : (directions, ranges) array of int
         Number of the mirror that each sample is folded by, see `mirrorfold.folding.points.owned_blobs`.
     amplitude : (directions, ranges) array
-        What is drawn.
+        Amplitude of the image before `gain` is applied.
     gain : (ranges,) array
         Factors that undo the spreading with range.
     through : tuple
@@ -78,10 +85,10 @@ def blocks(
     size = [max(FEWEST_PIXELS, int(np.ceil(2.0 * reach / step))) for step in steps]
     counts = [-(-axis.size // pixels) for axis, pixels in zip(grid, size, strict=True)]
     first, scale = np.array([axis[0] for axis in grid]) - 0.5 * steps, 1.0 / (np.array(size) * steps)
-    together = max(1, int(SHARE_OF_BLOCK / (scale.max() * view.dr)))
+    samples_at_once = max(1, int(SHARE_OF_BLOCK / (scale.max() * view.dr)))
     bound = np.zeros((len(maps), *counts), dtype=np.float32)
-    louder = gain.copy()
-    louder[1:] = np.maximum(gain[1:], gain[:-1])
+    largest_gain = gain.copy()
+    largest_gain[1:] = np.maximum(gain[1:], gain[:-1])
 
     def fill(item: tuple[int, int]) -> None:
         place, number = item
@@ -89,12 +96,12 @@ def blocks(
         start, heading = np.zeros(3), np.zeros((len(view.sight), 3))
         start[: view.dimensions] = into(view.radar)
         heading[:, : view.dimensions] = view.sight @ into.linear.T
-        shown = np.zeros(bound.shape[1:], dtype=np.bool_)
+        drawn = np.zeros(bound.shape[1:], dtype=np.bool_)
         _fill(
-            bound[place], shown, (start - first) * scale, heading * scale, scale, across, view.range, together,
-            amplitude, louder, number, *through, blobs,
+            bound[place], drawn, (start - first) * scale, heading * scale, scale, across, view.range, samples_at_once,
+            amplitude, largest_gain, number, *through, blobs,
         )  # fmt: skip
-        bound[place][~shown] = 0.0
+        bound[place][~drawn] = 0.0
 
     for_each(fill, enumerate(maps))
     bound = np.ascontiguousarray(np.transpose(bound, (2, 0, 1, 3)))
@@ -102,7 +109,7 @@ def blocks(
 
 
 def _chords(view: View) -> Array:
-    """The longer chord from each direction's unit vector to its neighbours', summed over the axes, (directions,)."""
+    """Chord from each direction's unit vector to its farther neighbour's, summed over the axes, (directions,)."""
     sight = view.sight.reshape(*view.shape, -1)
     total = np.zeros(view.shape)
     for axis in range(len(view.shape)):
@@ -121,7 +128,7 @@ def _span(middle, reach, count):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def _passes(crossing, through, low, high, direction, mirror):  # type: ignore[no-untyped-def]
-    """Whether the radar sees by way of a mirror anywhere between two ranges [m] of a direction."""
+    """Whether a line of sight leads by way of `mirror` anywhere between the ranges `low` and `high` [m]."""
     begin = -np.inf
     for k in range(crossing.shape[0] + 1):
         end = crossing[k, direction] if k < crossing.shape[0] else np.inf
@@ -133,30 +140,31 @@ def _passes(crossing, through, low, high, direction, mirror):  # type: ignore[no
 
 @njit(nogil=True, error_model="numpy")
 def _fill(  # type: ignore[no-untyped-def]
-    bound, shown, start, heading, scale, across, range_, together, amplitude, gain, number, crossing, through, margin,
-    blobs,
+    bound, drawn, start, heading, scale, across, range_, samples_at_once, amplitude, gain, number, crossing, through,
+    margin, blobs,
 ):  # fmt: skip
-    """Raise the `bound` (x, y, z) of blocks by what one map shows, and mark those where it shows anything (`shown`).
+    """Raise the `bound` (x, y, z) of blocks by the samples that one map shows there, and mark those it draws (`drawn`).
 
-    Lengths are in blocks. The amplitude of a pixel is interpolated between samples, so that a sample counts as far as
-    the next one. Which mirror a pixel belongs to is asked of the nearest sample, so that this counts half as far. As
-    many samples of one direction as `together` says are handled as one.
+    `start` (3,) is in blocks, `heading` (beams, 3) and `scale` (3,) in blocks per metre, and ranges are in metres. The
+    amplitude of a pixel is interpolated between samples, so a sample raises bounds as far as its neighbours. A pixel
+    belongs to the mirror of its nearest sample, so a sample marks blocks only half as far. As many neighbouring samples
+    of one direction as `samples_at_once` are handled as one.
     """
     dr = range_[1] - range_[0]
     for beam in range(heading.shape[0]):
-        for first in range(0, range_.size, together):
-            last = min(first + together, range_.size) - 1
+        for first in range(0, range_.size, samples_at_once):
+            last = min(first + samples_at_once, range_.size) - 1
             value, own = np.float32(0.0), False
             for k in range(first, last + 1):
                 value = max(value, amplitude[beam, k] * gain[k])
                 owner = blobs[beam, k]
                 own |= owner == number or (number == ROOT and owner != NOBODY)
-            r, deep = 0.5 * (range_[first] + range_[last]), 0.5 * (last - first) * dr + 0.51 * dr
+            r, half_depth = 0.5 * (range_[first] + range_[last]), 0.5 * (last - first) * dr + 0.51 * dr
             if own:
-                own = _passes(crossing, through, r - margin - deep, r - margin + deep, beam, number)
-            half = HALF_SAMPLE * (abs(r) + deep) * across[beam] + deep
+                own = _passes(crossing, through, r - margin - half_depth, r - margin + half_depth, beam, number)
+            half = HALF_SAMPLE * (abs(r) + half_depth) * across[beam] + half_depth
             x, y, z = start[0] + r * heading[beam, 0], start[1] + r * heading[beam, 1], start[2] + r * heading[beam, 2]
-            for wide in range(2):  # first which mirror it belongs to, then how bright it is
+            for wide in range(2):  # first the blocks that it may draw, then their bounds
                 if wide == 0 and not own:
                     continue
                 reach = half * (1.0 + wide)
@@ -169,4 +177,4 @@ def _fill(  # type: ignore[no-untyped-def]
                             if wide:
                                 bound[i, j, q] = max(bound[i, j, q], value)
                             else:
-                                shown[i, j, q] = True
+                                drawn[i, j, q] = True

@@ -1,4 +1,4 @@
-"""Step 6 of the algorithm: what has arrived at the root is the corrected scene, a Reconstruction."""
+"""Step 6 of the algorithm: pictures, points and mirrors are collected in a Reconstruction, the folded scene."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mirrorfold.tree.half_transparent.transparent import Window
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
-"""Names of a mirror's standard errors at its true place, which hold those of the mirrors on its way."""
+"""Columns with the standard errors of a mirror at its true place, which include those of the mirrors on its way."""
 
 
 def collect(
@@ -35,7 +35,7 @@ def collect(
     grid: Grid | None = None,
     given: int | None = None,
 ) -> xr.DataTree:
-    """The folded scene with its origins, as a Reconstruction.
+    """The folded scene as a Reconstruction, with the unfolded image and all settings.
 
     Parameters
     ----------
@@ -46,17 +46,18 @@ def collect(
     points : Points
         Every echo at its true place, as step 5 returns them.
     settings : FoldSettings
-        What these steps were told.
+        Settings of these steps.
     grid : tuple of 1D arrays [m], optional
-        Coordinates x and y of the pictures' pixels, and of a volume z, too. By default those of the image, continued as
-        far as points fold to outside of it; of a volume, pixels around all points.
+        Pixel coordinates x and y of the pictures, and z for a volume. By default, those of the image, continued as far
+        as there are folded points; for a volume, a grid around all points.
     given : int, optional
-        How many mirrors, or walls of a plan, were given; None where mirrors were looked for.
+        Number of mirrors, or of walls of a floor plan, that the user gave; None where mirrors were searched for.
 
     Returns
     -------
     xarray.DataTree
-        ``/``: `intensity`; ``/initial``: `initial`; ``/objects`` and ``/mirrors``.
+        ``/`` with the folded picture `intensity`, ``/initial`` with the unfolded picture `initial`, and the tables
+        ``/objects`` and ``/mirrors``.
     """
     sight, tree, axes = found.sight, found.tree, "xyz"[: found.sight.view.dimensions]
     attrs: dict[str, Any] = {
@@ -81,8 +82,8 @@ def collect(
 
 
 def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, given: int | None) -> str:
-    """Why there is no mirror, unless none was wanted; or in which mirrors the radar sees itself, and what lies near or
-    beyond a caustic.
+    """Why there is no mirror, unless none was wanted; with mirrors, in which of them the radar sees itself, and how
+    many points lie near or beyond a caustic.
     """
     if not found.tree.mirrors and (given == 0 or settings.generations == 0):
         return ""
@@ -114,7 +115,7 @@ def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSet
 
 
 def _objects(points: Points) -> xr.Dataset:
-    """The points as a table."""
+    """The table of points; it has columns on caustics and on half-transparent walls only where there are any."""
     axes = "xyz"[: points.position.shape[1]]
     data: dict[str, Any] = {
         axis + suffix: ("point", place, {"units": "m", "long_name": text})
@@ -154,12 +155,12 @@ def _objects(points: Points) -> xr.Dataset:
             "wall": ("point", points.wall, {"long_name": "chain of the wall that it passed through"}),
             "decided": ("point", points.decided, {"long_name": "by what: polarization, or geometry, which is a guess"}),
         }
-    # As coordinates of their own, those of the points take precedence over the images' axes of the same names.
+    # As coordinates, the places of the points replace the axes x and y that the table would inherit from the pictures.
     return xr.Dataset(data).set_coords(list(axes))
 
 
 def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
-    """What is known of a wall that lets waves through; NaN for all others."""
+    """Permittivity and thickness [m] of a half-transparent wall, with their standard errors; NaN for other walls."""
     pane = next((window.pane for window in windows if window.mirror is mirror), None)
     names = "permittivity", "permittivity_error", "thickness", "thickness_error"
     if pane is None:
@@ -169,12 +170,12 @@ def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
 
 
 def _hem(mirror: Mirror) -> tuple[float, float]:
-    """How far beyond its ends [m] lines of sight are known to meet a mirror."""
+    """How far beyond its start and its end [m] lines of sight meet a mirror; zero where that was not measured."""
     return getattr(mirror, "hem", (0.0, 0.0))
 
 
 def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -> xr.Dataset:
-    """Every mirror in the unfolded image and at its true place."""
+    """The table of mirrors: each one in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
              "curvature": "1/m", "curvature_error": "1/m", "permittivity": "1", "permittivity_error": "1",
@@ -185,7 +186,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
-        """Its columns, and where any mirror is curved the middle of its face."""
+        """Columns of a mirror's place after the map `fold`, with the middle of its face if any mirror is curved."""
         middle = dict(zip(("xm", "ym", "zm"), fold(mirror.center[None])[0], strict=False)) if any_curved else {}
         flat = dict.fromkeys(("axis_x", "axis_y", "axis_z"), 0.0) if "zm" in middle else {}
         return flat | mirror.columns(fold) | middle
@@ -210,7 +211,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
 
     rows = [row(node, mirror) for node, mirror in nodes]
     size = len(rows)
-    if not rows:  # the columns stay, with nothing in them
+    if not rows:  # without mirrors the table still has its columns, empty
         rows.append(row(tree, example_mirror(tree.objects.position.shape[1])))
     data: dict[str, Any] = {}
     for name in rows[0]:

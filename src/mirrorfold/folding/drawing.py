@@ -1,4 +1,8 @@
-"""The pixels of the folded scene: each looks up the image where the chains of mirrors show it."""
+"""Kernels that draw the folded scene: every pixel looks up the image at the places where chains of mirrors show it.
+
+Of the amplitudes found there, the largest is drawn. There is one kernel for chains of flat mirrors, and one each for
+chains that end with an arc, and with a cylinder or a sphere.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,10 @@ from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
-    """Where a map `m` (3, 4) leads a point x, y, z [m]: its two angles and its range in samples of the view.
+    """Where a map `m` (3, 4) takes a point x, y, z [m]: azimuth, elevation and range, counted in samples of the view.
 
-    All three are -1 where that lies outside of the view. An image is `flat`: it has the sine of one angle alone.
+    All three are -1 for places behind the radar or beside the view. An image is `flat`: its first index is that of the
+    sine of the angle from broadside, its second index is zero.
     """
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
     py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
@@ -36,10 +41,10 @@ def _shown(  # type: ignore[no-untyped-def]
     a, e, k, x, y, z, mirror, unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side,
     shape, grid, least,
 ):  # fmt: skip
-    """The amplitude of the image at sample a, e, k, if a mirror shows there what stands at x, y, z [m].
+    """The amplitude of the image at sample a, e, k (angles, range), if `mirror` shows there what stands at x, y, z [m].
 
-    Zero if the radar does not see by way of that mirror there, if an object in front hides it, if the echo there is
-    doubted or folded by another mirror, or if the amplitude does not exceed the `least`.
+    Zero if the radar does not look by way of that mirror there, if an object in front hides the sample, if the echo
+    there is doubted or folded by another mirror, or if the amplitude does not exceed `least`.
     """
     columns, rows = shape
     if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):
@@ -56,7 +61,7 @@ def _shown(  # type: ignore[no-untyped-def]
     if mirror >= 0:
         if owner != mirror:
             return 0.0
-        # Next to the edge of what the mirror shows, the radar's own view must not contradict.
+        # Near the edge of what a mirror shows, nothing is drawn where the radar itself looks and sees nothing.
         b, f, n = _place(unmoved, x, y, z, grid, rows == 1)
         ahead = -0.5 <= b < columns - 0.5 and -0.5 <= f < rows - 0.5 and n >= 0.0
         if ahead and grid[2, 0] + n * grid[2, 1] < empty[int(b + 0.5) * rows + int(f + 0.5)]:
@@ -77,10 +82,11 @@ def draw_row(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`.
 
-    The first of the maps (n, 3, 4) is that without mirrors; all lead to the radar's own frame. The `grid` (3, 4) holds
-    first value and step of the two angles and of range, and the limits of the angles' tangents, or of the sine of an
-    image, which has one row of directions. Blocks of so many `pixels` (2,) along x and z show nothing that exceeds
-    their `bound` (n, x, z), and are taken from the `brightest` on. Where `out` is (x, 1), of all z the largest counts.
+    The first of the `maps` (n, 3, 4) is the one without mirrors; all lead to the radar's own frame. The rows of `grid`
+    (3, 4) are the two angles and the range: first value, step, and for angles the lowest and highest tangent, or sine
+    for an image, which has one row of directions. A block of `pixels` (2,) along x and z shows nothing brighter than
+    its `bound` (n, x, z); blocks are taken in the order `brightest`, by falling bound. If `out` is (x, 1), it gets the
+    largest amplitude over all z.
     """
     columns = out.shape[1] == 1
     for w in range(number.size):
@@ -105,11 +111,12 @@ def draw_bent_row(  # type: ignore[no-untyped-def]
     x, y, unfold, column, place, heading, before, unmoved, number, crossing, through, begin, level, empty, margin,
     blobs, amplitude, gain, side, shape, grid, out,
 ):  # fmt: skip
-    """The same for what a curved mirror shows: pixels of one y, (x, 1).
+    """As `draw_row`, for what an arc shows: pixels of one y, (x, 1).
 
-    Its lines of sight `column` (m,) leave it at `place` with `heading` (m, 2), `before` (m,) [m] behind the radar; the
-    map `unfold` (2, 3) takes pixels to where the flat mirrors in front of it show them. A pixel is shown by every line
-    of sight that leads to it (Fermat): by several behind a caustic, of which the strongest is drawn.
+    The lines of sight `column` (m,) meet the arc at `place` (m, 2) [m], after the way `before` (m,) [m], and leave it
+    along `heading` (m, 2). The map `unfold` (2, 3) takes pixels to where the flat mirrors in front of the arc show
+    them. A pixel is shown by every reflected line of sight that leads to it (Fermat), interpolated between the two
+    that pass it on either side. Behind a caustic there are several, of which the strongest is drawn.
     """
     for j in range(x.size):
         px = unfold[0, 0] * x[j] + unfold[0, 1] * y + unfold[0, 2]
@@ -138,10 +145,10 @@ def draw_round_row(  # type: ignore[no-untyped-def]
     x, y, z, unfold, middle, axis, radius, radar, unmoved, number, crossing, through, begin, level, empty, margin,
     blobs, amplitude, gain, side, shape, grid, out,
 ):  # fmt: skip
-    """The same for what a cylinder or sphere shows, of that middle, axis and radius: voxels of one y, (x, z).
+    """As `draw_row`, for what a cylinder or a sphere with `middle`, `axis` and `radius` shows: voxels of one y, (x, z).
 
-    The map `unfold` (3, 4) takes voxels to where the flat mirrors in front of it show them. Each is shown by the one
-    line of sight that the surface reflects to it, at the length of the whole way.
+    The map `unfold` (3, 4) takes voxels to where the flat mirrors in front of the surface show them. The image shows a
+    voxel along the one line of sight that the surface reflects to it, at the length of the whole way.
     """
     columns = out.shape[1] == 1
     for j in range(x.size):

@@ -1,4 +1,4 @@
-"""What an earlier Reconstruction tells, to fold its image again without the sweep."""
+"""What a Reconstruction has kept of the tests with its sweep: its image can be folded again without the sweep."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from mirrorfold.tree.measured import Measured, Teller
 
 
 def told_before(reconstruction: xr.DataTree) -> Teller:
-    """What the sweep of a Reconstruction told of its echoes, as far as the Reconstruction has kept it."""
+    """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it."""
     places, shares, hems = known_places(reconstruction), known_shares(reconstruction), known_hems(reconstruction)
 
-    def told(view: ImageView) -> Measured:
+    def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            beside=lambda order, echoes: hems,  # those that were kept, whatever is asked
+            beside=lambda order, echoes: hems,  # the hems that were kept, whatever mirrors and echoes are asked about
             share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
         )
 
-    return told
+    return measure
 
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
-    """Where echoes of a Reconstruction stood that came from elsewhere, (n, 2) [m], and why; None if there are none."""
+    """Image places (n, 2) [m] of echoes that do not come from there, and why not, (n,); None if there are none."""
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "explanation" in objects:
         objects = objects.isel(point=~np.isin(objects["explanation"].values.astype(str), ("", ITSELF)))
         place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
-    else:  # as files of earlier versions tell
+    else:  # files of earlier versions list the places of mixed paths alone
         place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
         why = np.full(len(place), MIXED)
     return (place.astype(float), why.astype(str)) if len(place) else None
 
 
 def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
-    """Where echoes stood of which the share of energy that came back the way it went was measured, (n, 2) [m], and this
-    share, (n,); None if the Reconstruction holds no shares.
+    """Image places (n, 2) [m] of echoes whose `confocal_share` was measured, and the shares (n,).
+
+    None if the Reconstruction holds no shares.
     """
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "confocal" not in objects:
@@ -54,7 +55,7 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
 
 
 def known_hems(reconstruction: xr.DataTree) -> Hems:
-    """How far [m] beyond their ends lines of sight still meet the mirrors of a Reconstruction."""
+    """How far [m] beyond their ends lines of sight meet the mirrors of a Reconstruction, as far as it is known."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     if any(name not in mirrors for name in HEMS):
         return Hems.nothing()
@@ -64,12 +65,12 @@ def known_hems(reconstruction: xr.DataTree) -> Hems:
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
-    """The unfolded image of a Reconstruction, with what is known of the radar, to be folded again.
+    """The unfolded image of a Reconstruction, with the attributes that describe the radar, to be folded again.
 
     Raises
     ------
     InputError
-        If there is none, or it is that of a volume.
+        If there is none, or the Reconstruction is that of a volume.
     """
     if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")

@@ -1,9 +1,9 @@
-"""Recordings: the Reconstructions of all frames as one, and one frame of it again.
+"""Recordings: joins the Reconstructions of all frames into one, and picks one frame of it again.
 
-In the Reconstruction of a recording the pictures have a leading dimension `frame`, the tables of points and mirrors a
-column `frame`, and `parent` counts the mirrors of all frames. The pictures share one grid; they are NaN where that
-of a frame alone ends. Attributes that all frames have in common are its attributes; the others stand, as JSON, in the
-variable `attributes(frame)`.
+In the Reconstruction of a recording, the pictures have a leading dimension `frame`, the tables of points and mirrors
+have a column `frame`, and `parent` is a row of the table of all frames. The pictures share one grid, and are NaN where
+the grid of a frame alone ends. Attributes that are the same in all frames become its attributes; the others stand, as
+JSON, in the variable `attributes(frame)`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,14 @@ from mirrorfold.errors import InputError
 Framed = TypeVar("Framed", xr.Dataset, xr.DataArray, xr.DataTree)
 
 PICTURES = (("/", "intensity"), ("/initial", "initial"))
+"""Group and name of each picture of a Reconstruction."""
+
 TABLES = (("objects", "point"), ("mirrors", "mirror"))
+"""Group and dimension of each table of a Reconstruction."""
 
 
 def frame_count(obj: Any) -> int | None:
-    """Number of frames of a sweep, an image or a Reconstruction; None where it is no recording."""
+    """Number of frames of a sweep, an image or a Reconstruction; None for one that is no recording."""
     held = obj.dataset if isinstance(obj, xr.DataTree) else obj
     if isinstance(held, xr.Dataset):
         held = held.get("intensity" if isinstance(obj, xr.DataTree) else "s")
@@ -42,7 +45,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     obj : xarray.Dataset, xarray.DataArray or xarray.DataTree
         A sweep, an image or a Reconstruction.
     frame : int, optional
-        Its number, from 0. May be left out where there is no choice.
+        Number of the frame, from 0. May be left out if there is only one.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
 
 
 def _moved(table: xr.Dataset, by: int) -> xr.Dataset:
-    """A table with the row numbers in its column `parent`, if it has one, raised by so many; -1, for none, stays."""
+    """A table with the row numbers in its column `parent`, if it has one, raised by `by`; -1, for no parent, stays."""
     if "parent" not in table:
         return table
     parent = table["parent"]
@@ -98,16 +101,16 @@ def each_frame(
     progress: Progress | None,
     **beside: Any,
 ) -> xr.DataTree:
-    """The Reconstruction of a recording, frame by frame.
+    """The Reconstruction of a recording, made frame by frame.
 
     Parameters
     ----------
     recording : xarray.Dataset, xarray.DataArray or xarray.DataTree
-        A sweep, an image or a Reconstruction with frames. What it says of each frame, such as `time`, is kept.
+        A sweep, an image or a Reconstruction with frames. Coordinates over the frames, such as `time`, are kept.
     work : callable
-        Makes the Reconstruction of a frame, and of the same frame of what stands `beside` it, by name.
+        Makes the Reconstruction of one frame. It also gets the same frame of each object in `beside`, by name.
     finished : mutable mapping of int to xarray.DataTree, optional
-        Each frame is put into it as soon as it is done, and taken from it where it is there already.
+        Each frame is stored here as soon as it is done, and taken from here if it is there already.
     progress : callable (done, total), optional
     """
     count = frame_count(recording)
@@ -134,14 +137,14 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
     Parameters
     ----------
     parts : sequence of xarray.DataTree
-        In the order of the frames, of one scene and at least one.
+        In the order of the frames; at least one.
     coords : dict of xarray.Variable
-        What is known of each frame, over the dimension `frame`.
+        Coordinates of the frames, over the dimension `frame`.
     """
-    told = [{name: json.dumps(value, default=lambda held: held.tolist()) for name, value in part.attrs.items()}
+    texts = [{name: json.dumps(value, default=lambda held: held.tolist()) for name, value in part.attrs.items()}
             for part in parts]  # fmt: skip
-    shared = {name for name, text in told[0].items() if all(one.get(name) == text for one in told)}
-    own = [json.dumps({name: json.loads(text) for name, text in one.items() if name not in shared}) for one in told]
+    shared = {name for name, text in texts[0].items() if all(one.get(name) == text for one in texts)}
+    own = [json.dumps({name: json.loads(text) for name, text in one.items() if name not in shared}) for one in texts]
     axes = {name: _joined([part.dataset[name].values for part in parts]) for name in ("y", "x")}
     nodes: dict[str, xr.Dataset] = {}
     for path, name in PICTURES:
@@ -162,22 +165,22 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
 
 
 def _node(tree: xr.DataTree, path: str) -> xr.Dataset:
-    """What one group of a tree holds, with the coordinates that it has from its parent."""
+    """The dataset of one group of a tree, with the coordinates that it inherits from its parent."""
     return (tree if path == "/" else tree.children[path.strip("/")]).to_dataset()
 
 
 def _on(picture: xr.DataArray, axes: dict[str, Array]) -> xr.DataArray:
-    """A picture on a larger grid, NaN where it has no pixels; pixels are moved by less than half of one."""
+    """A picture on a larger grid, NaN where it has no pixels; pixels move by half a step of the grid at most."""
     for name, axis in axes.items():
         picture = picture.reindex({name: axis}, method="nearest", tolerance=0.5 * _step(axis))
     return picture
 
 
 def _joined(axes: list[Array]) -> Array:
-    """Coordinates in equal steps, the largest of all, that reach over all those given; the given ones where they can.
+    """One axis in equal steps that covers all the given axes, in the largest of their steps.
 
-    Frames of one image have the same steps, and their coordinates stay as they are, to the last bit. The plan view of
-    a very large volume may have coarser ones.
+    Frames of one image have equal steps; their coordinates are then kept, to the last bit. The plan view of a very
+    large volume may have coarser steps than the others; the coordinates are then new.
     """
     step = max(map(_step, axes))
     values = np.unique(np.concatenate(axes))

@@ -1,7 +1,7 @@
-"""Step 5, last: points are added where a surface goes on through a gap between its echoes.
+"""End of step 5: points are added in the gaps between echoes through which a surface goes on.
 
-A bright echo outshines weaker ones for a resolution cell to either side, and speckle fades over as much. So a surface
-may go on where no echo stands, unless the image is dark there, too: only then it has a gap.
+A bright echo outshines weaker echoes up to a resolution cell to either side, and speckle fades over as long a distance.
+So a surface may go on where no echo stands. It truly ends only where the image is dark between two echoes.
 """
 
 from __future__ import annotations
@@ -21,46 +21,49 @@ from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 GAP_CELLS = 3.0
-"""Widest gap that is closed, in resolution cells: one to the side of each of two bright echoes, and one that fades."""
+"""Widest gap that is closed, in resolution cells: one cell beside each of two bright echoes, and one in which speckle
+fades."""
 
 STEP_CELLS = 0.5
-"""Largest distance of the points in a closed gap, in resolution cells: closer ones would tell nothing new."""
+"""Largest distance between points in a closed gap, in resolution cells: closer points would add no information."""
 
 FIT_CELLS = 1.5
-"""Distance, in resolution cells, at which an echo weighs ``exp(-1/2)`` in the place of a new point: from the middle of
-the widest gap to its ends."""
+"""Distance, in resolution cells, at which an echo has the weight ``exp(-1/2)`` in the fit that places a new point: that
+from the middle of the widest gap to its ends."""
 
 SAMPLES = 12
-"""Places in a gap at which the image is looked at, four in a resolution cell of the widest."""
+"""Number of places in a gap at which the image is looked up: four in a resolution cell of the widest gap."""
 
 FARTHEST = 3.0
-"""Echoes farther away than so many of these distances weigh nothing: less than ``exp(-9/2)``, a hundredth."""
+"""Echoes farther away than this multiple of `FIT_CELLS` are left out of the fit: they weigh less than ``exp(-9/2)``, a
+hundredth."""
 
 SPECK_CELLS = 0.25
-"""A place is dark if the image is dark this far to all sides, too, in resolution cells: speckle fades at points."""
+"""A place is dark only if the image is dark up to this distance to all sides, in resolution cells: speckle fades at
+single points."""
 
 
 def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
-    """The points, and after them new ones in each gap between neighbours in which the image is not dark.
+    """The points; appended, new ones in each gap between neighbours in which the image is not dark.
 
-    Neighbours are joined by the shortest tree that joins all echoes of the image (Kruskal, Proc. AMS 7, 1956), by
-    distances in resolution cells, whatever they were seen by: so a gap is the same before folding and after. It is
-    closed where both ends were folded alike, or lie on the face of the same mirror.
+    Neighbours are echoes joined by the minimum spanning tree of all echoes in the unfolded image (Kruskal, Proc. AMS 7,
+    1956), with distances in resolution cells, by whatever chains they were seen: so a gap is the same before folding
+    and after. It is closed if both ends have the same chain, and lie on the face of the same mirror or on none.
 
     Parameters
     ----------
     points : Points
-        As they were judged.
+        With their confidence.
     tree : MirrorTree
-        The root, which they were folded by.
+        The root of the tree of mirrors, by which the points were folded.
     view : ImageView
         The image that they were found in.
 
     Returns
     -------
     Points
-        New points have the amplitude of the image there, and the confidence of the less certain end of their gap. What
-        the sweep tells of echoes alone, such as `confocal`, is NaN.
+        A new point has the amplitude of the image at its place, and the confidence of the less certain end of its gap.
+        What is known of echoes alone, such as `confocal`, is NaN.
     """
     if len(points.initial) < 2:
         return points
@@ -69,8 +72,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
     between = (1.0 - share) * points.initial[first] + share * points.initial[second]
     needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
-    lit = np.all(_brightest_beside(between, view) >= needed, axis=0)
-    first, second, pieces = first[lit], second[lit], np.ceil(apart[lit] / STEP_CELLS).astype(np.intp)
+    bright = np.all(_brightest_beside(between, view) >= needed, axis=0)
+    first, second, pieces = first[bright], second[bright], np.ceil(apart[bright] / STEP_CELLS).astype(np.intp)
 
     gap = np.repeat(np.arange(len(pieces)), pieces - 1)
     piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
@@ -98,8 +101,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
 
 def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
-    """Pairs of neighbours that were seen alike, and more than a step and at most a gap apart; and their distance, each
-    (n,). All distances are those of the `cells`: the points in units of resolution cells.
+    """Both indices of neighbours with the same chain and face that are farther apart than `STEP_CELLS` and at most
+    `GAP_CELLS`, and their distance, (n,) each. `cells` holds the points in units of resolution cells.
     """
     edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
     first, second = edges.row, edges.col
@@ -111,14 +114,14 @@ def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
 
 
 def _on_surface(places: Array, points: Points, cells: cKDTree, view: ImageView) -> Array:
-    """Places (n, 2) [m] of the image, moved to the straight line that fits the echoes around each of them, (n, 2).
+    """Places (n, 2) [m] of the image, each moved onto the straight line that fits the echoes around it, (n, 2).
 
-    Moving least squares (Levin, Math. Comput. 67, 1998): an echo weighs with the root of its amplitude, and less the
-    farther away it is.
+    Moving least squares (Levin, Math. Comput. 67, 1998): the weight of an echo is the root of its amplitude, and falls
+    with its distance.
     """
     middle = points.initial.mean(axis=0)
-    offset, asked = points.initial - middle, cKDTree(view.in_cells(places))
-    around = asked.sparse_distance_matrix(cells, FARTHEST * FIT_CELLS, output_type="coo_matrix")
+    offset, place_cells = points.initial - middle, cKDTree(view.in_cells(places))
+    around = place_cells.sparse_distance_matrix(cells, FARTHEST * FIT_CELLS, output_type="coo_matrix")
     weight = np.exp(-0.5 * (around.data / FIT_CELLS) ** 2) * np.sqrt(points.amplitude[around.col])
     around = csr_array((weight, (around.row, around.col)), shape=around.shape)
     total = around.sum(axis=1)[:, None]
@@ -131,7 +134,7 @@ def _on_surface(places: Array, points: Points, cells: cKDTree, view: ImageView) 
 
 
 def _brightest_beside(places: Array, view: ImageView) -> Array:
-    """Largest amplitude of the image up to `SPECK_CELLS` to any side of places (..., 2) [m], (...)."""
+    """Largest amplitude of the image at places (..., 2) [m] and `SPECK_CELLS` to their four sides, (...)."""
     range_, u = view.to_polar(places)
     depth, across = SPECK_CELLS * view.range_cell, SPECK_CELLS * view.u_cell
     sides = (0.0, 0.0), (depth, 0.0), (-depth, 0.0), (0.0, across), (0.0, -across)

@@ -1,14 +1,15 @@
-"""What a curved mirror leaves of the resolution, and where its caustics are.
+"""How wide the resolution cell is behind a curved mirror, and where the caustics of the mirror are.
 
-A thin pencil of rays leaves the radar, meets the mirror after r1 at the angle of incidence i, and goes on for s. The
-mirror has the radius of curvature R, negative if it is concave. For each radian that the pencil opens by it is then
-``q = r1 + s + 2 r1 s / (R cos(i))`` wide, where behind a flat mirror it would be ``r1 + s``. So the resolution cell of
-the array grows by ``|q| / (r1 + s)``.
+A thin pencil of rays leaves the radar, meets the mirror after the length r1 at the angle of incidence i, and goes on
+for the length s. The mirror has the radius of curvature R, negative if it is concave. For each radian of its opening
+angle, the pencil is then ``q = r1 + s + 2 r1 s / (R cos(i))`` wide; behind a flat mirror it would be ``r1 + s`` wide.
+So the resolution cell of the array grows across the line of sight by the factor ``|q| / (r1 + s)``.
 
-At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero. But there the waves from a point do not arrive with the
-curvature ``1 / (r1 + s)`` for which the array is focused, but with ``(1 + 2 s / (R cos(i))) / q``. From one end of the
-array, of length D, to the other their direction is off by the difference of both curvatures times D, of which the taper
-of a focused beam leaves about a half. At the distance of the image, that is a blur of its own.
+At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero. The image is not sharper there, because waves from a point
+arrive at the array with the curvature ``(1 + 2 s / (R cos(i))) / q``, while the array is focused for
+``1 / (r1 + s)``. Over an array of length D, the direction of the waves deviates by D times the difference of these
+curvatures, of which the taper of a focused beam leaves about a half. At the distance of the image, this is a second
+blur.
 """
 
 from __future__ import annotations
@@ -25,21 +26,23 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 
 TAPERED = 0.5
-"""Share of the aperture over which the inclination of waves counts: half of the power under both arrays' triangular
-overlap lies within it."""
+"""Share of the aperture over which deviating directions of waves count: transmitters and receivers together weight the
+aperture by a triangle, which exceeds half of its maximum within this share."""
 
 OUT_OF_FOCUS = 0.25
-"""Wavelengths by which waves may bend off the array's focus from its middle to its ends (Rayleigh's quarter)."""
+"""Wavelengths by which waves may deviate from the focus between the middle and the ends of the array (Rayleigh's
+quarter)."""
 
 NEAR, BEYOND = "near", "beyond"
+"""Where a point is seen: near a caustic, or beyond it."""
 
 
 def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[Array, Names]:
-    """How much wider the resolution cell is across the line of sight than behind flat mirrors, at points (n, d) [m] of
-    the image, (n,); and on which side of a caustic they are seen, (n,) of str.
+    """By what factor the resolution cell across the line of sight is wider than behind flat mirrors, at points (n, d)
+    [m] of the image, (n,); and where a caustic is, (n,) of str.
 
-    "near" a caustic waves arrive out of focus: images blur and overlap. "beyond" it images are upside down. Where both
-    hold it is "near"; for what flat and convex mirrors show it is empty.
+    "near" a caustic, waves arrive out of focus: images blur and overlap. "beyond" it, images are upside down. Where
+    both hold, the word is "near"; it is empty for what flat and convex mirrors show.
     """
     growth, caustic = np.ones(len(points)), np.full(len(points), "", dtype=object)
     bent = last_curved(way)

@@ -1,4 +1,4 @@
-"""How much memory steps 2 to 6 take: that of arrays as large as the image, the view or the volume."""
+"""How much memory steps 2 to 6 take: the sum of the arrays that are as large as the image, the view or the volume."""
 
 from __future__ import annotations
 
@@ -13,31 +13,32 @@ from mirrorfold.tree.explaining.directions import bytes_at_once
 from mirrorfold.tree.explaining.wrapped import profile_bytes
 
 COMPLEX, DOUBLE, SINGLE, OWNER = 8.0, 8.0, 4.0, 2.0
-"""Bytes of a complex number in single precision, of real ones in double and single, and of the number of a mirror."""
+"""Bytes of a complex number in single precision, of real numbers in double and in single precision, and of a mirror's
+number."""
 
 RIDGE_ARRAYS = 3.0
-"""Arrays of the size of the view that are held at once while noise, side lobes and ridges are found in it."""
+"""Arrays as large as the view that are held at once while noise, side lobes and ridges are found in it."""
 
 DRAWING_ARRAYS = 3.5
-"""Arrays of that size while the pictures are drawn: its power as splines, and its amplitude twice in single precision,
-to interpolate between."""
+"""Arrays as large as the view that are held while the pictures are drawn: its power as splines, and its amplitude twice
+in single precision, to interpolate between."""
 
 PROFILE_ARRAYS = 3.0
-"""Tables of depths and of power across a mirror, that are held at once while it is fitted."""
+"""Tables of depths, and of power across a mirror, that are held at once while the mirror is fitted."""
 
 ECHO_BYTES = 24.0
-"""Bytes held for each echo that a beam may have: its elevation, range and amplitude."""
+"""Bytes held for each echo that a beam may have: elevation, range and amplitude."""
 
 
 def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
-    """What `mirrorfold.fold` holds at once where it holds most, by name [bytes].
+    """The arrays of `mirrorfold.fold` at the stage that holds most at once, by name [bytes].
 
     Parameters
     ----------
     image : DataArray
-        Of its values nothing is asked but whether they are finite.
+        Only the shape and the type matter, and whether the values are finite.
     sweep : xarray.Dataset, optional
-        The sweep that echoes are tested with.
+        The sweep by which echoes are tested.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
 
 
 def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Parts:
-    """Of an image (y, x)."""
+    """The arrays at the fullest stage of folding an image (y, x)."""
     samples, pixels = float(np.prod(samples_of(image))), float(image.size)
     view = {"view": DOUBLE * samples}
     if np.iscomplexobj(image.dtype.type()):
@@ -66,7 +67,7 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
     else:
         seen = {"amplitude": image.dtype.itemsize * pixels}
     stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
-    if sweep is not None and "rx" in sweep.dims:  # one moving antenna tells no directions
+    if sweep is not None and "rx" in sweep.dims:  # a single moving antenna measures no directions
         stages.append(held | view | {"directions of echoes": bytes_at_once(sweep)})
         stages.append(held | view | {"range profiles of pairs": profile_bytes(sweep)})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
@@ -74,10 +75,10 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
 
 
 def _of_volume(held: Parts, volume: xr.DataArray) -> Parts:
-    """Of a volume (range, azimuth, elevation)."""
+    """The arrays at the fullest stage of folding a volume (range, azimuth, elevation)."""
     beams = float(volume.sizes["azimuth"] * volume.sizes["elevation"])
     view = {"amplitude": SINGLE * volume.size}
-    if volume.dtype == np.float32:  # that of a scan which was focused to be folded: the view itself
+    if volume.dtype == np.float32:  # the amplitude of a scan that was focused to be folded is itself the view
         view = {}
     search = {"echoes": ECHO_BYTES * MOST_ECHOES * beams}
     fits = {"profiles across a wall": PROFILE_ARRAYS * DOUBLE * PROFILE_SAMPLES * beams}

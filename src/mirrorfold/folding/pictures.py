@@ -1,4 +1,4 @@
-"""The pictures of the folded and of the unfolded scene, and the grid that they are drawn on."""
+"""The pictures of the folded and of the unfolded scene, and the grid of pixels that they are drawn on."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
 Grid = tuple[Array, ...]
-"""Pixel coordinates x and y, and in space z [m]."""
+"""Pixel coordinates x and y, and z for a volume [m]."""
 
 LARGEST_GROWTH = 2.0
-"""The corrected grid grows to hold what folds to outside of the image, by at most this share of the image's size."""
+"""The grid grows to hold points that fold to places outside of the image: on each side by at most this multiple of the
+image's size."""
 
 PIXEL_RADII, BORDER_RADII = 0.6, 9.0
-"""Edge of the pixels of a volume's plan view, and the border that is left around its points, in radii of the beam where
-it is narrowest. Vertical columns are sampled every two edges."""
+"""Edge of the pixels of a volume's plan view, and width of the border around its points, in radii of the beam where it
+is narrowest. Vertical columns are sampled in steps of two edges."""
 
 LARGEST_GRID = 60_000_000
-"""Most voxels that are looked at for the plan view: where there would be more, the pixels grow."""
+"""The plan view of a volume is drawn from at most this many voxels: where there would be more, the pixels grow."""
 
 
 LARGEST_ANGLE = np.radians(89.999)
-"""From straight ahead: what a volume shows beside or behind the radar is not drawn."""
+"""Largest azimuth and elevation that are drawn of a volume [rad]: not what is beside or behind the radar."""
 
 
 def pictures(
@@ -49,7 +50,7 @@ def pictures(
 ) -> tuple[Grid, NDArray[np.float32], NDArray[np.float32], str]:
     """The folded and the unfolded scene on one grid: its axes x and y, both pictures (y, x), and what their pixels are.
 
-    The grid is by default the image's own, grown as far as points fold to, or one about all points of a volume.
+    By default, the grid is that of the image, grown to hold all folded points; for a volume, a grid around all points.
     """
     sight, view, folds = found.sight, found.sight.view, found.tree.folds()
     least, wall_margin = settings.min_confidence, settings.wall_margin or 0.0
@@ -67,7 +68,7 @@ def pictures(
 
 
 def _through(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
-    """One at pixels within `BLOB_CELLS` of an echo that passed through a wall, zero elsewhere, (y, x)."""
+    """Ones at pixels within `BLOB_CELLS` of an echo that passed through a wall, zeros elsewhere, (y, x)."""
     x, y = grid[:2]
     seen = points.initial[points.wall != ""]
     places = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
@@ -86,20 +87,20 @@ def draw(
     *,
     strongest: bool = False,
 ) -> NDArray[np.float32]:
-    """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x); or the `strongest` of each
-    vertical column alone, (y, x), without its voxels ever existing as a whole.
+    """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x).
 
-    Every pixel looks up the image where each chain of mirrors shows it, if nothing stands in the way there: there are
-    no holes, as pushing pixels to their folded places would leave them. Echoes up to `wall_margin` [m] behind a mirror
-    belong to the wall. `blobs` (directions, ranges) says where the image shows what folds to a point, see
-    `owned_blobs`; nothing else is folded, and what is doubted is not drawn.
+    With `strongest`, only the largest amplitude of each vertical column, (y, x); the voxels are then never all held in
+    memory. Every pixel looks up the image at the places where chains of mirrors show it, unless something stands in the
+    way there. So there are no holes, as moving pixels to their folded places would leave. Echoes up to `wall_margin`
+    [m] behind a mirror belong to the wall. `blobs` (directions, ranges) says by which mirror each sample is folded, see
+    `owned_blobs`: no other samples are folded, and doubted ones are not drawn.
     """
     view = sight.view
     x, y, *z = grid
     axes, frame, shape = [*view.axes, view.range], np.eye(3), (*view.shape, 1)[:2]
     if isinstance(view, VolumeView):
         amplitude, gain = view.amplitude, view.gain.astype(np.float32)
-    else:  # an image is a volume of one row of directions; it stands there twice, to interpolate between
+    else:  # an image is a volume with one row of directions, which is repeated to interpolate between
         view = cast(ImageView, view)
         amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
         axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
@@ -154,9 +155,9 @@ def draw(
 
 
 def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
-    """What `draw_bent_row` asks of an arc: `unfold`, `column`, `place`, `heading` and `before`.
+    """Arguments of `draw_bent_row` for an arc: `unfold`, `column`, `place`, `heading` and `before`.
 
-    None if the last mirror on the way is no arc, or one before it is curved, too.
+    None if the last mirror of the chain is no arc, or one before it is curved, too.
     """
     arc = fold.way[-1]
     if not isinstance(arc, ArcMirror):
@@ -175,9 +176,9 @@ def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, A
 
 
 def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
-    """What `draw_round_row` asks of a cylinder or sphere: `unfold`, `middle`, `axis`, `radius` and `radar`.
+    """Arguments of `draw_round_row` for a cylinder or sphere: `unfold`, `middle`, `axis`, `radius` and `radar`.
 
-    None if the last mirror on the way is neither, or one before it is curved, too.
+    None if the last mirror of the chain is neither, or one before it is curved, too.
     """
     mirror = fold.way[-1]
     back = fold_of(fold.way[:-1], 3)
@@ -188,9 +189,8 @@ def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
 
 
 def _boxed(fold: WayFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
-    """The voxels along x, y and z that hold all that a way folds; `shown` (directions, ranges) marks its samples.
-
-    None where it has no samples.
+    """Slices along x, y and z of the voxels that hold all samples that a chain folds, marked in `shown` (directions,
+    ranges); None if there are no such samples.
     """
     direction, sample = np.nonzero(shown)
     if not direction.size:
@@ -204,7 +204,7 @@ def _boxed(fold: WayFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[sl
 
 
 def _grown(image: xr.DataArray, points: Points) -> Grid:
-    """The image's coordinates, continued in the same steps as far as folded points lie."""
+    """The coordinates of the image, continued in the same steps to hold all folded points."""
     axes = []
     for name, place in zip("xy", points.position.T, strict=True):
         axis = image[name].values.astype(float)
@@ -217,7 +217,7 @@ def _grown(image: xr.DataArray, points: Points) -> Grid:
 
 
 def _around(points: Points, view: VolumeView) -> Grid:
-    """Pixels x, y and z [m] around all points, before and after folding; a few where there are none."""
+    """Pixel coordinates x, y and z [m] around all points, before and after folding; without points, a unit cube."""
     radius = float(view.width(view.range[view.range > 0.0]).min()) if view.beam is None else view.beam[0]
     places = np.concatenate([points.position, points.initial])
     border = BORDER_RADII * radius

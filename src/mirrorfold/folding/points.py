@@ -1,7 +1,7 @@
-"""Step 5 of the algorithm: every echo back to where it stands.
+"""Step 5 of the algorithm: every echo is moved back to where its object stands.
 
-What was seen through a chain of mirrors is reflected across the last of them first and across the first of them last;
-all mirrors are those of the unfolded image, where a deeper one is a ghost itself.
+An echo that was seen by way of a chain of mirrors is reflected across the last mirror of the chain first, and across
+the first mirror last. The mirrors are taken where the unfolded image shows them; a deeper mirror is a ghost there.
 """
 
 from __future__ import annotations
@@ -24,50 +24,50 @@ from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 BLOB_CELLS = 1.5
-"""What the image shows this close to an echo, in resolution cells, is that echo; its main lobe reaches one cell."""
+"""Samples of the image within this many resolution cells of an echo belong to it; its main lobe reaches one cell."""
 
 
 SAME = 1e-9
-"""Echoes closer than this [m] are the same one: above the rounding of coordinates."""
+"""Echoes closer than this [m] are the same echo: more than the rounding of coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The folded scene: one point for every echo, and some in gaps between them.
+    """The folded scene: one point for every echo, and points in gaps between echoes.
 
     Attributes
     ----------
     position, initial : (n, d) arrays [m]
-        Where it stands, and where it stood before folding.
+        Place of the point, and its place in the unfolded image.
     amplitude, exceeded : (n,) arrays
-        Of the echo, and what it had to exceed: noise, side lobes, and the threshold.
+        Amplitude of the echo, and what it had to exceed: noise, side lobes, and the threshold.
     bounces : (n,) array of int
-        Number of mirrors on the way to it; the mirror on whose face a point lies is not counted.
+        Number of mirrors on the way to the point; a mirror on whose face the point lies is not counted.
     chain, mirror : (n,) arrays of str
-        By which chain of mirrors it was seen, such as "0/1", and the chain of the mirror on whose face it lies; empty
-        for objects.
+        The chain of mirrors by which the point was seen, such as "0/1", empty in line of sight; and the chain of the
+        mirror on whose face it lies, empty for objects.
     confidence : (n,) array
-        Probability that a surface stands there, see `mirrorfold.folding.confidence`; one until it is judged.
+        Probability that a surface stands there, see `mirrorfold.folding.confidence`; one before it is judged.
     error : (n, d) array [m]
-        Standard errors of the position; zero until it is judged.
+        Standard errors of the position; zero before it is judged.
     explanation : (n,) array of str
-        Why the echo does not come from where the image shows it; empty for those that do.
+        Why the echo does not come from where the image shows it; empty if it does.
     confocal : (n,) array
-        Share of its energy that came back the way it went, see `tree.explaining.directions.confocal_share`; NaN where
-        that is not known.
+        Share of the echo's energy that came back the way it went, see `tree.explaining.directions.confocal_share`; NaN
+        where it is not known.
     growth : (n,) array
-        By how much the resolution cell across is wider than by way of flat mirrors; one for these.
+        Factor by which curved mirrors widen the resolution cell across the line of sight; one for flat mirrors.
     caustic : (n,) array of str
         "near" or "beyond" a caustic of a concave mirror, see `mirrorfold.folding.magnification`; else empty.
     passed : (n,) array
-        Probability that the echo passed through the wall before it instead of being reflected; NaN where no wall is
-        known to be transparent.
+        Probability that the echo passed through the wall in front of it instead of being reflected by it; NaN where
+        this was not asked.
     wall : (n,) array of str
-        The chain of the wall that it passed through; empty for all that did not.
+        The chain of the wall that the echo passed through; empty for all that did not.
     decided : (n,) array of str
-        By what `passed` was found, "polarization" or "geometry", which is a guess; empty where it was not asked.
+        How `passed` was found: by "polarization", or by "geometry", which is a guess; empty where this was not asked.
     interpolated : (n,) bool array
-        Whether it has no echo of its own, but closes a gap in a surface, see `mirrorfold.folding.gaps`.
+        Whether the point has no echo, but closes a gap in a surface, see `mirrorfold.folding.gaps`.
     """
 
     position: Array
@@ -90,7 +90,7 @@ class Points:
 
     @classmethod
     def of(cls, echoes: Echoes, position: Array, **known: Any) -> Points:
-        """Echoes at their places (n, d) [m]: objects in line of sight, not judged yet, but for what is `known`."""
+        """Points of echoes at `position` (n, d) [m]: objects in line of sight, not judged, but for fields in `known`."""
         nan, none = np.nan, ""
         usual: dict[str, Any] = {
             "bounces": np.int32(0), "chain": none, "mirror": none, "confidence": 1.0, "explanation": none,
@@ -107,16 +107,16 @@ class Points:
 
 
 def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Window] = ()) -> Points:
-    """Every echo at its true place.
+    """Every echo at its true place, as points.
 
     Parameters
     ----------
     tree : MirrorTree
-        The root. Its echoes come depth first, and of each node the objects before the face of its mirror.
+        The root. Points are in the order of its nodes, depth first; in each, objects before the face of its mirror.
     view : View, optional
-        Tells what resolution remains behind curved mirrors; without it, as much as behind flat ones.
+        Gives the resolution behind curved mirrors; without it, the points get that behind flat mirrors.
     windows : sequence of Window, optional
-        What passed through half-transparent walls; these echoes come last.
+        Half-transparent walls, with the echoes that passed through them; their points come last.
     """
     folds, ways = tree.folds(), tree.ways()
     parts = []
@@ -139,7 +139,7 @@ def joined(*parts: Points) -> Points:
 
 
 def _asked(points: Points, window: Window) -> Points:
-    """The points with the probability that they passed through a wall, where that was asked."""
+    """The points with the probability that they passed through a wall, where it was tested for this wall."""
     if not len(points.initial) or not len(window.tested):
         return points
     distance, nearest = cKDTree(window.tested).query(points.initial)
@@ -152,18 +152,17 @@ def _asked(points: Points, window: Window) -> Points:
 
 
 def _through(window: Window, tree: MirrorTree) -> Points:
-    """What passed through a wall, as points in line of sight."""
+    """The echoes that passed through a wall, as points in line of sight."""
     chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "?")
     return Points.of(window.echoes, window.place, passed=window.probability, wall=chain, decided=window.decided)
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
-    """By which mirror each sample of the image is folded, (directions, ranges): by its number, `ROOT` for what stands
-    where the image shows it, `NOBODY` around points of less than the `least` confidence.
+    """Number of the mirror by which each sample of the image is folded, (directions, ranges).
 
-    A sample belongs to a mirror if it lies within `BLOB_CELLS` of a point that was folded by it. What else a mirror
-    shows is weak, or contradicted by the radar's own view: no point stands for it, and no picture may show it at a
-    place where nothing was found.
+    It is `ROOT` for samples that stay where they are, and `NOBODY` around points of less than the `least` confidence. A
+    sample belongs to a mirror if it lies within `BLOB_CELLS` of a point that was folded by that mirror. All else that a
+    mirror shows is weak, or contradicted by the radar's own view: it has no point, so no picture may show it folded.
     """
     doubted, points = points.take(points.confidence < least), points.take(points.confidence >= least)
     view = sight.view
@@ -174,7 +173,7 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     def seen_by(chain: Chain) -> Array:
         return points.initial[(points.wall == "") & (points.chain == chain_name(chain))]
 
-    # Where blobs meet, that of a point counts, and of two points the deeper one.
+    # Where blobs overlap, a point counts before a doubted one, and of two mirrors the one with the higher number.
     shown = {NOBODY: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}
     shown |= {mirror: seen_by(chain) for mirror, chain in enumerate(sight.chain) if chain}
     for number, seen in shown.items():

@@ -8,12 +8,12 @@ from typing import Any
 from mirrorfold.common.settings import Settings, setting
 
 MOST_DB = 300.0
-"""No level is this far from another [dB]: it is 15 decades of amplitude, twice what complex64 samples resolve."""
+"""Limit of all levels [dB]: 15 decades of amplitude, twice what complex64 samples resolve."""
 
 
 @dataclass(frozen=True)
 class FoldSettings(Settings):
-    """Settings of steps 2 to 6; what is None is chosen by the kind of image."""
+    """Settings of steps 2 to 6; those that are None are chosen from the image, see `completed`."""
 
     normalization: str | None = setting(
         None,
@@ -112,7 +112,7 @@ class FoldSettings(Settings):
     )
 
     def completed(self, **usual: Any) -> FoldSettings:
-        """The same settings, with the usual ones where they are None."""
+        """The same settings, with values of `usual` in place of those that are None."""
         return replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
 
 

@@ -1,4 +1,4 @@
-"""The points of a reconstruction that count."""
+"""The points of a reconstruction that are confident enough to be drawn, scored and exported."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from mirrorfold.folding.settings import FoldSettings
 
 
 def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
-    """Points of at least that confidence, by default the one set for folding: these are drawn, scored and exported.
+    """Points of at least `min_confidence`, by default that of the fold settings: they are drawn, scored and exported.
 
-    Of files of earlier versions, whose confidence is no probability, all points count unless one is asked for.
+    In files of earlier versions, the confidence is no probability: by default, all their points count.
 
     Raises
     ------
@@ -31,14 +31,14 @@ def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = Non
 
 
 def passed_walls(objects: xr.Dataset) -> Mask:
-    """Which points of a table were seen through a half-transparent wall, and stand where they are seen, (n,)."""
+    """Which points passed through a half-transparent wall, and so stand where the image shows them, (n,)."""
     if "wall" not in objects:
         return np.zeros(objects.sizes.get("point", 0), dtype=bool)
     return np.asarray(objects["wall"].values.astype(str) != "")
 
 
 def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
-    """A reconstruction with the points of `shown_points` alone."""
+    """A copy of the reconstruction that holds only its `shown_points`."""
     kept = reconstruction.copy()
     kept["/objects"] = xr.DataTree(shown_points(reconstruction, min_confidence))
     return kept
