@@ -1,1 +1,1 @@
-"""Shared ground: geometry, beams, decibels, windows, memory and threads, which know nothing of radar scenes."""
+"""What every folder may use: geometry, beams, decibels, windows, memory, threads; nothing here knows radar scenes."""

@@ -1,4 +1,4 @@
-"""Arcs given by three points, as tables of mirrors hold them."""
+"""Circular arcs given by three points, as in tables of mirrors, and outlines of curved mirrors for drawing."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from mirrorfold.common.geometry import cross2, unit
 from mirrorfold.common.types import Array
 
 POINTS = 49
-"""Points of an arc that is drawn: the chords of a half circle span less than four degrees each."""
+"""Number of points of an arc that is drawn: the chords of a half circle then span less than four degrees each."""
 
 STRAIGHT = 1e-6
-"""Bulge, as a share of the chord, up to which three points lie on a line."""
+"""Largest bulge, as a share of the chord, at which three points count as lying on a line."""
 
 
 def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
-    """Middle (n, 2) and radius (n,) of the circles through three points each, infinite where they lie on a line."""
+    """Center (n, 2) and radius (n,) of the circles through three points each; infinite where these lie on a line."""
     b, c = b - a, c - a
     with np.errstate(divide="ignore", invalid="ignore"):
         double = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
@@ -28,14 +28,14 @@ def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
 
 
 def in_line(start: Array, middle: Array, end: Array) -> bool:
-    """Whether three points (2,) lie on a line, as far as a drawing can tell."""
+    """Whether three points (2,) lie on a line, up to a bulge that no drawing shows."""
     chord = end - start
     return bool(abs(2.0 * cross2(middle - start, chord)) <= STRAIGHT * float(chord @ chord))
 
 
 class Arc(NamedTuple):
-    """The arc through three points: center (2,) and radius [m] of its circle, the angles [rad] of its ends, and how far
-    it turns from the first to the last [rad], positive counter-clockwise.
+    """The arc through three points: center (2,) and radius of its circle [m], polar angles of both ends [rad], and the
+    angle [rad] by which it turns from the first end to the last, positive counter-clockwise.
     """
 
     center: Array
@@ -46,11 +46,11 @@ class Arc(NamedTuple):
 
     @classmethod
     def through(cls, start: Array, middle: Array, end: Array) -> Arc:
-        """The arc from start to end by way of the middle, (2,) [m] each, which are not `in_line`."""
+        """The arc from start to end through the middle, (2,) [m] each; the three points must not be `in_line`."""
         (center,), (radius,) = circle_through(start[None], middle[None], end[None])
         first, half, last = (float(np.arctan2(*(point - center)[::-1])) for point in (start, middle, end))
         turn = (last - first) % (2.0 * np.pi)
-        if (half - first) % (2.0 * np.pi) > turn:  # the middle lies on the other way around
+        if (half - first) % (2.0 * np.pi) > turn:  # the arc through the middle turns the other way
             turn -= 2.0 * np.pi
         return cls(center, float(radius), first, last, turn)
 
@@ -65,9 +65,9 @@ def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) ->
 
 
 def by_three(places: Any) -> Any:
-    """Lines by three points, too, where some of the given mirrors are arcs; the mirrors as they are where none is.
+    """Given mirrors as three points each if there are both lines (two points) and arcs (three); otherwise unchanged.
 
-    What else stands among them is left for `mirrorfold.detection.mirrors.known_mirrors.check_mirrors` to refuse.
+    Malformed entries stay for `mirrorfold.detection.mirrors.known_mirrors.check_mirrors` to refuse.
     """
     try:
         mixed = {len(place) for place in places} == {2, 3}
@@ -77,7 +77,7 @@ def by_three(places: Any) -> Any:
 
 
 def _with_middle(place: Any) -> Any:
-    """Both ends of a line, with their middle between them; what is no such line stays."""
+    """Both ends of a line with the middle between them; anything that is no line is returned unchanged."""
     try:
         (x0, y0), (x1, y1) = place
         return [[x0, y0], [0.5 * (x0 + x1), 0.5 * (y0 + y1)], [x1, y1]]
@@ -86,23 +86,23 @@ def _with_middle(place: Any) -> Any:
 
 
 def mirror_places(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
-    """Every mirror of a table in the floor plan, as mirrors are given.
+    """The place of every mirror of a table in the floor plan, in the form in which users give mirrors.
 
     Parameters
     ----------
     mirrors : xarray.Dataset
-        The group `mirrors` of a Reconstruction. Where some have a `curvature`, all have xm and ym on the middle of
-        the face.
+        The group `mirrors` of a Reconstruction. If it has a column `curvature`, it has xm and ym, the middle of the
+        face of each mirror.
     prefix : str
-        "folded_" for their true places.
+        "folded_" for the true places of the mirrors; empty for those in the unfolded image.
 
     Returns
     -------
     list of arrays [m]
-        Of a line its two ends (2, 2), of an arc its start, the middle and its end (3, 2).
+        The two ends (2, 2) of a line; the start, middle and end (3, 2) of an arc.
     """
     ends = np.stack([mirrors[f"{prefix}{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
-    if "curvature" not in mirrors or "corner_x" in mirrors:  # of round mirrors in space the plan has the outermost
+    if "curvature" not in mirrors or "corner_x" in mirrors:  # in space, the plan shows lines between outermost points
         return list(ends)
     middle = np.stack([mirrors[f"{prefix}{name}"].values for name in ("xm", "ym")], axis=-1)
     bent = mirrors["curvature"].values != 0.0
@@ -113,14 +113,14 @@ def mirror_places(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
 
 
 def mirror_curves(mirrors: xr.Dataset, prefix: str = "") -> list[Array]:
-    """Every mirror of a table, as of `mirror_places`, to be drawn: two ends (2, 2) [m], or points along its arc."""
+    """Every mirror of a table as a polyline to draw: two ends (2, 2) [m], or points (n, 2) [m] along its arc."""
     return [place if len(place) == 2 else arc_through(*place) for place in mirror_places(mirrors, prefix)]
 
 
 def mirror_outlines(mirrors: xr.Dataset, prefix: str = "") -> list[list[Array]]:
-    """Every mirror of a volume's table, to be drawn: polylines (n, 3) [m].
+    """Every mirror of a volume's table as polylines (n, 3) [m] to draw.
 
-    A plane has its closed outline, a cylinder that of its face, and a sphere two arcs across its face.
+    They are the closed outline of a plane or of a cylinder's face, and two arcs across the face of a sphere.
     """
     corners = np.stack([mirrors[f"{prefix}corner_{axis}"].values for axis in "xyz"], axis=-1)
     if "curvature" not in mirrors:
@@ -136,7 +136,7 @@ def mirror_outlines(mirrors: xr.Dataset, prefix: str = "") -> list[list[Array]]:
 
 
 def _round_outline(corners: Array, middle: Array, axis: Array) -> list[Array]:
-    """That of a cylinder, of which two corners lie at each end, or of a sphere, of zero axis."""
+    """Polylines of a cylinder, of whose corners two lie at each end, or of a sphere, whose axis is zero."""
     if not axis.any():
         return [_arc_in_space(corners[i], middle, corners[i + 2]) for i in (0, 1)]
     low, high = (middle + ((corner - middle) @ axis) * axis for corner in corners[[0, 2]])

@@ -1,4 +1,4 @@
-"""Arguments of the wrong kind, in one sentence that never prints an array."""
+"""Checks of arguments, and the sentences that refuse wrong ones: they describe arrays but never print them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
 LONGEST = 60
-"""Characters of a value that a message shows."""
+"""A message shows at most this many characters of a value."""
 
 
 def described(value: Any) -> str:
@@ -41,7 +41,7 @@ def described(value: Any) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value as a message shows it: as Python writes it where that is short, else what it is.
+    """A value as a message shows it: as Python writes it if that is short, else by a description.
 
     Examples
     --------
@@ -56,18 +56,18 @@ def shown(value: Any) -> str:
 
 
 def wrong_kind(name: str, value: Any, expected: str, *, reader: str = "mf.load") -> InputError:
-    """The error for an argument that is of another kind.
+    """The error for an argument of the wrong kind.
 
     Parameters
     ----------
     name : str
-        Of the argument or of the function.
+        Name of the argument or of the function.
     value : any
         What was given.
     expected : str
-        What was expected, and where it comes from.
+        What was expected, and which function makes it.
     reader : str
-        What makes it of a file, to be named where the path of one was given; empty where nothing does.
+        Function that reads such an object from a file. The message names it if a path was given; empty for none.
     """
     hint = f"; read the file with {reader}" if reader and isinstance(value, str | Path) else ""
     return InputError(f"{name}: got {described(value)}, expected {expected}{hint}")
@@ -77,11 +77,11 @@ WORDS = {
     "m": "metres", "m^2": "square metres", "Hz": "hertz", "s": "seconds", "degree": "degrees", "dB": "decibels",
     "dBm": "decibels", "dBi": "decibels", "m/s": "metres per second", "B": "bytes",
 }  # fmt: skip
-"""How messages name the units of numbers."""
+"""The names of units in messages."""
 
 
 def finite(value: Any) -> float | None:
-    """The finite number that a value is, also in an array without dimensions; None for anything else.
+    """A value as a finite number, also from an array without dimensions; None for anything else.
 
     Examples
     --------
@@ -101,8 +101,8 @@ def finite(value: Any) -> float | None:
 
 
 def is_truth(value: Any) -> bool:
-    """Whether a value is a truth value of Python or of NumPy."""
-    numpy = sys.modules.get("numpy")  # settings are declared without NumPy, whose values exist only once it is imported
+    """Whether a value is True or False, of Python or of NumPy."""
+    numpy = sys.modules.get("numpy")  # NumPy need not be imported here: its values exist only if it is already
     return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
 
 
@@ -110,22 +110,22 @@ def number(
     name: str, value: Any, unit: str = "", *, above: float | None = None, lowest: float | None = None,
     highest: float | None = None,
 ) -> float:  # fmt: skip
-    """A finite number, also from a text such as "80 mm" where its unit has others.
+    """A finite number, also from a text such as "80 mm" if the unit belongs to a known quantity.
 
     Parameters
     ----------
     name : str
-        Of the argument.
+        Name of the argument.
     value : any
     unit : str
         One of `WORDS`, or empty for a pure number.
     above, lowest, highest : float, optional
-        Bounds.
+        Bounds: strictly above `above`, from `lowest` to `highest`.
 
     Raises
     ------
     InputError
-        If it is none, or out of bounds.
+        If the value is no finite number, or out of bounds.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole
     Raises
     ------
     InputError
-        If it is none; `what` says what was expected.
+        If the value is no such number; `what` says what was expected.
     """
     found = finite(value)
     if found is None or not found.is_integer() or found < lowest:
@@ -171,12 +171,12 @@ def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole
 
 
 def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path:
-    """A path.
+    """An argument as a path.
 
     Raises
     ------
     InputError
-        If the argument is none.
+        If the argument is no path.
     """
     if isinstance(value, str | os.PathLike):
         return Path(value)
@@ -184,7 +184,7 @@ def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path
 
 
 def one_of(name: str, value: Any, choices: Iterable[str]) -> str:
-    """One of several names.
+    """An argument that must be one of several names.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def one_of(name: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def truth(name: str, value: Any) -> bool:
-    """True or False, also as 1 or 0.
+    """An argument as True or False; 1 and 0 count, too.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def truth(name: str, value: Any) -> bool:
 
 
 def listed(name: str, value: Any) -> list[Any]:
-    """The entries of a list or of a tuple.
+    """An argument as a list, from a list or a tuple.
 
     Raises
     ------

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.types import Array
 
 HALF_POWER = float(np.sqrt(2.0 * np.log(2.0)))
-"""Width of a Gaussian beam between half powers, which is that between half amplitudes there and back, where the
-amplitude is ``exp(-2 (x/w)^2)``: in units of the radius w, at which the amplitude one way has fallen to 1/e."""
+"""Width of a Gaussian beam between half powers, in units of its radius w, at which the one-way amplitude has fallen to
+1/e. It is also the width between half amplitudes of the two-way beam, whose amplitude is ``exp(-2 (x/w)^2)``."""
 
 
 def beam_direction(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
@@ -48,9 +48,9 @@ def beam_radius(range_: ArrayLike, *, spot_radius: float, focus_distance: float,
     range_ : (...) array [m]
         Distance from the radar.
     spot_radius : float [m]
-        w0, in the focus.
+        w0, radius of the beam in the focus.
     focus_distance : float [m]
-        f, from the radar.
+        f, distance of the focus from the radar.
     wavelength : float [m]
     """
     rayleigh = np.pi * spot_radius**2 / wavelength
@@ -61,18 +61,18 @@ def spread_beam(
     before: ArrayLike, rest: ArrayLike, power: ArrayLike, *, spot_radius: float, focus_distance: float,
     wavelength: float,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """What a curved mirror makes of a focused Gaussian beam, along one principal direction of the mirror.
+    """Width of a focused Gaussian beam behind a curved mirror, along one principal direction of the mirror.
 
-    The beam's ``1/q = 1 / (r1 - f + j zR)`` grows by the power of the mirror, and after the rest s of the way
-    ``w^2 = -lambda / (pi Im(1/q))`` (Kogelnik and Li, Appl. Opt. 5, 1966, eqs. 17 and 43). When the beam is turned by
-    an angle, its axis moves there by ``r1 + s + r1 s p`` times that angle.
+    At the mirror, the power p of the mirror is added to the beam's ``1/q = 1 / (r1 - f + j zR)``. After the rest s of
+    the way, ``w^2 = -lambda / (pi Im(1/q))`` (Kogelnik and Li, Appl. Opt. 5, 1966, eqs. 17 and 43). When the radar
+    turns the beam by a small angle, the axis of the beam moves there by ``r1 + s + r1 s p`` times the angle.
 
     Parameters
     ----------
     before, rest : (...) arrays [m]
-        Length of the way up to the mirror, r1, and from there, s.
+        Length of the way to the mirror, r1, and from the mirror on, s.
     power : (...) array [1/m]
-        p, added to the curvature of the waves; positive for a convex mirror, zero for a flat one.
+        p, by which the mirror raises the curvature of the waves: positive for a convex mirror, zero for a flat one.
     spot_radius, focus_distance, wavelength : float [m]
         As of `beam_radius`.
 
@@ -81,7 +81,7 @@ def spread_beam(
     width : (...) array [m]
         Radius of the beam at the end of the way.
     lever : (...) array [m]
-        By how much its axis moves there for each radian.
+        Distance by which the axis of the beam moves there for each radian.
     """
     before, rest, power = (np.asarray(value, dtype=float) for value in (before, rest, power))
     rayleigh = np.pi * spot_radius**2 / wavelength

@@ -1,4 +1,4 @@
-"""The folder where this user's programs keep what they learn, and a key there that tells what they have made."""
+"""The cache folder of this user, and a secret key in it that signs texts, so that forged ones are recognised."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 KEY_BYTES = 32
-"""Length of the key, that of the digest that is made with it."""
+"""Length of the key [bytes]: that of the digests made with it."""
 
 
 def cache_folder() -> Path:
@@ -20,25 +20,25 @@ def cache_folder() -> Path:
 
 
 def signature(text: str) -> str | None:
-    """A keyed digest (HMAC-SHA256) of a text, which nobody else can make; None where no key can be kept."""
+    """A keyed digest (HMAC-SHA256) of a text, which only this user can make; None if the key cannot be kept."""
     with suppress(OSError):
         return hmac.digest(_key(), text.encode(), "sha256").hex()
     return None
 
 
 def is_signed(text: str, found: str) -> bool:
-    """Whether a digest is the one that `signature` makes of the text."""
+    """Whether the digest `found` is the one that `signature` makes of the text."""
     made = signature(text)
     return made is not None and hmac.compare_digest(made.encode(), found.encode())
 
 
 def _key() -> bytes:
-    """The user's key, made where there is none.
+    """The user's key; it is made if there is none.
 
     Raises
     ------
     OSError
-        If it cannot be read or written, or others may read or replace it.
+        If the key cannot be read or written, or if other users may read or replace it.
     """
     path = cache_folder() / "key"
     with suppress(FileNotFoundError):

@@ -8,17 +8,18 @@ from mirrorfold.common.types import Chain
 
 
 def chain_name(chain: Chain) -> str:
-    """Such as "1/0"; empty for what is in line of sight."""
+    """The name of a chain, such as "1/0"; empty for the chain of what is in line of sight."""
     return "/".join(map(str, chain))
 
 
 def mirror_chains(mirrors: xr.Dataset) -> list[str]:
-    """The chain of every mirror of a table, such as "1/0"; the last number is its own among those seen by the same way.
+    """The name of the chain of every mirror of a table, such as "1/0"; its last number is that of the mirror itself.
 
     Parameters
     ----------
     mirrors : xarray.Dataset
-        The group `mirrors` of a Reconstruction; older ones hold only the `parent` of each.
+        The group `mirrors` of a Reconstruction. Older ones hold only the `parent` of each mirror: mirrors with the same
+        parent are then numbered in the order of the table.
     """
     if "chain" in mirrors:
         return [str(chain) for chain in mirrors["chain"].values]

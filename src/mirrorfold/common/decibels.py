@@ -1,4 +1,4 @@
-"""Decibels and colours: what every picture has in common, drawn by whatever program."""
+"""Decibels and colours that all pictures have in common, whichever program draws them."""
 
 from __future__ import annotations
 
@@ -8,29 +8,26 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.types import Array
 
 COLOURS = ("#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#0072B2")
-"""By number of bounces; apart for the colour-blind too (Okabe and Ito, 2008)."""
+"""Colours by number of bounces, which the colour-blind can tell apart, too (Okabe and Ito, 2008)."""
 
 PASSED_COLOUR, PASSED_LABEL = "#7B3294", "seen through a wall"
-"""Of what passed through a half-transparent wall, and stays where it is seen."""
+"""Colour and label of points that passed through a half-transparent wall, and are therefore not folded."""
 
 TRUTH_COLOUR = "#CC0000"
 
 REFERENCE_QUANTILE = 0.9995
-"""The amplitude shown as 0 dB, as a quantile over the pixels in view: glints above it are shown saturated."""
+"""Quantile over the pixels in view that is shown as 0 dB: the few glints above it are saturated."""
 
 
 def reference(amplitude: ArrayLike) -> float:
-    """The amplitude shown as 0 dB: the quantile `REFERENCE_QUANTILE` of what is above zero, 1 where nothing is."""
+    """The amplitude shown as 0 dB: the quantile `REFERENCE_QUANTILE` of positive amplitudes, or 1 if there are none."""
     values = np.asarray(amplitude)
     positive = values[values > 0]
     return float(np.quantile(positive, REFERENCE_QUANTILE)) if positive.size else 1.0
 
 
 def decibels(amplitude: Array, floor_db: float) -> Array:
-    """``20 log10`` of amplitudes over their reference, clipped to [floor, 0]; all floor where nothing is above zero.
-
-    The reference is the quantile `REFERENCE_QUANTILE` of the pixels that are above zero.
-    """
+    """``20 log10`` of amplitudes over their `reference`, clipped to [floor_db, 0]; all floor_db if none is positive."""
     if not (amplitude > 0).any():
         return np.full(amplitude.shape, floor_db)
     level = 20.0 * np.log10(np.maximum(amplitude / reference(amplitude), 10.0 ** (floor_db / 20.0)))
@@ -38,7 +35,7 @@ def decibels(amplitude: Array, floor_db: float) -> Array:
 
 
 def to_db(ratio: Array) -> Array:
-    """``20 log10`` of ratios of amplitudes (n,), of zero a very low number."""
+    """``20 log10`` of ratios of amplitudes (n,); for zero, a very low number."""
     return np.asarray(20.0 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
 
 

@@ -1,7 +1,7 @@
-"""What a step will take of the memory, from the sizes of its arrays: said before the work, refused if it is too much.
+"""Forecasts of the memory that a step will take, from the sizes of its arrays; too much is refused before the work.
 
-A step is described by its stages, and each stage by what it holds at once: named parts and their bytes. The stage that
-holds most is the forecast. The program itself and its compiled kernels, 0.2 to 0.3 GB, are not in it.
+A step has stages, and each stage holds named parts in memory at once, with their bytes. The forecast is the stage that
+holds most. The program itself and its compiled kernels, 0.2 to 0.3 GB, are not included.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from mirrorfold.common.records import Record, fact
 GIGABYTE = 1e9
 
 Parts = dict[str, float]
-"""Names of arrays, and what they take [bytes]."""
+"""The size of each array [bytes], by its name."""
 
 log = logging.getLogger("mirrorfold")
-"""Tells forecasts at the level INFO; the command line shows them with ``--verbose``."""
+"""Forecasts are logged here at the level INFO; the command line shows them with ``--verbose``."""
 
 
 class Forecast(Record):
-    """What a verb would take of the memory."""
+    """The memory that a command would take."""
 
     kind: Literal["forecast"]
     memory_gb: float = fact("predicted, input and result included, the program itself not")
@@ -31,7 +31,7 @@ class Forecast(Record):
 
 
 def fullest(*stages: Parts) -> Parts:
-    """The stage that holds most.
+    """The stage that holds most bytes.
 
     Examples
     --------
@@ -42,12 +42,12 @@ def fullest(*stages: Parts) -> Parts:
 
 
 def total(parts: Parts) -> float:
-    """All parts together [bytes]."""
+    """The size of all parts together [bytes]."""
     return float(sum(parts.values()))
 
 
 def forecast(parts: Parts, remarks: list[str] | None = None) -> Forecast:
-    """Parts as a record."""
+    """The parts of a stage as a record."""
     return Forecast(
         kind="forecast",
         memory_gb=total(parts) / GIGABYTE,
@@ -57,29 +57,30 @@ def forecast(parts: Parts, remarks: list[str] | None = None) -> Forecast:
 
 
 def expect(parts: Parts, what: str, remedy: str, *, held: float = 0.0, limit: float | None = None) -> None:
-    """Log what a step will take, and refuse it where that is more than there is.
+    """Log how much memory a step will take, and refuse the step if that is more than there is.
 
     Parameters
     ----------
     parts : dict of float [bytes]
     what : str
-        Who needs them, in the plural, such as ``"the steps that fold an image of 10 x 10 pixels"``.
+        What needs the memory, in the plural, such as ``"the steps that fold an image of 10 x 10 pixels"``.
     remedy : str
+        What to do, at the end of the message.
     held : float [bytes]
-        What of them is in memory already.
+        The part of it that is in memory already.
     limit : float [bytes], optional
-        Of all that this process may hold; by default what is free.
+        Memory that this process may hold in all; by default what is free counts.
 
     Raises
     ------
     InputError
-        If they do not fit.
+        If the parts do not fit.
     """
     tell(parts, what)
     check_room(total(parts) - held, what, remedy, limit)
 
 
 def tell(parts: Parts, what: str) -> None:
-    """Log what a step will take."""
+    """Log how much memory a step will take."""
     named = ", ".join(f"{name} {nbytes / GIGABYTE:.3g}" for name, nbytes in parts.items())
     log.info("%s: %.3g GB of memory are forecast (%s)", what, total(parts) / GIGABYTE, named)

@@ -90,7 +90,7 @@ class Points:
 
     @classmethod
     def of(cls, echoes: Echoes, position: Array, **known: Any) -> Points:
-        """Points of echoes at `position` (n, d) [m]: objects in line of sight, not judged, but for fields in `known`."""
+        """Points of echoes at `position` (n, d) [m]: unjudged objects in line of sight, unless `known` sets a field."""
         nan, none = np.nan, ""
         usual: dict[str, Any] = {
             "bounces": np.int32(0), "chain": none, "mirror": none, "confidence": 1.0, "explanation": none,

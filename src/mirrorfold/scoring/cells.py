@@ -1,4 +1,4 @@
-"""Resolution cells at the points of a reconstruction, the unit in which radars of any kind can be compared."""
+"""The size of the resolution cell at each point of a reconstruction: the unit in which any radars can be compared."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mirrorfold.common.types import Array
 
 
 def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = True) -> Array | None:
-    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], by its attrs.
+    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], from its `attrs`.
 
-    Along the line of sight it is ``c / (2 B)``. Across, at the length r of the way, it is ``r lambda / D`` for an array
-    of length D, and the beam's width between half powers for a scan. Folding keeps the length of the way, so that r is
-    the distance of the point from the radar before it was folded. Behind curved mirrors the cell is wider across by the
-    factor in the column `growth`, which is left out unless `grown`.
+    Along the line of sight, the cell is ``c / (2 B)`` long. Across, at the range r, it is ``r lambda / D`` wide for an
+    array of length D, and as wide as the beam between half powers for a scan. Folding keeps the length of the way, so r
+    is the distance of the point from the radar before folding. Behind curved mirrors, the cell is wider across by the
+    factor in the column `growth`, which is applied only if `grown`.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """How close points come to the truth: accuracy, precision, completeness, F-score, invented points.
 
-The same in two and three dimensions. Accuracy asks of every reconstructed point how far the nearest true surface is,
-completeness asks of every piece of true surface that could be seen at all whether a point lies near it. Points are
-thinned to one per cell first, so that a dense blob counts once.
+They are the same in two and three dimensions. Accuracy is the mean distance of the reconstructed points from the
+nearest true surface. Completeness is the share of the true surface, as far as it could be seen at all, that has a point
+near it. Points are first thinned to one in each cell, so that a dense cluster counts once.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from mirrorfold.common.records import Number, Record, fact
 Array = NDArray[np.float64]
 
 CELL = 0.01
-"""Edge of the square or cubic cells that points are thinned to [m]: half of `NEAR`, so that a
-mean stays closer to its points than the finest limit that is asked for."""
+"""Edge [m] of the square or cubic cells in which points are thinned: half of `NEAR`, so that the mean of a cell is
+closer to its points than the smallest distance that is judged."""
 
 NEAR, COVERED, WIDE, INVENTED, FALSE = 0.02, 0.03, 0.05, 0.10, 0.15
-"""Distances [m]: a good point, a covered piece of truth, a fair point, and those beyond which a point is invented, or
-false. Chosen, not derived: a few resolution cells of a band of 10 to 30 GHz (5 to 15 mm each), up to tens of them."""
+"""Distances [m]: up to `NEAR` a point is good, up to `COVERED` a piece of truth is covered, up to `WIDE` a point is
+fair; beyond `INVENTED` a point is invented, beyond `FALSE` false. They are chosen, not derived: from a few to tens of
+resolution cells of a bandwidth of 10 to 30 GHz (5 to 15 mm each)."""
 
 WITHIN_CELLS = 1.5
-"""A point is good, too, within this many diagonals of its resolution cell: what lies in the cell around it is at most
-half a diagonal away."""
+"""In the figures in cells, a point is good within this many diagonals of its resolution cell. What lies in the cell
+around the point is at most half a diagonal away."""
 
 
 class Figures(Record):
-    """Points against the truth."""
+    """How close points come to the truth."""
 
     points: int = fact("how many, as the reconstruction holds them: of objects and on the faces of mirrors")
     cells: int = fact("how many after thinning to one in each cell of a centimetre; all other figures are of these")
@@ -53,12 +54,12 @@ class Figures(Record):
 
 
 def thin(points: Array, cell: float = CELL) -> Array:
-    """The mean of the points (n, d) in each occupied cell [m] of a square or cubic grid, (m, d)."""
+    """The mean of the points (n, d) [m] in each occupied cell of a square or cubic grid of edge `cell` [m], (m, d)."""
     return counted(points, cell)[0]
 
 
 def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]]:
-    """Points thinned, as by `thin`, and how many each of them stands for, (m,)."""
+    """Points thinned as by `thin`, and the number of points that each of them stands for, (m,)."""
     if not len(points):
         return points, np.zeros(0, dtype=np.int64)
     _, which, counts = np.unique(
@@ -71,21 +72,21 @@ def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]
 def figures(
     points: Array, count: NDArray[np.int64], distance: Array, reachable: Array, cell: Array | None = None
 ) -> Figures:
-    """All the figures; None where they are undefined.
+    """All figures of some points; those that are undefined are None.
 
     Parameters
     ----------
     points : (n, d) array [m]
-        Thinned, see `counted`.
+        Thinned points, see `counted`.
     count : (n,) array of int
-        How many points each of them stands for.
+        Number of points that each of them stands for.
     distance : (n,) array [m]
-        From the nearest true surface.
+        Distance of each point from the nearest true surface.
     reachable : (m, d) array [m]
         Samples of the truth that could be seen.
     cell : (n,) array [m], optional
-        Diagonal of the resolution cell, where it is known. A sample of the truth is covered in cells where the point
-        nearest to it is no farther than `WITHIN_CELLS` of that point's cell.
+        Diagonal of the resolution cell of each point. In the figures in cells, a sample of the truth is covered if the
+        point nearest to it is within `WITHIN_CELLS` of that point's own cell.
     """
     nothing = np.full(len(reachable), np.inf), np.zeros(len(reachable), dtype=np.int64)
     to_points, nearest = cKDTree(points).query(reachable) if len(points) else nothing

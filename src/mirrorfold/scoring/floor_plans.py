@@ -13,12 +13,12 @@ from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.truth import Array, Truth
 
 TRUTH_SPACING = 0.002
-"""True surfaces are sampled this densely [m], a tenth of the distance of a good point."""
+"""Spacing of the samples of true surfaces [m]: a tenth of the distance of a good point."""
 
 
 @lru_cache(4)  # a scene is judged again and again: in a report, in a score, by several methods
 def truth(scene: Scene, *, bounces: int = BOUNCES) -> Truth:
-    """Samples of all surfaces, and which of them can be seen by way of at most so many mirrors."""
+    """Samples of all surfaces, and which of them can be seen by way of at most `bounces` mirrors."""
     samples = [(np.empty((0, 2)), np.empty((0, 2))), *(s.sample(TRUTH_SPACING)[:2] for s in scene.surface)]
     owner = np.repeat(np.arange(-1, len(scene.surface)), [len(points) for points, _ in samples])
     place, normals = map(np.concatenate, zip(*samples, strict=True))
@@ -28,7 +28,7 @@ def truth(scene: Scene, *, bounces: int = BOUNCES) -> Truth:
 
 
 def faces(scene: Scene) -> list[Face]:
-    """The straight pieces that a detected mirror may be an image of; of a wall with a thickness its two faces."""
+    """Straight pieces of surfaces that detected mirrors are compared with; both faces of a wall with a thickness."""
     found = []
     for surface in scene.surface:
         if surface.kind not in STRAIGHT:
@@ -45,7 +45,7 @@ def faces(scene: Scene) -> list[Face]:
 
 
 def curves(scene: Scene) -> list[tuple[str, Array]]:
-    """The curved surfaces that a curved mirror may be an image of: names, and points (n, 2) [m] along each."""
+    """The curved surfaces that curved mirrors are compared with: the name of each, and points (n, 2) [m] along it."""
     return [
         (surface.name, piece)
         for surface in scene.surface

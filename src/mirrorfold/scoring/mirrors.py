@@ -1,4 +1,4 @@
-"""How far detected mirrors are from the true faces."""
+"""Errors of detected mirrors: how far each is from the face of a true surface that it agrees with."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 Array = NDArray[np.float64]
 
 MIRROR_ANGLE_DEG, MIRROR_OFFSET = 10.0, 0.10
-"""A detected mirror is an image of the true face that it agrees with to this angle [degree] and distance [m]: far
-more than the errors of a good fit, and less than what lies between the faces of most rooms."""
+"""A detected mirror belongs to a true face that it agrees with to this angle [degree] and distance [m]: far more than
+the errors of a good fit, and less than the differences between the faces of most rooms."""
 
 
 class MirrorError(Record):
-    """A detected mirror against the true surface that it agrees with, if any."""
+    """Errors of a detected mirror against the true surface that it agrees with, if there is one."""
 
     surface: str | None
     angle_error_deg: Number
@@ -40,13 +40,13 @@ class Face:
     Attributes
     ----------
     surface : str
-        Its name.
+        Name of the surface.
     center, normal : (d,) arrays
-        Its middle [m], and its unit normal.
+        Middle of the face [m], and its unit normal.
     halves : (d - 1, d) array [m]
-        From the center to the middle of each edge or end.
+        Vectors from the center to one end of the face, or in space to the middle of two adjacent edges.
     one_sided : bool
-        Whether a mirror is an image of it only if it is seen from where the normal points: the face of a slab.
+        Whether the face is that of a slab, which can be detected only from the side to which the normal points.
     """
 
     surface: str
@@ -62,10 +62,10 @@ def mirror_errors(
     curves: Sequence[tuple[str, Array]] = (),
     panes: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[MirrorError]:
-    """Every detected mirror, at its true place, with the nearest face that it agrees with.
+    """Errors of every detected mirror at its true place against the nearest face that it agrees with.
 
-    A curved mirror is compared with the nearest of the true `curves`, names and points (n, 2) [m], where one is near;
-    a half-transparent wall with permittivity and thickness [m] of the true ones, the `panes` by name.
+    A curved mirror is compared with the nearest of the true `curves`, names and points (n, 2) [m], if one is near; a
+    half-transparent wall with the permittivity and thickness [m] of the true ones, `panes` by name.
     """
     found = reconstruction.children["mirrors"].to_dataset(inherit=False)
     places = mirror_places(found, "folded_") if curves and "curvature" in found else []
@@ -73,9 +73,9 @@ def mirror_errors(
     rows, panes = [], panes or {}
     for i in range(found.sizes["mirror"]):
         generation = int(found["generation"].values[i])
-        bent = _curved_error(places[i], curves, generation) if places else None
-        if bent is not None:
-            rows.append(bent)
+        curved_row = _curved_error(places[i], curves, generation) if places else None
+        if curved_row is not None:
+            rows.append(curved_row)
             continue
         center, normal, length = _placed(found.isel(mirror=i))
         parent = int(found["parent"].values[i]) if "parent" in found else -1
@@ -101,7 +101,7 @@ def mirror_errors(
 
 
 def _pane_errors(mirror: xr.Dataset, true: tuple[float, float]) -> dict[str, float]:
-    """How far permittivity and thickness that were measured of a wall are off, as shares of the `true` ones."""
+    """Errors of a wall's measured permittivity and thickness, as shares of the `true` ones; empty if not measured."""
     names = "permittivity", "thickness"
     if not all(name in mirror and np.isfinite(mirror[name]) for name in names):
         return {}
@@ -109,9 +109,10 @@ def _pane_errors(mirror: xr.Dataset, true: tuple[float, float]) -> dict[str, flo
 
 
 def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation: int) -> MirrorError | None:
-    """An arc by three points (3, 2) [m] against the nearest true curve; None where none agrees, and for a line.
+    """Errors of an arc, given by three points (3, 2) [m], against the nearest true curve.
 
-    The true curvature is that of the circle through the places of the curve nearest to its start, middle and end.
+    None if no curve agrees, and for a line. The true curvature is that of the circle through the three places of the
+    curve that are nearest to the start, middle and end of the arc.
     """
     if len(place) != 3:
         return None
@@ -127,7 +128,7 @@ def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation:
     angle = _angle_deg((place[1] - middle) / radius, (best[2][1] - true_middle) / true_radius)
     if not np.isfinite(true_radius) or angle > MIRROR_ANGLE_DEG:
         return None
-    # Bent the other way, it is as wrong as both curvatures together.
+    # If the arc is bent the other way, its error is the sum of both curvatures.
     ratio = true_radius / radius * (1.0 if (place[1] - middle) @ (best[2][1] - true_middle) > 0.0 else -1.0)
     return MirrorError(
         surface=best[1],
@@ -140,7 +141,7 @@ def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation:
 
 
 def _nearest(places: Array, points: Array) -> Array:
-    """The points nearest to places (n, 2) [m] on a line through points (m, 2) [m]."""
+    """The point nearest to each of the places (n, 2) [m] on the polyline through points (m, 2) [m], (n, 2)."""
     start, way = points[:-1], np.diff(points, axis=0)
     along = np.sum((places[:, None] - start) * way, axis=-1) / np.sum(way * way, axis=-1)
     on_it = start + np.clip(along, 0.0, 1.0)[..., None] * way
@@ -149,7 +150,7 @@ def _nearest(places: Array, points: Array) -> Array:
 
 
 def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:
-    """Center [m], unit normal and length [m] of a mirror, folded."""
+    """Center [m], unit normal and length [m] of a mirror at its true place."""
     if "folded_center_x" in mirror:
         center, normal = (np.array([float(mirror[f"folded_{what}_{axis}"]) for axis in "xyz"]) for what in
                           ("center", "normal"))  # fmt: skip
@@ -160,7 +161,7 @@ def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:
 
 
 def _distance(center: Array, normal: Array, face: Face) -> float:
-    """Distance [m] of the middle of a mirror from a face; infinite where they are turned too far against each other."""
+    """Distance [m] of the middle of a mirror from a face; infinite if they differ by more than `MIRROR_ANGLE_DEG`."""
     if _angle_deg(normal, face.normal) > MIRROR_ANGLE_DEG:
         return np.inf
     lengths = np.linalg.norm(face.halves, axis=1)
@@ -169,6 +170,6 @@ def _distance(center: Array, normal: Array, face: Face) -> float:
 
 
 def _angle_deg(normal: Array, other: Array) -> float:
-    """Angle between two planes of unit normals [degree]: by its sine, since a cosine loses small angles to rounding."""
+    """Angle [degree] between planes of unit normals, from its sine: the cosine loses small angles to rounding."""
     aside = normal - (normal @ other) * other
     return float(np.degrees(np.arcsin(min(1.0, float(np.linalg.norm(aside))))))

@@ -1,7 +1,7 @@
 """How close a reconstruction comes to the truth, in two dimensions and in three.
 
-A piece of truth counts where the radar could have seen it, directly or by way of mirrors; `floor_plans` and `volumes`
-find out which those are.
+Only those pieces of the truth count that the radar could have seen, directly or by way of mirrors. `floor_plans` and
+`volumes` find out which pieces these are.
 """
 
 from __future__ import annotations
@@ -33,43 +33,43 @@ if TYPE_CHECKING:
 
 
 class Mirrors(Record):
-    """The mirrors of a score."""
+    """Errors of detected mirrors."""
 
     mirrors: list[MirrorError]
 
 
 class PlanFigures(Figures):
-    """The same in two dimensions."""
+    """How close points come to the truth in two dimensions."""
 
     reachable_m: float = fact("length of the truth that can be seen")
 
 
 class VolumeFigures(Figures):
-    """The same in three dimensions."""
+    """How close points come to the truth in three dimensions."""
 
     reachable_m2: float = fact("area of the truth that can be seen")
 
 
 class HiddenPlan(PlanFigures, Mirrors):
-    """What is out of sight."""
+    """Points and mirrors out of line of sight, in two dimensions."""
 
     surfaces: list[str]
 
 
 class HiddenVolume(VolumeFigures, Mirrors):
-    """What is out of sight."""
+    """Points and mirrors out of line of sight, in three dimensions."""
 
     surfaces: list[str]
 
 
 class Contrast(Record):
-    """A patch over its surroundings."""
+    """How much brighter a patch is than its surroundings."""
 
     contrast_db: Number = fact("[dB]")
 
 
 class SidesRight(Record):
-    """What is made of echoes behind half-transparent walls."""
+    """How often echoes behind half-transparent walls are told apart rightly: reflected, or passed."""
 
     sides_right: Number = fact(
         "share of the echoes behind half-transparent walls, but the doubtful, that are rightly taken for reflected, or "
@@ -126,28 +126,28 @@ def score(
 ) -> PlanScore | VolumeScore:
     """Distances between a reconstruction and the true scene.
 
-    Before anything is counted, points are thinned, in two dimensions and in three: all that lie in one cell of a square
-    or cubic grid of one centimetre are replaced by their mean. How densely an image is sampled then does not matter.
-    Scores are made for rooms: where resolution cells are smaller than a centimetre, or mirrors shorter than 15, which
-    are not counted on to show anything, completeness means little.
+    Points are first thinned: all points in one cell of a square or cubic grid of one centimetre are replaced by their
+    mean, so that the density of the image's pixels does not matter. Scores are made for rooms. Completeness means
+    little where resolution cells are smaller than a centimetre, or mirrors are shorter than 15 cm, which count as
+    showing nothing.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
     scene : Scene, Scene3D or path of a scene file
     bounces : int
-        Largest number of reflections by which a piece of truth counts as reachable.
+        Largest number of reflections on the way to a piece of truth that counts as reachable.
     min_confidence : float, optional
-        Least confidence of points that count; by default as it was folded.
+        Points of less confidence do not count; by default the setting of the fold.
 
     Returns
     -------
     PlanScore or VolumeScore
-        Facts to read as attributes or as items: those of all points; under `hidden` those of all points that claim to
-        be out of sight, more than 5 cm and 1.5 resolution cells away from whatever is in line of sight, invented ones
-        included, and of surfaces of which nothing is in line of sight; under `surfaces` those of each such surface;
-        under `mirrors` the errors of every detected mirror at its true place. What is undefined, such as the accuracy
-        of no points, is None. `mirrorfold schema score` says what each is.
+        Facts to read as attributes or as items. They are those of all points; under `hidden`, of points and surfaces
+        out of line of sight: all points that are more than 5 cm and 1.5 resolution cells away from whatever is in line
+        of sight, invented ones included, against the surfaces of which nothing is in line of sight; under `surfaces`,
+        of each such surface; under `mirrors`, the errors of every detected mirror at its true place. Undefined facts,
+        such as the accuracy of no points, are None. `mirrorfold schema score` says what each fact is.
 
     Raises
     ------
@@ -171,17 +171,21 @@ def score(
     if (wrong := unplaced(points)) is not None:
         raise InputError(f"reconstruction: holds a point that {wrong}; fold again")
     cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
-    told = sides(objects, scene)
-    asked: dict[str, Any] = {}
-    if told.doubtful is not None:
-        asked = {"sides_right": told.right, "sides_doubtful": told.doubtful, "passed_m": told.distance}
+    found_sides = sides(objects, scene)
+    side_facts: dict[str, Any] = {}
+    if found_sides.doubtful is not None:
+        side_facts = {
+            "sides_right": found_sides.right,
+            "sides_doubtful": found_sides.doubtful,
+            "passed_m": found_sides.distance,
+        }
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene), floor_plans.curves(scene), panes(scene))
         every, hidden, each = _judge(
             points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
         )
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
-        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **asked)
+        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **side_facts)
     from mirrorfold.scoring import volumes
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene), panes=panes(scene))
@@ -194,7 +198,7 @@ def score(
         hidden=HiddenVolume(mirrors=_deep(mirrors), **unseen, surfaces=list(parts)),
         surfaces=parts,
         patches={name: Contrast(contrast_db=contrast) for name, contrast in contrasts.items()},
-        **asked,
+        **side_facts,
     )
 
 
@@ -210,8 +214,9 @@ def _judge(
     ----------
     points : (n, d) array [m]
     cells : two (n,) arrays [m]
-        Diagonals of the resolution cells, None where they are unknown; with, and without, what curved mirrors add. The
-        latter tell who claims to be out of sight: a cell that a mirror has made wide is no claim to be in sight.
+        Diagonals of the resolution cells, with and without the widening by curved mirrors; None where they are unknown.
+        Those without it decide which points claim to be out of sight: a point is not in sight because a curved mirror
+        has made its cell wide.
     truth : Truth
     kind : type
         `PlanFigures` or `VolumeFigures`.
@@ -240,5 +245,5 @@ def _judge(
 
 
 def _deep(mirrors: list[MirrorError]) -> list[MirrorError]:
-    """The mirrors that are themselves seen by way of others."""
+    """The mirrors that are seen by way of other mirrors."""
     return [mirror for mirror in mirrors if mirror.generation > 1]

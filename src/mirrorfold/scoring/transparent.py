@@ -1,4 +1,8 @@
-"""In the mirror, or through it: how often a reconstruction is right about what stands behind half-transparent walls."""
+"""How often a reconstruction decides rightly whether echoes behind half-transparent walls were reflected or passed.
+
+An echo that the image shows behind such a wall is the mirror image of an object before the wall, or an object behind
+the wall, seen through it. The truth is known where the echo lies near one of both.
+"""
 
 from __future__ import annotations
 
@@ -19,27 +23,27 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 NEAR = 0.06
-"""An echo is taken for that of an object, or of its mirror image, that is this close [m] to where the echo is shown:
-twice what a thick pane delays it."""
+"""An echo is that of an object, or of a mirror image of one, if that is within this distance [m] of the echo: twice the
+delay of a thick pane."""
 
 SPACING = 0.002
-"""Surfaces are sampled this densely [m]."""
+"""Spacing of the samples of surfaces [m]."""
 
 NEEDED = {"x_initial", "y_initial", "surface", "chain"}
-"""Columns of points without which nothing can be said; other methods' reconstructions may lack them."""
+"""Columns of points that are needed; reconstructions by other methods may lack them."""
 
 
 class Sides(NamedTuple):
-    """What a reconstruction makes of echoes behind half-transparent walls.
+    """How often a reconstruction tells reflected from passed echoes behind half-transparent walls.
 
     Attributes
     ----------
     right : float or None
-        Of the echoes that are not doubtful, the share that is rightly taken for reflected, or for passed.
+        Share of the echoes, without doubtful ones, that are rightly taken for reflected or for passed.
     doubtful : float or None
-        Share of the echoes whose probability to have passed lies between 0.1 and 0.9.
+        Share of the echoes that are doubtful: their probability to have passed lies between 0.1 and 0.9.
     distance : float or None
-        Median distance [m] of echoes that passed, and were taken for such, from the nearest object.
+        Median distance [m] from the nearest object, of echoes that passed and were taken for passed.
     """
 
     right: Number = None
@@ -48,22 +52,22 @@ class Sides(NamedTuple):
 
 
 class Behind(NamedTuple):
-    """Echoes of a reconstruction behind half-transparent walls of which it is known what they are, (n,) each.
+    """Echoes of a reconstruction behind half-transparent walls for which the truth is known, (n,) each.
 
     Attributes
     ----------
     initial : (n, d) array [m]
-        Where the image shows them.
+        Places where the image shows them.
     passed : array
-        Probability that they passed; NaN where that was not asked.
+        Probability that they passed; NaN where that was not tested.
     taken : bool array
-        Which are taken for passed ones: they stay where the image shows them, but for the delay in the wall.
+        Which the reconstruction takes for passed: their chain is empty, so they are not folded.
     truth : bool array
-        Which did pass.
+        Which truly passed.
     incidence : array [rad]
         Angle at which their line of sight meets the wall.
     before, after : arrays [m]
-        Distance from the nearest object in the image, and where they were put.
+        Distance from the nearest object: of the echo in the image, and of its place in the reconstruction.
     """
 
     initial: Array
@@ -75,23 +79,23 @@ class Behind(NamedTuple):
     after: Array
 
     def take(self, which: Mask) -> Behind:
-        """Some of them."""
+        """Some of the echoes, by mask."""
         return Behind._make(each[which] for each in self)
 
 
 class Walls(NamedTuple):
-    """Half-transparent walls of a scene, and what else stands in it, in d dimensions.
+    """What half-transparent walls of a scene show, in d dimensions.
 
     Attributes
     ----------
     objects : (n, d) array [m]
         Samples of all other surfaces.
     images : (m, d) array [m]
-        Of these in the walls.
+        Mirror images of the `objects` in the walls.
     met : (p,) bool array
-        Which places are seen through walls ...
+        Which of the given places lie behind a wall, seen from the radar.
     incidence : (p,) array [rad]
-        ... and under which angles.
+        Angle of incidence of their lines of sight at the wall.
     """
 
     objects: Array
@@ -101,7 +105,7 @@ class Walls(NamedTuple):
 
 
 def panes(scene: Scene | Scene3D) -> dict[str, tuple[float, float]]:
-    """Permittivity, in the middle of the band, and thickness [m] of each half-transparent wall, by its name."""
+    """Permittivity (real part, middle of the band) and thickness [m] of each half-transparent wall, by its name."""
     middle = 0.5 * (scene.band.start + scene.band.stop)
     walls = [(surface, getattr(surface, "thickness", None)) for surface in scene.surface]
     return {
@@ -112,9 +116,9 @@ def panes(scene: Scene | Scene3D) -> dict[str, tuple[float, float]]:
 
 
 def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
-    """The half-transparent walls of a floor plan, and which places (p, 2) [m] are seen through them.
+    """What the half-transparent walls of a floor plan show, and which places (p, 2) [m] lie behind them.
 
-    None where there is no such wall, or nothing else.
+    None if there is no such wall, or no other surface.
     """
     walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
     others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
@@ -134,10 +138,11 @@ def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
 
 
 def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
-    """What the echoes behind half-transparent walls truly are: reflected by the wall, or passed through it.
+    """Echoes behind half-transparent walls, with the truth: reflected by the wall, or passed through it.
 
-    That follows from where the image shows them: near the mirror image of an object, or near one. None where there is
-    no half-transparent wall, or nothing behind it, or the points do not say where the image shows them.
+    An echo was reflected if the image shows it nearer to the mirror image of an object, and passed if it is nearer to
+    an object. None if there is no half-transparent wall, or no echo behind it near either, or if the points do not tell
+    where the image shows them.
     """
     axes = "xy" if isinstance(scene, Scene) else "xyz"
     if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
@@ -166,12 +171,12 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
 
 
 def doubted(passed: Array) -> Mask:
-    """Which echoes are left open by their probability to have passed, (n,)."""
+    """Which echoes are doubtful by their probability to have passed, (n,)."""
     return np.asarray((passed > 0.1) & (passed < 0.9))
 
 
 def sides(objects: xr.Dataset, scene: Scene | Scene3D) -> Sides:
-    """How often a reconstruction tells passed echoes from reflected ones; all None where no wall was asked about."""
+    """How often a reconstruction tells passed from reflected echoes; all None if it tested none."""
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():
         return Sides()

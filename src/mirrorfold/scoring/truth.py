@@ -1,4 +1,4 @@
-"""What a reconstruction is compared with: samples of the true surfaces, and which of them can be seen at all."""
+"""The truth that a reconstruction is compared with: samples of the true surfaces, and which of them can be seen."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Truth:
     Attributes
     ----------
     names : dict of int to str
-        Of the surfaces that are judged, by their index in the scene.
+        Names of the surfaces that are judged, by their index in the scene.
     place, normals : (n, d) arrays [m]
-        The samples, and the unit normals there.
+        Places of the samples [m], and unit normals of the surface there.
     owner : (n,) array of int
         Index of the surface of each sample.
     direct, reachable : (n,) bool arrays
-        Which samples the radar can see directly, and by way of mirrors too.
+        Which samples the radar can see directly; and which directly or by way of mirrors.
     size : float [m] or [m^2]
         Length or area that a sample stands for.
     reach : float [m]
-        How far from a sample the surface goes on in its tangent, at least half way to the next sample.
+        How far the surface is taken to go on along its tangent from a sample: half way to the next sample, or more.
     """
 
     names: dict[int, str]
@@ -51,9 +51,8 @@ class Truth:
     def distances(self, points: Array, of: Mask | None = None) -> tuple[Array, Index]:
         """Distance [m] of points (m, d) from the nearest surface, (m,), and the index of its nearest sample, (m,).
 
-        The mask `of` (n,) chooses among the samples, by default all of them; where there are none the distance is
-        infinite. Around a sample the surface counts as flat up to `reach`, so that the spacing of the samples does not
-        matter.
+        Only samples in the mask `of` (n,) count, by default all; without samples, the distance is infinite. Around a
+        sample, the surface is taken to be flat up to `reach`, so that the spacing of the samples does not matter.
         """
         index = np.arange(len(self.place)) if of is None else np.flatnonzero(of)
         if not len(index) or not len(points):

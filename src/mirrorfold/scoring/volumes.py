@@ -1,4 +1,4 @@
-"""The truth of a three-dimensional scene: what the scan can see of its surfaces, and how patches stand out."""
+"""The truth of a three-dimensional scene: what the scan can see of its surfaces, and the contrast of its patches."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from mirrorfold.simulation.raster.sheets import Sheet, sheet_of
 from mirrorfold.simulation.raster.speckle import image_frame, sample
 
 TRUTH_SPACING = 0.005
-"""Mean distance of the samples of the true surfaces [m], a quarter of that of a good point."""
+"""Mean distance between samples of the true surfaces [m]: a quarter of the distance of a good point."""
 
 RING, GUARD = 0.10, 0.02
-"""A patch is compared with its surroundings up to the first distance [m]; without a strip as wide as
-the second [m] along its edge, where the beam falls on both."""
+"""A patch is compared with its surroundings up to the distance `RING` [m], without a strip of the width `GUARD` [m]
+along its edge, where the beam falls on both."""
 
 FAN = 81
-"""Rays along each side of the scan that look for mirrors: in a scan of 80 degrees one for each degree."""
+"""Number of rays along each side of the scan that search for mirrors: in a scan of 80 degrees, one for each degree."""
 
 
 def truth(scene: Scene3D, *, bounces: int = BOUNCES) -> Truth:
-    """Samples of all surfaces but the patches, and which can be seen by way of at most so many mirrors."""
+    """Samples of all surfaces but the patches, and which can be seen by way of at most `bounces` mirrors."""
     parts = solids(scene)
     place, normals, owner = _samples(parts)
     direct, reachable = visible_truth(scene, parts, place, normals, bounces=bounces)
@@ -42,7 +42,7 @@ def truth(scene: Scene3D, *, bounces: int = BOUNCES) -> Truth:
 
 
 def faces(scene: Scene3D) -> list[Face]:
-    """The flat faces that a detected mirror may be an image of."""
+    """The flat faces of surfaces that detected mirrors are compared with."""
     return [
         Face(scene.surface[solid.surface].name, quad.center, quad.normal, np.stack([quad.right, quad.up]))
         for solid in solids(scene)
@@ -51,7 +51,7 @@ def faces(scene: Scene3D) -> list[Face]:
 
 
 def _samples(parts: list[Solid]) -> tuple[Array, Array, Index]:
-    """Places on all surfaces [m], their outward normals, and whose they are."""
+    """Samples of all surfaces: places (n, 3) [m], outward normals (n, 3), and index of the surface (n,)."""
     found = [(np.empty((0, 3)), np.empty((0, 3)), np.empty(0, dtype=np.int64))]
     for solid in parts:
         for side in solid.quads or (None,):
@@ -64,7 +64,7 @@ def _samples(parts: list[Solid]) -> tuple[Array, Array, Index]:
 def visible_truth(
     scene: Scene3D, parts: list[Solid], place: Array, normals: Array, *, bounces: int
 ) -> tuple[Mask, Mask]:
-    """Which samples of the truth the scan can see: directly, and by way of mirrors too, each (n,) bool."""
+    """Which samples of the truth the scan can see: directly; and directly or by way of mirrors, each (n,) bool."""
     direct = np.zeros(len(place), dtype=bool)
     reachable = direct.copy()
     if not parts:
@@ -99,9 +99,9 @@ def visible_truth(
 
 
 def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
-    """The panels that waves pass through, and which places (p, 3) [m] are seen through them.
+    """What the half-transparent panels show, and which places (p, 3) [m] lie behind them.
 
-    None where there is no such panel, or nothing else.
+    None if there is no such panel, or no other surface.
     """
     parts = solids(scene)
     found = [(solid, sheet_of(scene, solid, 0)) for solid in parts]
@@ -119,21 +119,21 @@ def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
 
 
 def _face_towards(sheet: Sheet, place: Array) -> tuple[Array, Array]:
-    """Center [m] and normal of the face of a sheet that is turned to a place, (3,) each."""
+    """Center [m] and normal of the face of a sheet that is turned towards a place, (3,) each."""
     normal = sheet.middle.normal * np.sign((place - sheet.middle.center) @ sheet.middle.normal)
     return sheet.middle.center + 0.5 * sheet.thickness * normal, normal
 
 
 def patch_contrasts(scene: Scene3D, points: Array, amplitude: Array) -> dict[str, float | None]:
-    """The contrast of every patch by its name, see `patch_contrast`."""
+    """The contrast of every patch [dB], by its name, see `patch_contrast`."""
     patches = [surface for surface in scene.surface if isinstance(surface, Patch)]
     return {patch.name: patch_contrast(scene, patch, points, amplitude) for patch in patches}
 
 
 def patch_contrast(scene: Scene3D, patch: Patch, points: Array, amplitude: Array) -> float | None:
-    """Mean power of the points on a patch over that of the points around it [dB]; None without any.
+    """Mean power of the points on a patch over that of the points around it [dB]; None if there are none on either.
 
-    The scene need not hold the patch: a scene without it, as a control, is judged in the same region.
+    The scene need not hold the patch: as a control, a scene without it is judged in the same region.
     """
     below = next(surface for surface in scene.surface if surface.name == patch.on)
     solid = next(s for s in solids(scene) if scene.surface[s.surface].name == patch.on)
