@@ -1,7 +1,7 @@
 """Lines and planes as mirrors: reflection, isometries, crossings.
 
-A mirror is a point on it and its unit normal, and the last axis of every array of points holds the coordinates:
-distances, reflections and isometries have any number of dimensions, and what has only two says so.
+A mirror is given by a point on it and its unit normal. The last axis of every array of points holds the coordinates.
+Distances, reflections and isometries work in any number of dimensions; functions for two dimensions say so.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def reflect(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array
 
 @dataclass(frozen=True, eq=False)
 class Isometry:
-    """The map ``p -> linear @ p + shift``: what any chain of reflections amounts to.
+    """The map ``p -> linear @ p + shift``, which any chain of reflections is.
 
     Attributes
     ----------
@@ -102,8 +102,8 @@ def cross2(a: ArrayLike, b: ArrayLike) -> Array:
 def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: ArrayLike) -> tuple[Array, Array]:
     """Where the rays origin -> target, (..., 2) [m], meet the line through start and end (2,) [m].
 
-    Returns the fraction of the way from origin to target, (...): below 1, the line is met before the target; and that
-    from start to end, (...): the segment itself is met in [0, 1]. Both are infinite for rays parallel to the line.
+    Returns two fractions (...): of the way from origin to target, below 1 if the line is met before the target; and of
+    the way from start to end, in [0, 1] if the segment itself is met. Both are infinite for rays parallel to the line.
     """
     origin, start = np.asarray(origin, dtype=float), np.asarray(start, dtype=float)
     ray = np.asarray(targets, dtype=float) - origin
@@ -117,12 +117,12 @@ def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: Array
 
 
 def place(value: ArrayLike, name: str) -> Array:
-    """A place in two or three coordinates [m] as three.
+    """A place given by two or three coordinates [m], as three; the third is then zero.
 
     Raises
     ------
     InputError
-        If it is none.
+        If the value is no such place.
     """
     try:
         point = np.asarray(value, dtype=float)

@@ -1,4 +1,4 @@
-"""Compiled loops: Numba's `njit` with a cache on disk, wherever it may write, that mends itself."""
+"""Compiled loops: Numba's `njit` with a cache on disk, which finds a writable folder and replaces damaged files."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from numba.core.caching import FunctionCache
 
 
 class _MendingCache(FunctionCache):
-    """A cache whose files may be damaged, by a full disk or a copy that was cut short: they are then made anew."""
+    """A cache that makes its files anew if they are damaged, as by a full disk or an incomplete copy."""
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The compiled kernel from the cache, or None to have it compiled."""
         try:
             return super().load_overload(signature, target_context)
-        except Exception:  # what unpickling damaged bytes raises can be anything
+        except Exception:  # unpickling damaged bytes may raise any exception
             self.flush()  # else the damaged index would be read again when the kernel is saved
             return None
 
@@ -29,17 +29,18 @@ class _MendingCache(FunctionCache):
 def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function when it is first called, and keep the result on disk.
 
-    It is kept beside the module, else in the user's cache folder, as Numba does; where both are read-only, in a folder
-    of the user among the temporary files, which a warning names. `NUMBA_CACHE_DIR` chooses another place.
+    The compiled function is kept beside the module, else in the user's cache folder, as Numba does. If both are
+    read-only, it is kept in a folder of the user among the temporary files, which a warning names. `NUMBA_CACHE_DIR`
+    chooses another place.
 
     Parameters
     ----------
     makes_arrays : bool
-        Whether the function makes arrays of its own. Only then it counts references to arrays: threads that share
-        arrays contend for the counters, which takes a kernel of many arrays several times as long as its work. A
-        function that makes arrays without saying so does not compile.
+        Whether the function makes arrays of its own. Only then the compiled code counts references to arrays. Threads
+        that share arrays contend for these counters, which can take several times as long as the work of a kernel with
+        many arrays. A function that makes arrays without this flag does not compile.
     **options
-        Those of `numba.njit`, without `cache`.
+        Options of `numba.njit`, without `cache`.
 
     Returns
     -------
@@ -58,23 +59,23 @@ def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..
 
 
 def _cache_of(function: Callable[..., Any]) -> FunctionCache:
-    """The cache of a function, in a temporary place where there is no other."""
+    """The cache of a function; in a temporary folder if no other folder is writable."""
     try:
         return _MendingCache(function)
-    except RuntimeError:  # no place where files can be written
+    except RuntimeError:  # Numba found no folder that it may write to
         numba.config.CACHE_DIR = str(_temporary_folder())  # type: ignore[attr-defined]
         return _MendingCache(function)
 
 
 def _temporary_folder() -> Path:
-    """A folder that belongs to this user alone: whoever can write to it decides what is run."""
+    """A folder that only this user can write to: whoever can write to it decides which code is run."""
     owner = os.getuid() if hasattr(os, "getuid") else os.getlogin()
     folder = Path(tempfile.gettempdir()) / f"mirrorfold-kernels-{owner}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        private = stat.S_ISDIR(found.st_mode) and (os.name == "nt" or not found.st_mode & 0o077)
-        own = private and (not hasattr(os, "getuid") or found.st_uid == os.getuid())
+        status = folder.lstat()
+        private = stat.S_ISDIR(status.st_mode) and (os.name == "nt" or not status.st_mode & 0o077)
+        own = private and (not hasattr(os, "getuid") or status.st_uid == os.getuid())
     except OSError:
         own = False
     if not own:

@@ -1,4 +1,4 @@
-"""Names of temporary files that say who made them, so that what a killed process leaves is found and removed."""
+"""Names of temporary files that tell which process made them, so that the files of killed processes can be removed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from functools import lru_cache
 from pathlib import Path
 
 OLD = 7 * 24 * 3600.0
-"""Age [s] at which a temporary file counts as left by a process that cannot be asked, on another machine."""
+"""Age [s] from which a temporary file of another machine counts as left behind: its process cannot be asked for."""
 
 NAME = re.compile(r"\.?mirrorfold-([0-9a-f]{8})-([0-9]+)-\w{8}(\.\w+)?")
-"""Machine, process and a random word, then the suffix."""
+"""Name of a temporary file: machine, process, a random word, and the suffix."""
 
 
 COMPLETE = ".complete"
@@ -35,7 +35,7 @@ def temporary_name(suffix: str = "") -> str:
 
 
 def leftovers(folder: Path) -> list[Path]:
-    """What processes of this user that live no more have left in a folder: by number, on other machines by age."""
+    """Temporary files in a folder of this user's ended processes; those of other machines count by their age, `OLD`."""
     found = []
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -49,21 +49,21 @@ def leftovers(folder: Path) -> list[Path]:
 
 
 def _is_own(state: os.stat_result) -> bool:
-    """Whether a file is this user's: in a folder that all may write to, names prove nothing."""
+    """Whether a file belongs to this user: in a folder that all may write to, a name proves nothing."""
     return os.name != "posix" or state.st_uid == os.getuid()
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what killed processes have left in a folder, as far as this user may; not results that wait there."""
+    """Remove the `leftovers` in a folder, as far as this user may, but not complete results that wait there."""
     for path in leftovers(folder):
         if path.suffix != COMPLETE:
             remove(path)
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder with all that is in it, as far as this user may.
+    """Remove a file, or a folder with its content, as far as this user may.
 
-    A folder is renamed first: one that is half empty, because the process was killed, would pass for a whole one.
+    A folder is renamed first: if the process is killed midway, the half-empty folder must not pass for a whole one.
     """
     with suppress(OSError):
         if path.is_dir() and not path.is_symlink():
@@ -75,7 +75,7 @@ def remove(path: Path) -> None:
 
 @lru_cache(maxsize=1)
 def _machine() -> str:
-    """A word for what numbers the processes: this machine, and this container on it."""
+    """A word for the space in which process numbers are unique: this machine, and the container on it."""
     container = ""
     with suppress(OSError):
         container = os.readlink("/proc/self/ns/pid")
@@ -83,13 +83,13 @@ def _machine() -> str:
 
 
 def _lives(process: int) -> bool:
-    """Whether a process of that number runs; where that cannot be asked without ending it, yes."""
+    """Whether a process of that number runs; True on systems where asking for a process would end it."""
     if os.name != "posix":
         return True
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # it runs for another user
+    except OSError:  # it runs, but belongs to another user
         return True
     return True

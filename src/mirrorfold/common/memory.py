@@ -1,4 +1,4 @@
-"""How much memory is free: of the machine, of the container that this process runs in, and of its own limit."""
+"""How much memory is free: in the machine, in the container of this process, and below the limit of the process."""
 
 from __future__ import annotations
 
@@ -8,57 +8,61 @@ from pathlib import Path
 from mirrorfold.errors import InputError
 
 PROC = Path("/proc")
+"""Folder of the kernel's files on processes and on memory."""
+
 CGROUPS = Path("/sys/fs/cgroup")
+"""Folder of the control groups."""
 
 HARMLESS_BYTES = 1e6
-"""What needs less is not worth asking the system for."""
+"""For less than this, the system is not asked how much memory is free."""
 
 CGROUP_FILES = {
     True: ("memory.max", "memory.current", "inactive_file"),
     False: ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 }
-"""Limit, usage, and the part of it that is given back when needed, in ``memory.stat``; of version 2 of control groups,
-and of version 1."""
+"""For control groups of version 2 (True) and version 1 (False): the files with limit and usage, and the entry of
+``memory.stat`` with the part of the usage that is given back when it is needed."""
 
 
 def available_memory() -> float:
-    """Memory [bytes] that this process can have without swapping; infinite where the system does not tell.
+    """Memory [bytes] that this process can have without swapping; infinite if the system does not tell.
 
-    The least of what is free in the machine, in each control group above the process (those of a container or a batch
-    job, Linux only), and below the limit of its address space (``ulimit -v``).
+    The smallest of: what is free in the machine; what is free in each control group that the process is in, such as
+    that of a container or a batch job (Linux only); and what is left of the limit of its address space (``ulimit -v``).
     """
     return max(0.0, min([_of_machine(), _of_address_space(), *_of_groups()]))
 
 
 def used_memory() -> float:
-    """Memory [bytes] that this process holds; zero where the system does not tell."""
+    """Memory [bytes] that this process holds; zero if the system does not tell."""
     held = 1024.0 * _number(PROC / "self/status", "VmRSS:")
     return held if held < float("inf") else 0.0
 
 
 def room_below(limit: float | None) -> float:
-    """Memory [bytes] that this process can still have: what is free, and below a limit [bytes] of all that it holds."""
+    """Memory [bytes] that this process can still have: what is free, but in all no more than a limit [bytes]."""
     free = available_memory()
     return free if limit is None else min(free, limit - used_memory())
 
 
 def check_room(nbytes: float, what: str, remedy: str, limit: float | None = None) -> None:
-    """Refuse what does not fit into the memory, before it is begun.
+    """Refuse work that does not fit into the memory, before it begins.
 
     Parameters
     ----------
     nbytes : float [bytes]
-        Beyond what is held already.
+        Memory that the work needs in addition to what is held already.
     what : str
-        What needs them, in the plural, such as ``"an image of 10 pixels and its tables"``.
+        What needs it, in the plural, such as ``"an image of 10 pixels and its tables"``.
     remedy : str
+        What to do, at the end of the message.
     limit : float [bytes], optional
-        Of all that this process may hold; by default what is free.
+        Memory that this process may hold in all; by default what is free counts.
 
     Raises
     ------
     InputError
-        With what is needed, what there is, and the remedy.
+        With the memory that is needed, the memory that is free, and the remedy.
     """
     if nbytes < HARMLESS_BYTES:
         return
@@ -76,7 +80,7 @@ def _of_machine() -> float:
 
 
 def _of_address_space() -> float:
-    """What the address space may still grow by; what is reserved and never used counts, for the system counts it."""
+    """By how much the address space may still grow [bytes]; memory that is reserved but never used counts as used."""
     try:
         import resource
     except ImportError:  # not a Unix system
@@ -89,7 +93,7 @@ def _of_address_space() -> float:
 
 
 def _of_groups() -> Iterator[float]:
-    """What is free in every control group that this process is in."""
+    """Free memory [bytes] in every control group that this process is in."""
     try:
         lines = (PROC / "self/cgroup").read_text().splitlines()
     except OSError:
@@ -100,7 +104,7 @@ def _of_groups() -> Iterator[float]:
         if not unified and "memory" not in controllers.split(","):
             continue
         root = CGROUPS if unified else CGROUPS / "memory"
-        # Within a container the path may be that of the host, and the root the group of the container.
+        # In a container, the path may be that on the host, while the root is already the group of the container.
         folder = root / own.strip("/")
         for group in (folder, *folder.parents):
             yield _of_group(group, *CGROUP_FILES[unified])
@@ -109,7 +113,7 @@ def _of_groups() -> Iterator[float]:
 
 
 def _of_group(folder: Path, limit: str, usage: str, reclaimable: str) -> float:
-    """What is free in one control group; infinite where it has no limit, or is none."""
+    """Free memory [bytes] in one control group; infinite if it has no limit, or the folder is no control group."""
     most, used = _number(folder / limit), _number(folder / usage)
     if most == float("inf") or used == float("inf"):
         return float("inf")
@@ -118,7 +122,7 @@ def _of_group(folder: Path, limit: str, usage: str, reclaimable: str) -> float:
 
 
 def _number(path: Path, name: str = "") -> float:
-    """The number after a name at the beginning of a line of a file; infinite where there is none, or the word max."""
+    """The number after `name` at the beginning of a line of a file; infinite if it is missing, or is the word max."""
     try:
         for line in path.read_text().splitlines():
             words = line.split()

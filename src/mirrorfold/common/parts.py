@@ -1,7 +1,7 @@
-"""Parts of a long work on disk, so that a run that was stopped goes on where it was.
+"""Finished parts of a long work on disk, so that a run that was stopped can go on where it was.
 
-Each part ends with a SHA-256 digest of the work that it belongs to, its number and its content. What is cut off,
-changed, or of another work does not verify, and is made again.
+Each file of a part ends with a SHA-256 digest of the work that it belongs to, of its number and of its content. A file
+that is cut off, changed, or of another work does not match its digest, and the part is made again.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from mirrorfold.errors import InputError
 DIGEST_BYTES = hashlib.sha256().digest_size
 
 BLOCK_BYTES = 1 << 20
-"""Bytes that are read at a time."""
+"""Number of bytes that are read at a time."""
 
 UNFINISHED = ".part"
-"""Suffix of parts that are being written; a run that was killed leaves them."""
+"""Suffix of parts that are being written; a run that is killed leaves such files."""
 
 LISTED = 3
-"""Names of files that a warning lists."""
+"""A warning lists at most this many names of files."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """A folder with one file for each part that is done, and one with the fingerprint of the work.
+    """A folder with one file for each finished part, and one file with the fingerprint of the work.
 
     Attributes
     ----------
     folder : Path
-        Made when the first part is written.
+        The folder; it is made when the first part is written.
     fingerprint : str
-        Digest of all that the parts depend on.
+        Digest of everything that the parts depend on.
     mark : str
         Name of the file with the fingerprint.
     suffix : str
-        Of the files of parts.
+        Suffix of the files of parts.
     """
 
     folder: Path
@@ -53,7 +53,7 @@ class Parts:
 
     @property
     def fingerprint_found(self) -> str | None:
-        """The fingerprint that stands in the folder; None where there is none that is whole."""
+        """The fingerprint that the folder holds; None if there is none, or it is incomplete."""
         mark = self.folder / self.mark
         try:
             text = mark.read_text(encoding="ascii") if mark.is_file() else ""
@@ -62,11 +62,11 @@ class Parts:
         return text if len(text) == 2 * DIGEST_BYTES else None
 
     def numbers(self) -> list[int]:
-        """Numbers of the parts that are there, whole or not."""
+        """Numbers of the parts that have a file, intact or not."""
         return sorted(int(path.stem) for path in self.folder.glob(f"[0-9]*{self.suffix}") if path.stem.isdigit())
 
     def verified(self) -> set[int]:
-        """Numbers of the parts that are whole and of this work; warns of the others.
+        """Numbers of the parts that are intact and of this work; gives a warning of the others.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class Parts:
 
     @contextmanager
     def written(self, number: int) -> Iterator[Path]:
-        """A temporary path to write a part to, sealed and put in its place when the block ends well.
+        """A temporary path to write a part to; if the block succeeds, the file is sealed and moved to its place.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class Parts:
             temporary.unlink(missing_ok=True)
 
     def remove(self) -> None:
-        """Remove all parts, and the folder where nothing else lies in it."""
+        """Remove all parts, and the folder if nothing else is in it."""
         unfinished = self.folder.glob(f"[0-9]*{UNFINISHED}")
         for path in (*map(self.path, self.numbers()), *unfinished, self.folder / self.mark):
             path.unlink(missing_ok=True)
@@ -127,15 +127,15 @@ class Parts:
 
 
 def _check_no_folder(path: Path) -> None:
-    """Refuse a folder where a file belongs; what else is there, such as a pipe, is replaced."""
+    """Refuse a folder where a file belongs; anything else there, such as a pipe, is replaced."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder in the place of a file with results; move it away")
 
 
 def seal(path: Path, owner: str) -> None:
-    """Append the digest of `owner` and of all that a file holds, and have the disk hold both.
+    """Append the digest of `owner` and of the content of a file to the file, and flush it to the disk.
 
-    What stands after the end of their content troubles neither NumPy's nor netCDF's files.
+    NumPy and netCDF still read their files, as they ignore bytes after the end of the content.
     """
     with path.open("r+b") as file:
         digest = _digest(file, owner, os.fstat(file.fileno()).st_size)
@@ -146,7 +146,7 @@ def seal(path: Path, owner: str) -> None:
 
 
 def is_sealed(path: Path, owner: str) -> bool:
-    """Whether a file is as it was when it was sealed for this owner; not where it cannot be read, or is a pipe."""
+    """Whether a file is unchanged since it was sealed for this owner; False if it is no file or cannot be read."""
     if not path.is_file():
         return False
     try:
@@ -158,7 +158,7 @@ def is_sealed(path: Path, owner: str) -> bool:
 
 
 def _digest(file: BinaryIO, owner: str, size: int) -> bytes:
-    """SHA-256 of the owner and of the first bytes of a file, which is left behind them."""
+    """SHA-256 of the owner and of the first `size` bytes of a file; the file is left at the position after them."""
     digest = hashlib.sha256(owner.encode() + b"\n")
     while size > 0 and (block := file.read(min(size, BLOCK_BYTES))):
         digest.update(block)

@@ -1,4 +1,4 @@
-"""Phase factors in single precision, for inside the kernels."""
+"""Phase factors in single precision, for use inside of kernels."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from mirrorfold.common.kernels import njit
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def unit_phasor(turns):  # type: ignore[no-untyped-def]
-    """Cosine and sine of ``2 pi turns``: reduced in float64, then Taylor series of the half angle in float32.
+    """Cosine and sine of ``2 pi turns``: whole turns are removed in float64, then Taylor series of half the angle in
+    float32.
 
-    The error is 1.4e-7 in the root mean square and at most 8e-7.
+    The error has a root mean square of 1.4e-7, and is at most 8e-7.
     """
     half = np.float32(np.pi) * np.float32(turns - np.floor(turns + 0.5))
     h2 = half * half
@@ -33,7 +34,7 @@ def unit_phasor(turns):  # type: ignore[no-untyped-def]
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
 def turn(re, im, x, y, z, centres, turns, total_re, total_im):  # type: ignore[no-untyped-def]
-    """Add to total the pixels (re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)."""
+    """Add ``(re + j im) exp(2 pi j sum_c turns[c] |p - centre_c|)`` of every pixel p to the total."""
     turn = np.zeros(x.size)
     for c in range(turns.size):
         cx, cy, cz = centres[c]

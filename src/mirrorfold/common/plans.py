@@ -1,4 +1,4 @@
-"""A floor plan that somebody has drawn: lines in metres, from a CAD program or a survey."""
+"""A floor plan drawn by hand: lines in metres, from a CAD program or a survey."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from mirrorfold.common.types import Array
 
 FAR = 30.0
-"""Sizes of a picture beyond which the walls of a plan have nothing to do with it."""
+"""Walls that reach farther beyond a picture than this multiple of its size do not belong to its scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan:
-    """Walls where they stand, in the radar's coordinates: x to the right, y where it looks.
+    """Walls at their true places, in the coordinates of the radar: x to the right, y in the direction of view.
 
     Attributes
     ----------
     lines : tuple of (n, 2) arrays [m]
         Polylines, each of at least two points; a closed one ends where it begins.
     images : (mirrors, 2, 2) or (mirrors, 3, 2) array [m], optional
-        The mirrors where they appear in the unfolded image, in files that mirrorfold has written: ends of lines, or
-        three points of arcs.
+        The mirrors as the unfolded image shows them, in files that mirrorfold has written: the ends of lines, or three
+        points of arcs.
     source : str
-        Names the file in messages.
+        Name of the file, for messages.
     """
 
     lines: tuple[Array, ...]
@@ -40,7 +40,7 @@ class FloorPlan:
         object.__setattr__(self, "walls", walls[np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1) > 0.0])
 
     def lies_beyond(self, low: Array, high: Array) -> bool:
-        """Whether all walls reach far beyond a picture from `low` to `high` (x, y) [m]; gives a warning if so."""
+        """Whether every wall reaches far beyond the picture from `low` to `high` (x, y) [m]; gives a warning if so."""
         outside = np.maximum(np.maximum(low - self.walls, self.walls - high), 0.0)
         farther = np.linalg.norm(outside, axis=-1).max(axis=-1)
         beyond = bool(farther.min(initial=np.inf) > FAR * np.max(high - low))
