@@ -1,4 +1,4 @@
-"""Methods judged on families of random scenes whose truth is known."""
+"""Benchmarks: methods are judged on families of random scenes whose truth is known."""
 
 from mirrorfold.benchmarking.comparing import BenchmarkComparison, compare_benchmarks
 from mirrorfold.benchmarking.run import benchmark

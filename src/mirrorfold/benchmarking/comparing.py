@@ -1,4 +1,4 @@
-"""Two benchmarks side by side, scene by scene."""
+"""Comparison of two benchmarks, scene by scene."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
 
 Verdict = Literal["better", "worse", "no difference"]
+"""Whether the second benchmark is better than the first."""
+
 Scene = tuple[str, str, int]
+"""Family, radar and seed of a scene."""
 
 
 class Difference(Record):
-    """A figure of the second benchmark less that of the first, over the scenes that both have."""
+    """Difference of a figure, second benchmark minus first, over the scenes that both have."""
 
     figure: str
     scenes: int
@@ -33,7 +36,7 @@ class Difference(Record):
 
 
 class FamilyDifference(Record):
-    """What differs in a family, seen by a radar."""
+    """The differences of all figures, for one family seen by one radar."""
 
     family: str
     radar: str
@@ -58,14 +61,14 @@ class BenchmarkComparison(Record):
 def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkComparison:
     """Compare two benchmarks on the scenes that both have.
 
-    Differences are taken scene by scene, so that how hard a scene is drops out; their mean has an interval by the
-    bootstrap. A figure is better or worse where that interval leaves out zero.
+    Differences are taken scene by scene, so that the difficulty of a scene cancels out. Their mean has an interval by
+    the bootstrap. A figure is better or worse if this interval does not contain zero.
 
     Parameters
     ----------
     first, second : path
-        Folders of benchmarks. With ``FOLDER:METHOD`` one method of it; else the methods that both have, or the only
-        one of each.
+        Folders of benchmarks. ``FOLDER:METHOD`` chooses one method of a folder. Otherwise the methods that both folders
+        have are compared; two folders with a single method each are compared whatever these methods are.
 
     Raises
     ------
@@ -85,9 +88,9 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
     if not results:
         raise InputError(f"{first} and {second} have no scene in common; run both on the same families and seeds")
     remarks = []
-    alone = [sum(len(set(a[m]) - set(b[n])) for m, n in ((p if a is one else p[::-1]) for p in pairs))
+    unshared = [sum(len(set(a[m]) - set(b[n])) for m, n in ((p if a is one else p[::-1]) for p in pairs))
              for a, b in ((one, other), (other, one))]  # fmt: skip
-    for name, count in zip((first, second), alone, strict=True):
+    for name, count in zip((first, second), unshared, strict=True):
         if count:
             remarks.append(f"{count} {'scene is' if count == 1 else 'scenes are'} in {name} only, and left out.")
     for name, methods, side in ((first, one, 0), (second, other, 1)):
@@ -110,12 +113,12 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
 
 
 def _by_method(name: str) -> dict[str, dict[Scene, Line]]:
-    """The lines of a folder by method and scene; those of one method where it is named.
+    """The lines of results in a folder by method and scene; only those of one method for the name ``FOLDER:METHOD``.
 
     Raises
     ------
     InputError
-        If the folder holds none of it.
+        If the folder holds no benchmark, or not this method.
     """
     folder, _, method = (name, "", "") if Path(name).is_dir() else name.partition(":")
     lines = read_lines(Path(folder) / FILE)
@@ -134,7 +137,7 @@ def _by_method(name: str) -> dict[str, dict[Scene, Line]]:
 def _differences(
     first: Mapping[Scene, Line], second: Mapping[Scene, Line], methods: tuple[str, str]
 ) -> list[FamilyDifference]:
-    """One for each family and radar that both have, in the order of the first."""
+    """The differences for each family and radar that both benchmarks have, in the order of the first."""
     groups: dict[tuple[str, str], list[Scene]] = {}
     for scene in first:
         if scene in second:
@@ -157,7 +160,7 @@ def _differences(
 
 
 def _difference(sides: tuple[list[Line], list[Line]], figure: Figure) -> Difference:
-    """The paired difference of a figure where it is defined on both sides."""
+    """The difference of a figure over pairs of lines, second minus first, where it is defined in both."""
     first, second = (values(lines, figure) for lines in sides)
     known = np.isfinite(first) & np.isfinite(second)
     paired = (second - first)[known]

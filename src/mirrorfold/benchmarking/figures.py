@@ -1,4 +1,4 @@
-"""What a benchmark reports of each score: the figures, their names and which end of them is the better one."""
+"""The figures that a benchmark reports of each score: their names, and whether more or less is better."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Figure:
     Attributes
     ----------
     name : str
-        In files.
+        Name in files.
     label : str
-        In tables and pictures, with its unit.
+        Name in tables and pictures, with the unit.
     read : callable
-        The figure of a score; None where it is undefined.
+        Takes the figure from a score; None if it is undefined.
     high : bool
         Whether more is better.
     digits : int
-        Behind the point, in tables.
+        Number of decimals in tables.
     share : bool
-        Whether it lies between 0 and 1.
+        Whether the figure is a share, between 0 and 1.
     """
 
     name: str
@@ -42,14 +42,14 @@ class Figure:
 
 
 def _mirrors(score: Score, name: str) -> Number:
-    """The mean error of the mirrors in line of sight that exist in truth."""
+    """Mean error over the mirrors in line of sight that agree with a true surface; None if no mirror has this error."""
     own = (mirror.get(name) for mirror in score.mirrors if mirror.generation == 1 and mirror.surface is not None)
     errors = [error for error in own if error is not None]
     return float(np.mean(errors)) if errors else None
 
 
 def _invented(figures: Any) -> float:
-    """How many cells of a centimetre hold points far from every surface."""
+    """Number of cells of a centimetre with points far from every surface."""
     return float(round(figures.invented_fraction * figures.cells))
 
 
@@ -58,7 +58,7 @@ def _millimetres(metres: Number) -> Number:
 
 
 def _percent(name: str) -> Callable[[Score], Number]:
-    """The mean error of the mirrors in line of sight, which is a share, in per cent."""
+    """Makes the function that reads a mean error of mirrors in line of sight, given as a share, in per cent."""
 
     def read(score: Score) -> Number:
         share = _mirrors(score, name)
@@ -92,18 +92,21 @@ FIGURES = {
         ),
     )
 }
-"""F, precision and completeness are at 2 cm, in cells at 1.5 resolution cells. Angle and offset are the mean errors of
-the mirrors in line of sight. Invented cells are cells of a centimetre with points further than 10 cm from any surface.
-Right sides are the share of echoes behind half-transparent walls that are rightly taken for reflected, or for passed,
-passed the median distance of the latter from the truth, and doubtful sides the share of which it is left open. The
-errors of curvature, permittivity and thickness are means over the mirrors in line of sight that have them.
+"""All figures by name.
+
+F-score, precision and completeness are at 2 cm; "in cells", they are at 1.5 resolution cells. Angle and offset are the
+mean errors of mirrors in line of sight. Invented cells are cells of a centimetre with points more than 10 cm from any
+surface. "Right sides" is the share of the echoes behind half-transparent walls, without doubtful ones, that are rightly
+taken for reflected or for passed; "passed" is the median distance of passed echoes from the truth; "doubtful sides" is
+the share of echoes that are left open. The errors of curvature, permittivity and thickness are means over the mirrors
+in line of sight that have them.
 """
 
 OFTEN_UNDEFINED = ("sides_right", "sides_doubtful", "passed_mm", "curvature_percent", "permittivity_percent",
                    "thickness_percent")  # fmt: skip
-"""Figures that only curved mirrors and half-transparent walls have."""
+"""Figures that are defined only for curved mirrors or half-transparent walls."""
 
 
 def shown_figures(usual: Sequence[str], results: Sequence[Any]) -> list[str]:
-    """Those figures of a table, and with them those that few families have, where a result defines them."""
+    """Names of the figures of a table: the usual ones, and those of `OFTEN_UNDEFINED` that some result defines."""
     return [*usual, *(name for name in OFTEN_UNDEFINED if any(one.figures[name].scenes for one in results))]

@@ -1,4 +1,4 @@
-"""Methods that are judged: ours, the published one, and anybody's function."""
+"""The methods that a benchmark judges: ours, the published one, and any function of a user."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mirrorfold.errors import InputError
 from mirrorfold.reconstruction import fold
 
 Method = Callable[[xr.DataArray, xr.Dataset | None], Any]
-"""Called as ``method(image, sweep)``; see `as_reconstruction` for what it may return."""
+"""Function that is called as ``method(image, sweep)``; see `as_reconstruction` for what it may return."""
 
 
 def ours(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
-    """`mirrorfold.fold` with its defaults."""
+    """`mirrorfold.fold` with its default settings."""
     return fold(image, sweep=sweep)
 
 
@@ -40,6 +40,7 @@ def opaque(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
 
 
 OWN: dict[str, Method] = {"ours": ours, "flat": flat, "opaque": opaque, "published": published}
+"""The methods of this package, by name."""
 
 
 def load_method(name: str) -> Method:
@@ -48,7 +49,8 @@ def load_method(name: str) -> Method:
     Parameters
     ----------
     name : str
-        ``ours``, ``published`` or ``MODULE:FUNCTION``. Modules of the working directory are found, too.
+        ``ours``, ``flat``, ``opaque``, ``published`` or ``MODULE:FUNCTION``. Modules of the working directory are
+        found, too.
 
     Raises
     ------
@@ -68,7 +70,7 @@ def load_method(name: str) -> Method:
         sys.path.append(here)
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # whatever a module of others does when it is imported
+    except Exception as error:  # a foreign module may raise anything when it is imported
         raise InputError(
             f"method {name!r}: the module {module_name!r} cannot be imported ({type(error).__name__}: {error}); run in "
             "its folder or install it"
@@ -81,7 +83,7 @@ def load_method(name: str) -> Method:
 
 
 def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
-    """What a method has returned, as a Reconstruction that can be scored.
+    """The result of a method as a Reconstruction that can be scored.
 
     Parameters
     ----------
@@ -94,19 +96,19 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
           resolution cell depends on it;
         * `mirrors` (m, 2, 2) [m], optional: the two ends of each mirror at its true place, in a floor plan.
     image : xarray.DataArray
-        Its attributes tell the resolution.
+        The image that the method was given; its attributes tell the resolution.
 
     Raises
     ------
     InputError
-        If the result is neither, or has other shapes, or numbers that are not finite.
+        If the result is neither, has other shapes, or holds numbers that are not finite.
     """
     if isinstance(result, xr.DataTree):
         for group, places in (("objects", ("x", "y", "z")), ("mirrors", ("folded_",))):
             held = result.children[group].dataset.variables if group in result.children else {}
             numbers = [
                 values
-                for name, values in held.items()  # errors that nobody knows are NaN
+                for name, values in held.items()  # unknown errors may be NaN
                 if str(name).startswith(places) and not str(name).endswith("_error") and values.dtype.kind == "f"
             ]
             if not all(np.isfinite(values.values).all() for values in numbers):
@@ -155,7 +157,7 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
 
 
 def _numbers(result: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """An item as finite numbers of a shape, in which -1 stands for any length; an empty one has any shape."""
+    """An item of a result as finite numbers of a shape, in which -1 stands for any length; an empty item fits, too."""
     try:
         if np.iscomplexobj(result[name]):
             raise TypeError("their imaginary parts would be lost")

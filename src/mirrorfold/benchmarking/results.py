@@ -1,4 +1,4 @@
-"""The file of results: one line of JSON for each scene and method, written as it is done."""
+"""The file of results: one line of JSON for each scene and method, written as soon as it is done."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_output, written_whole
 
 FILE = "scenes.jsonl"
-"""Its name in the folder of a benchmark."""
+"""Name of the file of results in the folder of a benchmark."""
 
 DIGEST = "sha256"
-"""Last item of a line: the digest of all others."""
+"""Last item of a line, the digest of all other items."""
 
 Key = tuple[str, str, int, str]
+"""Family, radar, seed and method."""
 
 _LINE: TypeAdapter[Line] = TypeAdapter(Line)
 
 
 def key(line: Line) -> Key:
-    """What a line is of: family, radar, seed and method."""
+    """What identifies a line: family, radar, seed and method."""
     return line.family, line.radar, line.seed, line.method
 
 
 def read_lines(path: Path) -> dict[Key, Line]:
-    """The lines of a file, the last of each scene and method; none where there is no file.
+    """The lines of a file, the last one for each scene and method; none if there is no file.
 
-    A last line that is not whole is left out: the run that wrote it was killed. Lines without a digest are believed.
+    An incomplete last line is left out: the run that wrote it was killed. Lines without a digest are accepted.
 
     Raises
     ------
     InputError
-        If another line is none of a benchmark or has changed since it was written, or the file cannot be read.
+        If any other line is no result of a benchmark or was changed after it was written, or the file cannot be read.
     """
     found = {}
     texts = _texts(path)
@@ -65,15 +66,15 @@ def read_lines(path: Path) -> dict[Key, Line]:
 
 
 def open_results(path: Path) -> dict[Key, Line]:
-    """The lines that a run may go on from, in a file that ends with a whole line.
+    """The lines of an earlier run that a run can build on; the file is cleaned, so that new lines can be appended.
 
-    Lines that are damaged, or have changed since they were written, are left out, with a warning.
+    Lines that are damaged, changed or without a digest are removed, with a warning.
 
     Raises
     ------
     InputError
-        If no line of the file is whole and of a benchmark, one is of another version of this program, or it
-        cannot be written.
+        If the file has lines but no intact one of a benchmark, if one is of another version of this program, or the
+        file cannot be written.
     """
     check_output(path)
     parsed = [_parsed(text) for text in _texts(path) if text.strip()]
@@ -96,7 +97,7 @@ def open_results(path: Path) -> dict[Key, Line]:
 
 
 def _texts(path: Path) -> list[str]:
-    """The lines of a file; none where there is no file."""
+    """The lines of text of a file; none if there is no file."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").split("\n")
     except FileNotFoundError:
@@ -106,7 +107,7 @@ def _texts(path: Path) -> list[str]:
 
 
 def append(path: Path, lines: Iterable[Line]) -> None:
-    """Write lines at the end of the file, at once and to the disk; only what is killed meanwhile may divide one."""
+    """Append lines to the file and flush them to the disk; only a process killed meanwhile leaves half a line."""
     with path.open("ab") as file:
         file.write("".join(map(_text, lines)).encode())
         file.flush()
@@ -114,12 +115,12 @@ def append(path: Path, lines: Iterable[Line]) -> None:
 
 
 def _text(line: Line) -> str:
-    """A line of the file, with the digest of the rest of it as its last item."""
+    """The text of a line, with the digest of its other items as the last item."""
     return json.dumps({**line, DIGEST: _digest(line)}) + "\n"
 
 
 def _parsed(text: str) -> tuple[Line | None, bool | None]:
-    """A line, None where it is none of a benchmark, and whether its digest fits; None where it has no digest."""
+    """A line, or None if the text is none of a benchmark; and whether its digest fits, or None if it has no digest."""
     try:
         items = json.loads(text)
         digest = items.pop(DIGEST, None)

@@ -1,4 +1,4 @@
-"""A benchmark: random scenes of families, seen by radars, reconstructed by methods, and judged."""
+"""A benchmark: random scenes of families are seen by radars, reconstructed by methods, and the results are scored."""
 
 from __future__ import annotations
 
@@ -42,29 +42,30 @@ def benchmark(
 ) -> Benchmark:
     """Judge methods on random scenes whose truth is known.
 
-    Each scene is simulated and focused once; every method gets the same image and sweep. A method that fails on a
-    scene, or returns what cannot be scored, has failed there: the failures are counted, and the benchmark goes on.
+    Each scene is simulated and focused once; every method gets the same image and sweep. A method that raises an error
+    on a scene, or returns what cannot be scored, has failed there: failures are counted, and the benchmark goes on.
 
     Parameters
     ----------
     families : str, Family or several, optional
-        Families of `mirrorfold.scenes.families`, or one's own; by default all that are simulated by rays, which take
-        some seconds a scene.
+        Families of `mirrorfold.scenes.families`, or your own; by default all families that are simulated by rays, which
+        takes some seconds for each scene.
     radars : str, Radar or several, optional
-        Of the same module; by default the usual one of each family. A family with a radar of its own is seen by that.
+        Radars of the same module; by default the usual one of each family. A family that has a radar of its own is
+        always seen by that radar.
     methods : str or several
-        "ours", "published" or "MODULE:FUNCTION", a function that is called with the image and the sweep (None for
-        raster scans) and returns a Reconstruction, or a dict with `points` (n, d) [m] and, if it knows them, `bounces`
-        (n,), `initial` (n, d) [m] and `mirrors` (m, 2, 2) [m].
+        "ours", "flat", "opaque", "published" or "MODULE:FUNCTION", a function that is called with the image and the
+        sweep (None for raster scans) and returns a Reconstruction, or a dict with `points` (n, d) [m] and, if it knows
+        them, `bounces` (n,), `initial` (n, d) [m] and `mirrors` (m, 2, 2) [m].
     seeds : iterable of int
-        One scene each.
+        Seeds of the random scenes: one scene for each.
     output : path, optional
-        Folder for the results, one line in `scenes.jsonl` as each is done. Those that are in it already are not made
-        again, but for failures. By default nothing is written.
+        Folder for the results: each one is written as a line of `scenes.jsonl` as soon as it is done. Results that are
+        there already are not made again, except for failures. By default nothing is written.
     sweeps : path, optional
         Folder that keeps the simulated sweeps, for another run on the same scenes.
     jobs : int
-        Scenes at a time, each in a process of its own. With more than one, a script needs
+        Number of scenes at a time, each in a process of its own. With more than one, a script needs
         ``if __name__ == "__main__":``.
     progress : callable (done, total), optional
         Called as scenes are done.
@@ -92,12 +93,12 @@ def benchmark(
     done: dict[Key, Line] = {} if file is None else open_results(file)
     succeeded = _succeeded(tasks, done)
     wanted = [(task, method) for task in tasks for method in task.methods]
-    kept = Path(sweeps) if sweeps is not None else None
+    sweep_folder = Path(sweeps) if sweeps is not None else None
     todo = []
     for task in tasks:
         missing = tuple(method for method in task.methods if _key(task, method) not in succeeded)
         if missing:
-            todo.append(replace(task, methods=missing, sweeps=kept))
+            todo.append(replace(task, methods=missing, sweeps=sweep_folder))
     finished = len(tasks) - len(todo)
     if progress is not None:
         progress(finished, len(tasks))
@@ -117,7 +118,7 @@ def _tasks(
     methods: str | Sequence[str],
     seeds: Iterable[Any],
 ) -> list[Task]:
-    """All scenes, each with all methods, in the order of the families.
+    """One task for each scene, with all methods, in the order of the families.
 
     Raises
     ------
@@ -157,27 +158,27 @@ def _tasks(
 
 
 def _radars(family: Family, chosen: list[Radar] | None) -> list[Radar]:
-    """The radars that see a family, of those chosen."""
+    """The radars that see a family: its own or usual one, or those of the chosen ones that can."""
     if chosen is None or family.radar is not None:
         return radars_of(family)[:1]
-    able = [radar for radar in chosen if bool(radar.scanner) == (family.engine == "raster")]
-    if not able:
+    suitable = [radar for radar in chosen if bool(radar.scanner) == (family.engine == "raster")]
+    if not suitable:
         raise InputError(
             f"radar {chosen[0].name!r} cannot see family {family.name!r}, expected one of: "
             f"{', '.join(radar.name for radar in radars_of(family))}"
         )
-    return able
+    return suitable
 
 
 def _succeeded(tasks: list[Task], done: dict[Key, Line]) -> set[Key]:
-    """What need not be done again; what was done on another scene of the same name and seed is told of, and is not."""
+    """Keys of results that need not be made again; gives a warning of results of other scenes with the same names."""
     found, other = set(), 0
     for task in tasks:
         keys = {_key(task, method) for method in task.methods}
         scored = {name for name in keys & done.keys() if done[name].error is None}
         if scored:
             digest = None
-            with suppress(Exception):  # a family that raises is told of when its scene is tried
+            with suppress(Exception):  # if the family raises an error, it is reported when its scene is tried
                 digest = scene_digest(task, draw(task.family, task.seed, radar=task.radar))
             same = {name for name in scored if done[name].scene == digest}
             found |= same
@@ -195,14 +196,14 @@ def _key(task: Task, method: str) -> Key:
 
 
 def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
-    """The lines of each scene as they come, from so many processes."""
+    """The lines of each scene as soon as it is done, in `jobs` processes."""
     if jobs == 1 or len(tasks) < 2:
         yield from map(judge, tasks)
         return
-    # Started anew, not forked: the threads of Numba do not survive a fork.
+    # Processes are spawned, not forked: the threads of Numba do not survive a fork.
     threads = max(1, cpu_count() // jobs)
     start_tracker()
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(threads,))
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_prepare_process, initargs=(threads,))
     try:
         for future in as_completed([pool.submit(judge, task) for task in tasks]):
             yield future.result()
@@ -211,7 +212,7 @@ def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
             "benchmark: a process has ended midway, for want of memory, or because a method crashed or ended it; use "
             "fewer jobs, or mend the method"
         ) from None
-    except BaseException:  # an interruption need not wait for scenes that take minutes
+    except BaseException:  # an interruption must not wait for scenes that take minutes
         for child in active_children():
             child.terminate()
         raise
@@ -219,8 +220,8 @@ def _judged(tasks: list[Task], jobs: int) -> Iterator[list[Line]]:
         pool.shutdown(cancel_futures=True)
 
 
-def _start(threads: int) -> None:
-    """Make a process ready: it takes its share of the cores, and leaves interruptions to the one that started it."""
+def _prepare_process(threads: int) -> None:
+    """Prepare a worker process: it uses its share of the cores, and leaves interruptions to its parent."""
     import numba
     from threadpoolctl import threadpool_limits
 

@@ -1,4 +1,4 @@
-"""One scene of a benchmark: drawn, simulated, focused, and reconstructed and scored by every method."""
+"""One scene of a benchmark: it is drawn, simulated and focused; then each method reconstructs it and is scored."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 class Line(Record):
-    """What one method made of one scene: a line of the file of results."""
+    """The result of one method on one scene: a line of the file of results."""
 
     family: str
     radar: str
@@ -55,7 +55,7 @@ class Task:
     methods : tuple of str
         See `load_method`.
     sweeps : Path, optional
-        Folder that keeps simulated sweeps.
+        Folder in which simulated sweeps are kept.
     """
 
     family: Family
@@ -66,20 +66,20 @@ class Task:
 
 
 def judge(task: Task) -> list[Line]:
-    """The line of every method; whatever goes wrong is told in it."""
+    """The line of every method on one scene; an error is reported in the line."""
     seconds: dict[str, float] = {}
-    known: Any = LEFT_OUT
+    digest: Any = LEFT_OUT
     try:
         scene = draw(task.family, task.seed, radar=task.radar)
-        known = scene_digest(task, scene)
-        path = _kept_sweep(task, known)
-        sweep = _timed(seconds, "simulate", lambda: _simulated(task, scene, path, known))
+        digest = scene_digest(task, scene)
+        path = _kept_sweep(task, digest)
+        sweep = _timed(seconds, "simulate", lambda: _simulated(task, scene, path, digest))
         image = _timed(seconds, "focus", lambda: focus(sweep, tolerance=TOLERANCE_TO_FOLD))
     except Exception as error:
-        said = _said(error, "there is no image,")
-        return [_line(task, method, seconds, known, error=said) for method in task.methods]
+        sentence = _sentence(error, "there is no image,")
+        return [_line(task, method, seconds, digest, error=sentence) for method in task.methods]
     measured = None if task.family.engine == "raster" else sweep
-    return [_judged(task, method, scene, image, measured, seconds, known) for method in task.methods]
+    return [_judged(task, method, scene, image, measured, seconds, digest) for method in task.methods]
 
 
 def _judged(
@@ -88,81 +88,83 @@ def _judged(
     scene: Any,
     image: xr.DataArray,
     sweep: xr.Dataset | None,
-    before: dict[str, float],
-    known: str,
+    earlier: dict[str, float],
+    digest: str,
 ) -> Line:
-    """The line of one method, which gets copies: it may write into what it is given."""
-    seconds = dict(before)
+    """The line of one method. The method gets copies, since it may write into its arguments."""
+    seconds = dict(earlier)
     function = load_method(method)
     given = image.copy(deep=True), None if sweep is None else sweep.copy(deep=True)
     try:
-        with _apart():
+        with _isolated():
             result = _timed(seconds, "fold", lambda: function(*given))
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # whatever a method does wrong is its failure, not the benchmark's
-        return _line(task, method, seconds, known, error=_said(error, "the method raised"))
+    except BaseException as error:  # any error of a method is a failure of the method, not of the benchmark
+        return _line(task, method, seconds, digest, error=_sentence(error, "the method raised"))
     try:
         found = _timed(seconds, "score", lambda: score(as_reconstruction(result, image), scene))
     except Exception as error:
-        return _line(task, method, seconds, known, error=_said(error, "what the method returned cannot be scored,"))
-    return _line(task, method, seconds, known, score=found)
+        return _line(
+            task, method, seconds, digest, error=_sentence(error, "what the method returned cannot be scored,")
+        )
+    return _line(task, method, seconds, digest, score=found)
 
 
 @contextmanager
-def _apart() -> Iterator[None]:
-    """What a method prints goes to stderr, for stdout may be JSON; where it goes, and how it counts, ends with it."""
+def _isolated() -> Iterator[None]:
+    """Send a method's output to stderr, as stdout may be JSON; then restore the folder and NumPy's error state."""
     with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
         yield
 
 
-def _said(error: BaseException, what: str) -> str:
-    """An error in one sentence; those that are not meant for users say what happened first."""
+def _sentence(error: BaseException, what: str) -> str:
+    """An error as one sentence; an error that is not meant for users is introduced by `what`."""
     text = str(error) if isinstance(error, InputError) else f"{what} {type(error).__name__}: {error}"
     return " ".join(text.split()).removesuffix(":")
 
 
 def _line(
-    task: Task, method: str, seconds: dict[str, float], known: Any, *, score: Any = None, error: str | None = None
+    task: Task, method: str, seconds: dict[str, float], digest: Any, *, score: Any = None, error: str | None = None
 ) -> Line:
     return Line(
         family=task.family.name, radar=task.radar.name, seed=task.seed, method=method, version=__version__,
-        scene=known, error=error, seconds=seconds, score=score,
+        scene=digest, error=error, seconds=seconds, score=score,
     )  # fmt: skip
 
 
 def simulated(task: Task, scene: Any) -> xr.Dataset:
-    """The sweep of a scene, from the folder of sweeps if it is there and can be trusted."""
-    known = scene_digest(task, scene)
-    return _simulated(task, scene, _kept_sweep(task, known), known)
+    """The sweep of a scene: from the folder of sweeps if a trusted file is there, else simulated."""
+    digest = scene_digest(task, scene)
+    return _simulated(task, scene, _kept_sweep(task, digest), digest)
 
 
 def scene_digest(task: Task, scene: Any) -> str:
-    """A digest of all that a simulated sweep depends on."""
+    """A digest of everything that a simulated sweep depends on."""
     return hashlib.sha256(repr((__version__, scene, sorted(_options(task).items()))).encode()).hexdigest()
 
 
 def _options(task: Task) -> dict[str, Any]:
-    """How the scene of a task is simulated."""
+    """Options of the simulation of a task."""
     family = task.family
     solver = "fullwave" if family.engine == "fullwave" else "rays"
     return {"solver": solver, "seed": task.seed, "snr_db": family.snr_db, **family.options}
 
 
-def _kept_sweep(task: Task, known: str) -> Path | None:
-    """Where the sweep of a scene is kept, if it is to be; a file that cannot be trusted is removed, with a warning."""
+def _kept_sweep(task: Task, digest: str) -> Path | None:
+    """The file of a sweep, None if sweeps are not kept; a file that cannot be trusted is removed, with a warning."""
     if task.sweeps is None:
         return None
-    # Whatever changes the sweep changes the name of its file.
-    path = task.sweeps / f"{task.family.name} {task.radar.name} {task.seed} {known[:12]}.nc".replace(" ", "-")
-    if path.is_file() and not is_sealed(path, known):
+    # Anything that changes the sweep changes the digest, and so the name of its file.
+    path = task.sweeps / f"{task.family.name} {task.radar.name} {task.seed} {digest[:12]}.nc".replace(" ", "-")
+    if path.is_file() and not is_sealed(path, digest):
         warnings.warn(f"{path}: is damaged or was not written by a benchmark, and is simulated again", stacklevel=2)
         path.unlink()
     return path
 
 
-def _simulated(task: Task, scene: Any, path: Path | None, known: str) -> xr.Dataset:
-    """The sweep of a scene, from its file if it is there."""
+def _simulated(task: Task, scene: Any, path: Path | None, digest: str) -> xr.Dataset:
+    """The sweep of a scene: from its file if it exists, else simulated."""
     if path is not None and path.is_file():
         kept = load(path)
         assert isinstance(kept, xr.Dataset)  # nothing else is sealed there
@@ -171,12 +173,12 @@ def _simulated(task: Task, scene: Any, path: Path | None, known: str) -> xr.Data
     if path is not None:
         with written_whole(path) as temporary:
             save(sweep, temporary)
-            seal(temporary, known)
+            seal(temporary, digest)
     return sweep
 
 
 def _timed(seconds: dict[str, float], step: str, work: Callable[[], T]) -> T:
-    """What a step returns, without its warnings; how long it took is noted."""
+    """The result of a step, without its warnings; the time that it took is stored in `seconds`."""
     started = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -1,4 +1,4 @@
-"""Mean, median and worst of the figures over the scenes of each family, with intervals by the bootstrap."""
+"""Mean, median and worst value of the figures over the scenes of each family, with intervals by the bootstrap."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array
 
 RESAMPLES = 4000
-"""Of the bootstrap: the ends of an interval then repeat to a hundredth of its width or two."""
+"""Number of samples of the bootstrap: the ends of an interval are then reproducible to one or two hundredths of its
+width."""
 
 LEVEL = 95.0
-"""Of the intervals [%]."""
+"""Confidence level of the intervals [%]."""
 
 
 class Spread(Record):
-    """A figure over the scenes for which it is defined."""
+    """Distribution of a figure over the scenes for which it is defined."""
 
     scenes: int = fact("for which it is defined")
     mean: Number
@@ -32,7 +33,7 @@ class Spread(Record):
 
 
 class FamilyResult(Record):
-    """What a method made of the scenes of a family, seen by a radar."""
+    """The results of one method on the scenes of a family, seen by one radar."""
 
     family: str
     radar: str
@@ -45,7 +46,7 @@ class FamilyResult(Record):
 
 
 class Benchmark(Record):
-    """A benchmark."""
+    """The results of a benchmark."""
 
     kind: Literal["benchmark"]
     seeds: list[int]
@@ -88,13 +89,13 @@ def _summary(lines: list[Line]) -> FamilyResult:
 
 
 def values(lines: Sequence[Line], figure: Figure) -> Array:
-    """A figure of all lines, (n,); NaN where it is undefined or the method failed."""
+    """The values of a figure in all lines, (n,); NaN where it is undefined or the method failed."""
     found = [None if line.score is None else figure.read(line.score) for line in lines]
     return np.array([np.nan if value is None else value for value in found], dtype=np.float64)
 
 
 def spread(values: Array, figure: Figure) -> Spread:
-    """Mean with its interval, median and worst of the values (n,) that are no NaN."""
+    """Mean with its interval, median and worst of the values (n,) that are finite."""
     known = values[np.isfinite(values)]
     if not known.size:
         return Spread(scenes=0, mean=None, low=None, high=None, median=None, worst=None)
@@ -112,8 +113,9 @@ def spread(values: Array, figure: Figure) -> Spread:
 def interval(values: Array) -> tuple[Number, Number]:
     """The 95 % interval of the mean of values (n,), by the bootstrap (Efron and Tibshirani 1993, section 13.3).
 
-    Means of as many values, drawn from these with replacement, spread as the mean of other scenes would; the interval
-    holds the middle 95 % of them. Its seed is fixed. A single value has no interval.
+    As many values are drawn from these with replacement, many times. The means of these samples spread as the means
+    over other scenes would; the interval holds the middle 95 % of them. The seed is fixed. A single value has no
+    interval.
     """
     if values.size < 2:
         return None, None

@@ -11,16 +11,19 @@ from mirrorfold.benchmarking.summaries import Benchmark, FamilyResult
 from mirrorfold.io.files import written_whole
 
 TABLES = ("table.csv", "table.json", "table.md")
+"""Names of the files."""
+
 COLUMNS = ("scenes", "mean", "low", "high", "median", "worst")
+"""Columns of the CSV file for each figure."""
 
 SHOWN = ("f_all", "f_hidden", "precision_hidden", "completeness_hidden", "f_hidden_cells", "invented_cells",
          "angle_deg", "offset_mm")  # fmt: skip
-"""Figures of the table for a page, besides those of curved mirrors and half-transparent walls; the others are in the
-files."""
+"""Figures of the table for a page; those of curved mirrors and half-transparent walls are added where they are defined.
+The other figures are in the CSV and JSON files."""
 
 
 def write_tables(found: Benchmark, folder: Path) -> list[Path]:
-    """Write all tables to a folder that is there; returns their paths."""
+    """Write all tables to an existing folder; returns their paths."""
     paths = [folder / name for name in TABLES]
     with written_whole(paths[0]) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
@@ -39,7 +42,7 @@ def write_tables(found: Benchmark, folder: Path) -> list[Path]:
 
 
 def markdown(found: Benchmark) -> str:
-    """The mean of each figure, with its 95 % interval, and the worst scene in brackets."""
+    """A table in Markdown: the mean of each figure, its 95 % interval, and the worst scene in brackets."""
     shown = shown_figures(SHOWN, found.results)
     heads = ["family", "radar", "method", "scenes", "failures", *(FIGURES[name].label for name in shown)]
     lines = [heads, ["---"] * len(heads)]
@@ -51,7 +54,7 @@ def markdown(found: Benchmark) -> str:
 
 
 def cell(result: FamilyResult, name: str) -> str:
-    """A figure in a cell of a table, such as ``0.981 0.970-0.990 (0.94)``; a dash where it is undefined."""
+    """A figure as text in a table, such as ``0.981 0.970-0.990 (0.94)``; a dash if it is undefined."""
     spread, digits = result.figures[name], FIGURES[name].digits
     if spread.mean is None or spread.worst is None:
         return "-"

@@ -9,10 +9,10 @@ from mirrorfold.common.kernels import njit
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def unit_phasor(turns):  # type: ignore[no-untyped-def]
-    """Cosine and sine of ``2 pi turns``: whole turns are removed in float64, then Taylor series of half the angle in
-    float32.
+    """Cosine and sine of ``2 pi turns``, in float32.
 
-    The error has a root mean square of 1.4e-7, and is at most 8e-7.
+    Whole turns are removed in float64; then follow Taylor series of half the angle. The error has a root mean square of
+    1.4e-7, and is at most 8e-7.
     """
     half = np.float32(np.pi) * np.float32(turns - np.floor(turns + 0.5))
     h2 = half * half

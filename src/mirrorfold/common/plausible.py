@@ -1,8 +1,8 @@
-"""Whether the numbers of a measurement make sense together: units that were mistaken show in ratios of lengths.
+"""Whether the numbers of a measurement make sense together: wrong units show in ratios of lengths to the wavelength.
 
-No frequency and no length is wrong in itself: 300 Hz is right for a sonar, and 300 m for an array at short waves. But
-an array that can image is neither a thousandth of a wavelength long nor a hundred wavelengths coarse, whatever the
-waves.
+No frequency and no length is wrong by itself: 300 Hz is right for a sonar, and 300 m for an array at short waves. But
+whatever the waves, an array that can image is longer than a thousandth of a wavelength, and its antennas stand closer
+than a hundred wavelengths.
 """
 
 from __future__ import annotations
@@ -14,19 +14,22 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.units import FARTHEST, KINDS
 
 SHORTEST_ARRAY = 1e-3
-"""Length in wavelengths below which an array, or the focus of a beam, tells no directions at all."""
+"""Shortest length of an array, or of the focus of a beam, in wavelengths: below it, directions cannot be told at
+all."""
 
 LONG_ENOUGH = 0.2
-"""Length in wavelengths that an array has at least once the unit of the frequencies is right."""
+"""Least length of an array in wavelengths when the unit of the frequencies is right."""
 
 USUAL_PITCH = 0.5
-"""Distance of neighbours in wavelengths; of several units, the one that comes nearest to it is meant."""
+"""Usual distance of neighbouring antennas in wavelengths: of several possible units, the one that comes closest to it
+is the probable one."""
 
 COARSE_PITCH = 20.0
-"""Distance of neighbours in wavelengths from which on their unit is doubted: sparse arrays have less."""
+"""Distance of neighbouring antennas in wavelengths from which on the unit of positions is doubted: even sparse arrays
+have less."""
 
 FINE_PITCH = (0.05, 2.0)
-"""Distances of neighbours in wavelengths that make sense once the unit is right."""
+"""Least and largest distance of neighbouring antennas in wavelengths when the unit is right."""
 
 SLOWEST_LIGHT = 1e6
 """Waves faster than this [m/s] are electromagnetic: sound reaches 2e4 m/s in the hardest matter."""
@@ -35,26 +38,27 @@ LOWEST_RADIO_FREQUENCY = 1e6
 """No imaging radar works below this frequency [Hz]."""
 
 SPEEDS_OF_SOUND = 300.0, 6500.0
-"""From air to metal [m/s]."""
+"""Lowest and highest speed of sound [m/s]: in air, and in metal."""
 
 LOWEST_ULTRASOUND = 2e4
-"""Of frequencies below this [Hz] one has to say that they are sound."""
+"""Lowest frequency [Hz] that is taken for ultrasound by itself; for lower ones, users have to say that it is sound."""
 
 HIGHEST = {True: 2e13, False: 2e10}
-"""Highest frequencies [Hz] of electromagnetic waves that are measured with their phase, and of sound."""
+"""Highest usual frequency [Hz] of waves whose phase is measured: electromagnetic (True), and sound (False)."""
 
 HIGHEST_OF_ALL = {True: 1e16, False: 1e12}
-"""The phase of no light, and of no sound, is measured above this frequency [Hz]."""
+"""Frequency [Hz] above which no phase is ever measured: of electromagnetic waves (True), and of sound (False)."""
 
 FINEST_APERTURE = 2.0
-"""Aperture [m] that beams would need whose steps are so fine; no scanner's is as wide."""
+"""Largest aperture [m] of a scanner. If the steps between beams are so fine that they would need a wider one, the unit
+of the angles is wrong."""
 
 WIDEST_APERTURE = 500.0
-"""The same in wavelengths."""
+"""Largest aperture of a scanner in wavelengths, used likewise."""
 
 
 def unplaced(values: NDArray) -> str | None:
-    """What is wrong with coordinates [m]; None where nothing is.
+    """What is wrong with coordinates [m], in words; None if nothing is.
 
     Examples
     --------
@@ -69,7 +73,7 @@ def unplaced(values: NDArray) -> str | None:
 
 
 def pitch(places: NDArray) -> float:
-    """Median distance of neighbours among places (n, 3), in their unit; zero for a single place."""
+    """Median distance of places (n, 3) from their nearest neighbours, in their unit; zero for a single place."""
     from scipy.spatial import cKDTree
 
     distinct = np.unique(np.asarray(places, dtype=float), axis=0)
@@ -79,28 +83,28 @@ def pitch(places: NDArray) -> float:
 
 
 def extent(*places: NDArray) -> float:
-    """Diagonal of the box around all places, in their unit."""
+    """Diagonal of the box around all places, in the unit of the places."""
     return float(np.linalg.norm(np.ptp(np.concatenate(places), axis=0)))
 
 
 def frequency_unit(highest: float, length: float, step: float, speed: float) -> str | None:
-    """The unit that the frequencies are probably in, if they make no sense in hertz.
+    """The unit in which the frequencies probably are, if they make no sense in hertz.
 
     Parameters
     ----------
     highest : float
-        Highest frequency as it stands.
+        Highest frequency, as the file gives it.
     length : float [m]
-        Of the array, or the width of the beam; zero where it is not known.
+        Length of the array, or width of the beam; zero if it is not known.
     step : float [m]
-        Distance of neighbouring antennas; zero for one.
+        Distance of neighbouring antennas; zero for a single antenna.
     speed : float [m/s]
-        Of the waves.
+        Speed of the waves.
 
     Returns
     -------
     str or None
-        Such as "GHz"; None where hertz make sense, or no unit does.
+        The unit, such as "GHz"; None if hertz make sense, or no unit does.
 
     Examples
     --------
@@ -123,13 +127,13 @@ def frequency_unit(highest: float, length: float, step: float, speed: float) -> 
 
 
 def senseless(highest: float, length: float, speed: float) -> str | None:
-    """Why no array so long can have measured waves of such frequencies, in words; None where one can.
+    """Why an array of this length cannot have measured waves of these frequencies, in words; None if it can.
 
     Parameters
     ----------
     highest : float [Hz]
     length : float [m]
-        Of the array, or the width of the beam; zero where it is not known.
+        Length of the array, or width of the beam; zero if it is not known.
     speed : float [m/s]
 
     Examples
@@ -148,7 +152,7 @@ def senseless(highest: float, length: float, speed: float) -> str | None:
 
 
 def may_be_sound(highest: float, length: float, step: float) -> bool:
-    """Whether an array makes sense for ultrasound, in air or in the hardest matter: nobody may have said the speed.
+    """Whether an array makes sense for ultrasound, in air or in metal: the user may not have said the speed.
 
     Examples
     --------
@@ -161,7 +165,7 @@ def may_be_sound(highest: float, length: float, step: float) -> bool:
 
 
 def length_unit(step: float, wavelength: float) -> str | None:
-    """The unit that positions are probably in, whose neighbours stand `step` apart, if metres make no sense.
+    """The unit in which positions probably are, if neighbours `step` apart make no sense in metres.
 
     Examples
     --------
@@ -180,10 +184,10 @@ def _fine(ratio: float) -> bool:
 
 
 def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> bool:
-    """Whether directions of beams [degree] are probably in radians.
+    """Whether directions of beams that should be in degrees are probably in radians.
 
-    The whole scan then seems to cover less than pi / 2 degrees, in steps that only a very wide aperture could tell
-    apart, ``wavelength / step``.
+    The whole scan then seems to reach at most pi / 2 degrees aside, in steps that only a very wide aperture,
+    ``wavelength / step``, could resolve.
 
     Examples
     --------
@@ -200,14 +204,14 @@ def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> 
 
 
 def any_of(values: NDArray) -> bool:
-    """Whether any of the values is not zero; the first along the first axis, which mostly tell, are looked at first."""
+    """Whether any value is not zero; the first row is looked at first, since it mostly settles the question."""
     return bool(values[:1].any() or values.any())
 
 
 def one_part(s: NDArray[np.complexfloating]) -> str | None:
-    """What complex samples (frequency first) are, of which one part is zero throughout; None for true ones.
+    """What samples (frequency first) are if their real or imaginary part is zero throughout; None for complex samples.
 
-    Samples that do not change with frequency may well be real: what is at range zero is.
+    Samples that do not change with frequency are not judged: those of an object at range zero are real.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Whether a line through points crosses itself or folds back on itself."""
+"""Whether a polyline crosses itself or folds back on itself."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from mirrorfold.common.geometry import cross2
 from mirrorfold.common.types import Array, Index
 
 PAIRS_AT_ONCE = 1_000_000
-"""Pairs of pieces that are compared together, for the sake of memory."""
+"""Number of pairs of pieces that are compared at once, which limits the memory."""
 
 FOLDED = 1e-9
-"""Sine of the angle between a piece and the next one, which goes back, up to which both lie on each other."""
+"""Largest sine of the angle between a piece and the next one, going backwards, at which both lie on each other."""
 
 
 def meets_itself(points: Array) -> Array | None:
-    """A place where a line through points crosses itself or folds back on itself; None where it does neither.
+    """A place where the polyline through points crosses itself or folds back on itself; None if it does neither.
 
-    Ends that touch, as those of a closed line, are no crossing.
+    Ends that touch, as those of a closed polyline, are no crossing.
 
     Parameters
     ----------
     points : (n, 2) array [m]
-        No two consecutive ones are the same.
+        No two consecutive points are the same.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def meets_itself(points: Array) -> Array | None:
     folded = np.flatnonzero(back & (np.abs(turn) <= FOLDED * length[:-1] * length[1:]))
     if folded.size:
         return np.asarray(points[folded[0] + 1])
-    # Sorted along the longer side, a piece can only cross those that begin before it ends.
+    # With pieces sorted along the longer axis of the polyline, a piece can only cross those that begin before it ends.
     along = np.sort(np.stack([points[:-1], points[1:]])[..., int(np.argmax(np.ptp(points, axis=0)))], axis=0)
     order = np.argsort(along[0])
     later = np.searchsorted(along[0, order], along[1, order], side="right") - np.arange(len(order)) - 1
@@ -59,7 +59,7 @@ def meets_itself(points: Array) -> Array | None:
 
 
 def _crossing(points: Array, one: Index, other: Index) -> Array | None:
-    """Where the first pair of pieces that crosses does, beyond touching."""
+    """The crossing (2,) of the first pair of pieces that truly cross, not only touch; None if there is none."""
     a, b, c, d = points[one], points[one + 1], points[other], points[other + 1]
     apart = cross2(b - a, c - a) * cross2(b - a, d - a) < 0.0
     crossing = np.flatnonzero(apart & (cross2(d - c, a - c) * cross2(d - c, b - c) < 0.0))

@@ -1,4 +1,4 @@
-"""Files that are read: whether there is one, and the text, JSON or TOML in it."""
+"""Reading files safely: whether a regular file is there, and the text, JSON or TOML in it."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from mirrorfold.common.arguments import path_of
 from mirrorfold.errors import InputError
 
 LARGEST_TEXT = 64 << 20
-"""A file that a person writes, or a script writes for a person, is smaller [bytes]."""
+"""Largest text file that is read [bytes]: what a person writes, or a script writes for a person, is smaller."""
 
 MOST_PARTS = 100
-"""Most parts of a name in TOML such as ``a.b.c``: time and memory to read it grow with the square of their number."""
+"""Largest number of parts of a TOML name such as ``a.b.c``: time and memory to read it grow with the square of it."""
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 
 _LONG_NAME = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
 
 files_read: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
-"""Files that the command at work has read, whoever named them; None where nobody wants to know."""
+"""Files that the running command has read, including those that other files name; None if nobody collects them."""
 
 
 def check_file(path: str | Path, remedy: str) -> Path:
-    """The path, if a file is there: opening a pipe would wait for ever, and a device may never end.
+    """The path, if a regular file is there: opening a pipe would wait for ever, and a device may never end.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def check_file(path: str | Path, remedy: str) -> Path:
     Raises
     ------
     InputError
-        If nothing is there, or something else than a file; also if the name is too long, or links lead in a circle.
+        If there is no file, or something else than a file, if the name is too long, or links lead in a circle.
     """
     path = path_of("path", path)
     try:
         mode = os.stat(path).st_mode
-    except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
+    except (OSError, ValueError) as error:  # a ValueError if the name holds a zero byte
         missing = isinstance(error, FileNotFoundError | NotADirectoryError)
         what = "does not exist" if missing else f"cannot be read ({getattr(error, 'strerror', None) or error})"
         raise InputError(f"{path}: {what}; {remedy}") from None
@@ -66,7 +66,7 @@ def read_text(path: str | Path, remedy: str) -> str:
     Raises
     ------
     InputError
-        As of `check_file`, and if the file may not be read, is too large, or holds no text in UTF-8.
+        As `check_file`, and if the file may not be read, is too large, or holds no text in UTF-8.
     """
     try:
         size = check_file(path, remedy).stat().st_size
@@ -80,22 +80,22 @@ def read_text(path: str | Path, remedy: str) -> str:
 
 
 def parsed(text: str, kind: str, source: str, remedy: str) -> Any:
-    """The content of a text.
+    """The values in a JSON or TOML text.
 
     Parameters
     ----------
     text : str
     kind : {"JSON", "TOML"}
     source : str
-        Names the file in the message.
+        Name of the file in the message.
     remedy : str
         What to do, at the end of the message.
 
     Raises
     ------
     InputError
-        If the text is not valid, is nested too deeply, or holds a number of thousands of digits or a name of very many
-        parts.
+        If the text is not valid, is nested too deeply, or holds a number of thousands of digits, or a name of more than
+        `MOST_PARTS` parts.
     """
     try:
         if kind == "JSON":
@@ -112,24 +112,24 @@ def parsed(text: str, kind: str, source: str, remedy: str) -> Any:
 
 @contextmanager
 def named_by(owner: Path, name: str, entry: str) -> Iterator[Path]:
-    """The path of a file that another file names, relative to its folder.
+    """The path of a file that another file names relative to its own folder.
 
-    What lies outside of that folder is nobody's to show: a file from a stranger may name any other, and a complaint
-    about that one would quote its lines.
+    A file from a stranger may name any file on the machine, and an error message about that file would quote its lines.
+    So errors about files outside of the folder are replaced by one that quotes nothing.
 
     Parameters
     ----------
     owner : path
-        Of the file that names it.
+        Path of the file that names the other file.
     name : str
-        As it stands there.
+        The name as it stands there.
     entry : str
-        Where it stands there, for messages.
+        The entry in which it stands there, for messages.
 
     Raises
     ------
     InputError
-        In place of those of the block, which then say nothing of the content, where the path leads out of the folder.
+        If the path leads out of the folder and the block raises an error, in place of that error.
     """
     path = owner.parent / name
     if Path(os.path.realpath(path)).is_relative_to(os.path.realpath(owner.parent)):

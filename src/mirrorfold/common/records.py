@@ -1,4 +1,4 @@
-"""Records: what the functions of this package find out, each fact declared once.
+"""Records: the results of functions of this package, with each fact declared once.
 
 A record is a frozen dataclass and a dict at once: ``found.power_db`` is ``found["power_db"]``, ``json.dumps(found)``
 works, and scripts may add items of their own. The declaration of its fields is also the JSON Schema that ``mirrorfold
@@ -11,10 +11,10 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Self, cast, dataclass_transform
 
 Number = float | None
-"""A number; None, which JSON calls null, where it is not finite or not known."""
+"""A number; None (null in JSON) if it is not finite or not known."""
 
 LEFT_OUT = object()
-"""Default of a fact that is no item of its record unless it is given; as an attribute it then reads None."""
+"""Default of an optional fact: unless it is given, it is no item of its record, and None as an attribute."""
 
 
 def fact(meaning: str = "", *, default: Any = MISSING, **limits: Any) -> Any:
@@ -23,16 +23,16 @@ def fact(meaning: str = "", *, default: Any = MISSING, **limits: Any) -> Any:
     Parameters
     ----------
     meaning : str
-        What the fact says, with its unit where the name does not end in it.
+        What the fact means, with its unit if the name does not end in the unit.
     default : optional
-        What stands there if nothing is given; `LEFT_OUT` for a fact that the record may lack.
+        The value if none is given; `LEFT_OUT` for a fact that the record may lack.
     **limits
-        Of the value, by the names of pydantic: `ge`, `le`, `min_length`, `max_length`.
+        Limits of the value, by pydantic's names: `ge`, `le`, `min_length`, `max_length`.
 
     Returns
     -------
     dataclasses.Field
-        Its metadata are what pydantic makes the JSON Schema from.
+        The field; pydantic makes the JSON Schema from its metadata.
     """
     metadata = {"description": meaning, **limits} if meaning else limits
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
@@ -42,11 +42,9 @@ def fact(meaning: str = "", *, default: Any = MISSING, **limits: Any) -> Any:
 class Record(dict[str, Any]):
     """Base of all records. A subclass only lists its fields; it becomes a frozen dataclass by itself.
 
-    Facts stand in the order of the fields. Where records are joined, ``class Both(Second, First)``, those of the last
-    base come first.
-
-    The attributes are what the function found, and stay so; ``found.but(...)`` makes another record. Items are those of
-    a dict: a script may add its own.
+    Facts are in the order of the fields. In a record with several bases, ``class Both(Second, First)``, the facts of
+    the last base come first. Attributes cannot be changed; ``found.but(...)`` makes another record. A script may add
+    items of its own, as to any dict.
 
     Examples
     --------
@@ -63,7 +61,7 @@ class Record(dict[str, Any]):
     __pydantic_config__: ClassVar = {"extra": "forbid", "strict": True}
 
     def __init_subclass__(cls) -> None:
-        """Make a dataclass of a subclass; comparing and printing stay those of a dict."""
+        """Make the subclass a dataclass; it is compared and printed as a dict."""
         dataclass(frozen=True, kw_only=True, eq=False, repr=False)(cls)
 
     def __post_init__(self) -> None:
@@ -75,7 +73,7 @@ class Record(dict[str, Any]):
                 super().__setitem__(item.name, value)
 
     def but(self, **changes: Any) -> Self:
-        """The same record with some facts changed or added."""
+        """A copy of the record with some facts changed or added."""
         facts = {item.name for item in fields(cast(Any, self))}
         found = type(self)(**{**{name: self[name] for name in self if name in facts}, **changes})
         dict.update(found, {name: value for name, value in self.items() if name not in facts})
@@ -87,7 +85,7 @@ class Record(dict[str, Any]):
 
 
 def _record(kind: type[Any], items: dict[str, Any]) -> Any:
-    """A record from its items; those that are none of its facts, which a user has added, stay items alone."""
+    """A record from its items; items that are no facts of it, which a user has added, are kept as items only."""
     facts = {item.name for item in fields(kind)}
     record = kind(**{name: value for name, value in items.items() if name in facts})
     dict.update(record, {name: value for name, value in items.items() if name not in facts})

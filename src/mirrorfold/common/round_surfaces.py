@@ -1,6 +1,7 @@
 """Cylinders and spheres as mirrors: where rays meet them, where they reflect, and how they spread a pencil of rays.
 
-Both are the points at a distance R from a middle, once what lies along the axis is taken away; a sphere has none.
+One class serves both. Vectors are projected on the plane square to the axis; a sphere has no axis, and its vectors stay
+as they are. The surface is then the set of points whose projected distance from the middle is the radius R.
 """
 
 from __future__ import annotations
@@ -14,17 +15,17 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Mask
 
 HALVINGS = 36
-"""Steps of the bisection for a reflection point: it is then known to 1e-11 of the radius."""
+"""Number of steps of the bisection for a reflection point, which give it to 1e-11 of the radius."""
 
 
 @dataclass(frozen=True, eq=False)
 class RoundSurface:
-    """An endless cylinder, or a sphere, seen from outside.
+    """An infinite cylinder, or a sphere, seen from outside.
 
     Attributes
     ----------
     middle : (3,) array [m]
-        Of the sphere, or any point on the axis of the cylinder.
+        Center of the sphere, or any point on the axis of the cylinder.
     axis : (3,) array
         Unit vector along the axis of a cylinder; zero for a sphere.
     radius : float [m]
@@ -36,15 +37,15 @@ class RoundSurface:
 
     @property
     def base(self) -> Array:
-        """Unit vectors in which its middle may move: two square to the axis of a cylinder, (2, 3); or all, (3, 3)."""
+        """Unit vectors along which the middle can move: two square to a cylinder's axis, (2, 3); else all, (3, 3)."""
         return np.linalg.svd(self.axis[None])[2][1:] if self.axis.any() else np.eye(3)
 
     def across(self, vectors: Array) -> Array:
-        """The part of vectors (..., 3) that is square to the axis; of a sphere, all of it."""
+        """The part of vectors (..., 3) that is square to the axis; for a sphere, the vectors themselves."""
         return np.asarray(vectors - (vectors @ self.axis)[..., None] * self.axis)
 
     def along(self, points: Array) -> Array:
-        """Place of points (..., 3) along the axis, from the middle [m]; zero for a sphere."""
+        """Coordinate of points (..., 3) along the axis, from the middle [m]; zero for a sphere."""
         return np.asarray((points - self.middle) @ self.axis)
 
     def outward(self, points: Array) -> Array:
@@ -60,9 +61,9 @@ class RoundSurface:
         return np.asarray(points - self.beside(points)[..., None] * self.outward(points))
 
     def met(self, origin: Array, sight: Array) -> Array:
-        """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) enter it; NaN where one does not.
+        """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) enter the surface; NaN if they do not.
 
-        The smaller root of ``|P(o + t d - m)|^2 = R^2``, with P the projection of `across`.
+        It is the smaller root t of ``|P(o + t d - m)|^2 = R^2``, with the projection P of `across`.
         """
         ahead, offset = self.across(sight), self.across(origin - self.middle)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -72,20 +73,20 @@ class RoundSurface:
             return np.where(range_ > 0.0, range_, np.nan)
 
     def passed(self, origin: Array, sight: Array) -> Array:
-        """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) come nearest to the middle or axis."""
+        """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) are closest to the middle or axis."""
         ahead = self.across(sight)
         square = np.maximum(np.sum(ahead**2, axis=-1), np.finfo(float).tiny)
         return np.asarray(-(ahead @ self.across(origin - self.middle)) / square)
 
     def reflection(self, origin: Array, points: Array) -> tuple[Array, Mask]:
-        """Where the surface reflects rays from an origin (3,) to points (n, 3): places (n, 3), and which there are."""
+        """Places (n, 3) where the surface reflects rays from an origin (3,) to points (n, 3), and which exist (n,)."""
         places = np.empty(np.shape(points))
         found = np.empty(len(points), dtype=np.bool_)
         _reflections(self.middle, self.axis, self.radius, origin, np.ascontiguousarray(points), places, found)
         return places, found
 
     def bending(self, sight: Array, normal: Array) -> tuple[Array, Array]:
-        """How the surface bends the waves that arrive along unit vectors (n, 3) where its normals are (n, 3).
+        """How the surface changes the curvature of waves that arrive along unit vectors (n, 3), at normals (n, 3).
 
         A wave that arrives with the curvature matrix C leaves with ``C + 2 cos(i) K'``, K' being the curvature of the
         surface as the incident ray projects it on the wavefront (G. A. Deschamps, Proc. IEEE 60, 1972, eq. 31).
@@ -93,11 +94,11 @@ class RoundSurface:
         Returns
         -------
         power : (n, 2) array [1/m]
-            What is added along both principal directions, the larger first: ``2 / (R cos i)`` and ``2 cos i / R`` for a
-            sphere; ``2 cos(i) (1 + (d.e)^2 / cos(i)^2) / R`` and zero for a cylinder, e being its tangent square to the
-            axis.
+            Curvature that is added along both principal directions, the larger first: ``2 / (R cos i)`` and
+            ``2 cos i / R`` for a sphere; ``2 cos(i) (1 + (d.e)^2 / cos(i)^2) / R`` and zero for a cylinder, with the
+            direction d of the ray and the cylinder's tangent e square to the axis.
         direction : (n, 3) array
-            Unit vectors along the first of them, square to the incident rays.
+            Unit vectors along the first principal direction, square to the incident rays.
         """
         cosine = np.maximum(-np.sum(sight * normal, axis=1), np.finfo(float).eps)
         if self.axis.any():
@@ -108,7 +109,7 @@ class RoundSurface:
             return power, aslant / length[:, None]
         direction = normal + cosine[:, None] * sight
         small = np.linalg.norm(direction, axis=1) < 1e-9
-        # At normal incidence all directions are alike.
+        # At normal incidence, any direction square to the ray is a principal one.
         direction[small] = np.cross(normal[small], np.eye(3)[np.argmin(np.abs(normal[small]), axis=1)])
         power = np.column_stack([2.0 / (self.radius * cosine), 2.0 * cosine / self.radius])
         return power, unit(direction)
@@ -116,12 +117,14 @@ class RoundSurface:
 
 @njit(nogil=True, error_model="numpy")
 def reflection_point(middle, axis, radius, origin, x, y, z):  # type: ignore[no-untyped-def]
-    """Where a round surface reflects a ray from an origin to a point: its place, and the length of the ray, or -1.
+    """The place x, y, z where a round surface reflects a ray from an origin to a point, and the length of the ray.
 
-    In the plane across the axis, or of a sphere that of origin, point and middle, the two legs make equal angles with
-    the normal (Alhazen's problem): with a and b the distances from the middle and f the angle between them, t is
-    sought with ``a sin(t) / l1 = b sin(f - t) / l2``. Where both ends see the place, either side grows with its own
-    angle, so that there is one at most, which bisection finds. Along the axis the ray goes on evenly.
+    The length is -1 if there is no such place. In the plane square to the axis, or for a sphere in the plane of origin,
+    point and middle, both legs of the ray make equal angles with the normal (Alhazen's problem). Let a and b be the
+    distances of origin and point from the middle, f the angle between them, and l1 and l2 the lengths of the legs. The
+    angle t of the place from the origin solves ``a sin(t) / l1 = b sin(f - t) / l2``. Where both ends see the surface,
+    each side of the equation grows with its own angle, so there is at most one solution, which bisection finds. Along
+    the axis, the ray advances in proportion to the lengths of its legs.
     """
     ox, oy, oz = origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]
     px, py, pz = x - middle[0], y - middle[1], z - middle[2]

@@ -1,4 +1,4 @@
-"""Settings: what can be chosen about a step, declared once.
+"""Settings: everything that a user can choose about a step, declared once.
 
 A frozen dataclass lists the settings of a step; each field states its default, unit, meaning and range. The functions'
 signatures and docstrings, the options of the command line and their help, the checks, and the attributes of files all
@@ -21,16 +21,16 @@ from mirrorfold.errors import InputError
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 LINE_WIDTH = 110
-"""Of the generated docstrings."""
+"""Width of lines in the generated docstrings [characters]."""
 
 OPTION_TYPES = {"bool": bool, "int": int, "float": float}
-"""What the command line reads for a setting of this kind; any other kind is text. A number in a unit of
-`QUANTITIES` may be given in another one."""
+"""The type that the command line reads for a setting of each kind; other kinds are read as text. A number whose unit is
+in `QUANTITIES` may be given in another unit, too."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What is known of one setting.
+    """Meaning, type and bounds of one setting.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Rule:
     option : bool
         Whether the command line offers it.
     label : str
-        What pages call it, where the words of its name do not tell.
+        Name of the setting on pages, if its own name would not be understood there.
     """
 
     meaning: str
@@ -91,7 +91,7 @@ class Rule:
         )
 
     def expected(self) -> str:
-        """What the setting may be, in words."""
+        """The values that the setting may have, in words."""
         what = "a whole number" if self.kind == "int" else "a finite number"
         if self.unit:
             what += f" [{self.unit}]"
@@ -114,15 +114,15 @@ def setting(default: Any, meaning: str, **rule: Any) -> Any:
 
 
 REQUIRED = MISSING
-"""In place of a default, of a setting that must be given."""
+"""Takes the place of a default for a setting that must be given."""
 
 NUMBERS: dict[str, Callable[[Any], float]] = {"int": int, "float": float}
-"""What numbers become, whatever they are given as, by the kind of the setting."""
+"""The type to which numbers are converted, by the kind of the setting."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Base of all settings. None stands for what is chosen from the data.
+    """Base of all settings. A setting that is None is chosen from the data.
 
     Settings that may hold arrays are declared with ``eq=False``: arrays are not equal as a whole.
 
@@ -152,12 +152,12 @@ class Settings:
 
     @classmethod
     def rules(cls) -> dict[str, Rule]:
-        """What is known of every setting, by name."""
+        """The rule of every setting, by name."""
         return {item.name: item.metadata["rule"] for item in fields(cls) if "rule" in item.metadata}
 
     @classmethod
     def is_optional(cls, name: str) -> bool:
-        """Whether a setting may be None, which stands for what is chosen from the data."""
+        """Whether a setting may be None, and is then chosen from the data."""
         return next(item.default for item in fields(cls) if item.name == name) is None
 
     def with_given(self, **given: Any) -> Self:
@@ -174,24 +174,24 @@ class Settings:
 def takes(
     *settings: type[Settings], without: tuple[str, ...] = (), options: bool = False
 ) -> Callable[[Function], Function]:
-    """Declare that the keywords of a function are settings: completes its signature and its docstring.
+    """Declare that a function takes settings as keywords: its signature and its docstring are completed.
 
     Parameters
     ----------
     *settings : type
-        Subclasses of `Settings`. Where two of them have a name in common, the last one counts.
+        Subclasses of `Settings`. If two of them have a setting of the same name, that of the last one counts.
     without : tuple of str
         Settings that the function does not take.
     options : bool
-        Whether the function is a verb of the command line, which takes what `Rule.option` allows, and whose help wants
-        the unit in the text.
+        Whether the function is a verb of the command line. It then takes only settings that `Rule.option` allows, and
+        the text of each setting contains the unit.
 
     Returns
     -------
     callable
-        A decorator of a function, or of a class whose ``__init__``, ends in ``**given``. The place of the settings in
-        its docstring is the line ``**given``. A setting that the function itself names is left to it, type and text.
-        Settings that are not given, or None, reach the function as if they had not been named.
+        A decorator for a function, or for a class whose ``__init__``, ends in ``**given``. In its docstring, the
+        settings replace the line ``**given``. A setting that is also a parameter of the function keeps its own type and
+        text. Settings that are not given, or are None, are not passed on to the function.
     """
     declared: dict[str, Field[Any]] = {}
     for kind in settings:
@@ -231,7 +231,7 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         try:
             bound = signature.bind(*args, **kwargs)
-        except TypeError as error:  # as Python words it, with the name of the function
+        except TypeError as error:  # as Python's own error, with the name of the function
             raise TypeError(f"{function.__qualname__}() {error}") from None
         chosen = {
             name: value
@@ -250,7 +250,7 @@ def _decorated(function: Function, rules: dict[str, Rule], declared: dict[str, F
 
 
 def option_words(name: str, value: Any) -> list[str]:
-    """What the command line writes for a setting.
+    """The words on a command line that give a setting.
 
     Examples
     --------
@@ -264,14 +264,14 @@ def option_words(name: str, value: Any) -> list[str]:
 
 
 def _option_type(rule: Rule, default: Any) -> Any:
-    """The type from which the command line learns how to read a setting."""
+    """The type by which the command line reads a setting."""
     kind = Literal[rule.choices] if rule.choices else OPTION_TYPES.get(rule.kind, str)
     kind = QUANTITIES.get(rule.unit, kind) if kind is float else kind
     return kind | None if default is None else kind
 
 
 def _completed(text: str, rules: dict[str, Rule], declared: dict[str, Field[Any]], options: bool) -> str:
-    """A docstring with the settings in the place of the line ``**given``."""
+    """A docstring in which the settings replace the line ``**given``."""
     lines = inspect.cleandoc(text).splitlines()
     if "**given" not in lines:
         return text

@@ -1,4 +1,4 @@
-"""Signals that end the program: as Ctrl-C does, and not where it must not be interrupted."""
+"""Signals that end the program: all of them act like Ctrl-C, and none interrupts work that must be completed."""
 
 from __future__ import annotations
 
@@ -10,77 +10,78 @@ from contextlib import contextmanager
 
 @contextmanager
 def held_signals() -> Iterator[None]:
-    """Have signals wait that Python handles, such as Ctrl-C, until the context ends.
+    """Hold back signals that Python handles, such as Ctrl-C, until the context ends.
 
-    Their handlers run in the main thread, between any two of its steps; in other threads there is nothing to hold.
+    Python runs the handlers in the main thread, between any two of its steps; other threads are never interrupted.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
+    received: list[int] = []
     handlers = {one: signal.getsignal(one) for one in signal.valid_signals()}
     handlers = {one: handler for one, handler in handlers.items() if callable(handler)}
     for one in handlers:
-        signal.signal(one, lambda number, _: came.append(number))
+        signal.signal(one, lambda number, _: received.append(number))
     try:
         yield
     finally:
         for one, handler in handlers.items():
             signal.signal(one, handler)
-        for number in dict.fromkeys(came):
+        for number in dict.fromkeys(received):
             signal.raise_signal(number)
 
 
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-"""What ends a process: `kill`, systems that shut down or have waited long enough, and terminals that are closed."""
+"""Signals that end a process: from `kill`, from a system that shuts down or a time limit, and from a closed
+terminal."""
 
 
 @contextmanager
 def ended_as_by_ctrl_c() -> Iterator[list[int]]:
-    """Have these signals raise KeyboardInterrupt, so that they clean up as Ctrl-C does.
+    """Make the signals in `ENDING` raise KeyboardInterrupt, so that the program cleans up as after Ctrl-C.
 
-    Those that are ignored, as by ``nohup``, stay so.
+    Signals that are ignored, as under ``nohup``, stay ignored.
 
     Yields
     ------
     list of int
-        The signals that came, in their order.
+        The signals received, in their order.
     """
-    came: list[int] = []
+    received: list[int] = []
 
     def end(number: int, _: object) -> None:
-        came.append(number)
+        received.append(number)
         raise KeyboardInterrupt
 
-    in_charge = threading.current_thread() is threading.main_thread()
-    ours = [one for one in ENDING if in_charge and signal.getsignal(one) is signal.SIG_DFL]
-    for one in ours:
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    replaced = [one for one in ENDING if in_main_thread and signal.getsignal(one) is signal.SIG_DFL]
+    for one in replaced:
         signal.signal(one, end)
     try:
-        yield came
+        yield received
     finally:
-        for one in ours:
+        for one in replaced:
             signal.signal(one, signal.SIG_DFL)
 
 
 def leave_to_parent() -> None:
-    """In a worker process: Ctrl-C and closed terminals, which all processes hear of, are the parent's to handle."""
+    """In a worker process: ignore Ctrl-C and closed terminals, which all processes receive; the parent handles them."""
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def start_tracker() -> None:
-    """Start the process that Python tidies up with after workers, before there are any.
+    """Start Python's resource tracker, the process that cleans up after workers, before there are workers.
 
-    It ignores Ctrl-C and SIGTERM, but would die of a closed terminal too early and have others complain of it. A signal
-    that is blocked while a process starts stays blocked in it.
+    The tracker ignores Ctrl-C and SIGTERM, but a closed terminal (SIGHUP) would end it too early, and other processes
+    would complain. A signal that is blocked while a process starts stays blocked in it, so SIGHUP is blocked here.
 
     Raises
     ------
     RuntimeError
         If this process is itself a worker that is still reading a script without `if __name__ == "__main__":`. It would
-        fail a moment later, as it starts its first worker, and leave semaphores behind of which the tracker complains.
+        fail a moment later, when it starts its first worker, and leave semaphores behind that the tracker complains of.
     """
     from multiprocessing import resource_tracker
     from multiprocessing.spawn import get_preparation_data

@@ -1,22 +1,23 @@
-"""Plane waves at a dielectric half-space and at a slab: Fresnel's coefficients and Airy's sums.
+"""Reflection and transmission of plane waves at a dielectric half-space and at a slab: Fresnel and Airy formulas.
 
 Time convention ``exp(+jwt)``, permittivity ``eps' - j eps''``. TE has E perpendicular to the plane of incidence, in a
-floor plan along the vertical axis; TM has E in that plane, and its coefficients are those of H, along the same axis:
-at normal incidence TM is reflected with minus the coefficient of TE. With the angle of incidence t and
-``q = sqrt(eps - sin^2 t)``,
+floor plan along the vertical axis. TM has E in that plane; its coefficients are those of H, along the same axis, so
+that at normal incidence TM is reflected with minus the coefficient of TE. With the angle of incidence t and ``q =
+sqrt(eps - sin^2 t)``,
 
     TE: r = (cos t - q) / (cos t + q),        TM: r = (eps cos t - q) / (eps cos t + q).
 
-A slab of thickness d adds up the waves that run to and fro in it. With ``p = exp(-j k d q)`` for one way,
+In a slab of thickness d, the waves that run to and fro add up. With ``p = exp(-j k d q)`` for one way through it,
 
     R = r (1 - p^2) / (1 - r^2 p^2),          T = (1 - r^2) p / (1 - r^2 p^2)
 
-(Born and Wolf, Principles of Optics, 7th ed., sections 1.5.2 and 1.6.4). R is that at the front face. T is taken
-relative to the wave that went straight on in the place of the slab, so that a slab of air has T = 1.
+(Born and Wolf, Principles of Optics, 7th ed., sections 1.5.2 and 1.6.4). R is taken at the front face. T is relative to
+the wave that would go straight on without the slab, so that a slab of air has T = 1.
 
-Where the faces are rough, with heights of rms h, each meeting takes its share of the coherent wave,
-``exp(-(D k h)^2 / 2)`` with the change D of the wavenumber across the face: ``2 cos t`` of what is reflected outside,
-``2 q`` inside, ``q - cos t`` of what passes (Pinel, Bourlier and Saillard, Prog. Electromagn. Res. B 19, 41, 2010).
+At rough faces with the rms height h, every reflection or passage multiplies the coherent wave by
+``exp(-(D k h)^2 / 2)``. D is the change of the wavenumber square to the face, over k: ``2 cos t`` for reflection
+outside, ``2 q`` for reflection inside, ``q - cos t`` for passage (Pinel, Bourlier and Saillard, Prog. Electromagn. Res.
+B 19, 41, 2010).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ Coefficient = NDArray[np.complex128]
 
 
 def inside(permittivity: ArrayLike, angle: ArrayLike) -> Coefficient:
-    """``q = sqrt(eps - sin^2 t)``: wavenumber across the slab, over that of free space; angle t [rad]."""
+    """``q = sqrt(eps - sin^2 t)``: wavenumber in the slab square to its faces over that of free space, t in [rad]."""
     return np.asarray(np.sqrt(np.asarray(permittivity, dtype=complex) - np.sin(angle) ** 2))
 
 
@@ -45,9 +46,9 @@ def fresnel(permittivity: ArrayLike, angle: ArrayLike, polarization: Polarizatio
     Parameters
     ----------
     permittivity : (...) complex array
-        Relative, ``eps' - j eps''``.
+        Relative permittivity, ``eps' - j eps''``.
     angle : (...) array [rad]
-        Of incidence, from the normal.
+        Angle of incidence, from the normal.
     polarization : {"TE", "TM"}
 
     Returns
@@ -79,7 +80,7 @@ def slab(
     angle : (...) array [rad]
     polarization : {"TE", "TM"}
     rms_height : (...) array [m]
-        Of both faces; smooth ones by default.
+        Roughness of both faces; smooth by default.
 
     Returns
     -------
@@ -97,15 +98,18 @@ def both_polarizations(
     *,
     rms_height: ArrayLike = 0.0,
 ) -> tuple[tuple[Coefficient, Coefficient], tuple[Coefficient, Coefficient]]:
-    """R and T of a `slab` for TE, and for TM: what does not depend on the polarization is computed once."""
+    """R and T of a `slab` for TE and for TM: factors that do not depend on the polarization are computed once."""
     factors = _within(permittivity, thickness, wavenumber, angle, rms_height)
     te, tm = (_coefficients(fresnel(permittivity, angle, name), factors) for name in POLARIZATIONS)
     return te, tm
 
 
 class _Factors(NamedTuple):
-    """What waves take on at a slab, whatever their polarization: `way`, of one way through it, `straight`, of the same
-    way beside it; and of coherence, where faces are rough, as it is reflected outside, inside, and as it passes a face.
+    """Factors of waves at a slab that do not depend on the polarization.
+
+    `way` is the propagation once through the slab, and `straight` undoes that along the same way without the slab.
+    `front`, `inside` and `entry` are the losses of coherence at rough faces: of a reflection outside, of a reflection
+    inside, and of a passage.
     """
 
     way: Coefficient
@@ -118,7 +122,7 @@ class _Factors(NamedTuple):
 def _within(
     permittivity: ArrayLike, thickness: ArrayLike, wavenumber: ArrayLike, angle: ArrayLike, rms_height: ArrayLike
 ) -> _Factors:
-    """The factors of a slab."""
+    """The factors of a slab from its permittivity, thickness and roughness."""
     q, cosine = inside(permittivity, angle), np.cos(angle)
     turn = np.asarray(wavenumber) * thickness
     height = (np.asarray(wavenumber) * rms_height) ** 2
@@ -132,7 +136,7 @@ def _within(
 
 
 def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coefficient]:
-    """R and T of a slab by the reflection coefficient r of its front face."""
+    """R and T of a slab from the reflection coefficient r of its front face, and its factors."""
     way, within, entry = factors.way, r * factors.inside, (1.0 - r**2) * factors.entry
     around = 1.0 - (within * way) ** 2
     reflected = r * factors.front - entry * within * way**2 / around
@@ -140,14 +144,14 @@ def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coeff
 
 
 def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
-    """Length [m] by which the way straight through a slab is longer for the waves, ``d (Re q - cos t)``."""
+    """Length [m] by which a slab makes the way through it electrically longer, ``d (Re q - cos t)``."""
     return np.asarray(np.asarray(thickness) * (inside(permittivity, angle).real - np.cos(angle)))
 
 
 def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
-    """Distance [m] by which a ray leaves a slab beside its own line, ``d sin t (1 - cos t / Re q)``.
+    """Distance [m] by which a slab shifts a ray parallel to itself, ``d sin t (1 - cos t / Re q)``.
 
-    The derivative of `delay` by the angle: an array that looks through the slab sees objects moved aside by as much.
+    It is the derivative of `delay` by the angle: an array that looks through the slab sees objects shifted by as much.
     """
     within = np.maximum(inside(permittivity, angle).real, np.finfo(float).tiny)
     return np.asarray(np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within))

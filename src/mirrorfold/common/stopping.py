@@ -1,4 +1,4 @@
-"""Work that somebody may stop: long loops ask between their rounds whether to go on."""
+"""Work that its caller may stop: long loops ask between their rounds whether to go on."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextvars import ContextVar
 
 
 class StoppedError(Exception):
-    """The work was stopped by the one who asked for it."""
+    """The work was stopped by the caller that had asked for it."""
 
 
 stop: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
-"""Says whether the work of this thread shall stop; None where nobody can stop it."""
+"""Function that says whether the work of this thread shall stop; None if nobody can stop it."""
 
 
 def go_on() -> None:
@@ -20,6 +20,7 @@ def go_on() -> None:
     Raises
     ------
     StoppedError
+        If `stop` says so.
     """
     asked = stop.get()
     if asked is not None and asked():

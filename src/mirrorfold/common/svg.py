@@ -14,13 +14,13 @@ from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 
 WIDTH, HEIGHT = 320, 260
-"""Of a sketch [pixels]."""
+"""Size of a picture [pixels]."""
 
 MARGIN = 14
-"""Around what is drawn [pixels]."""
+"""Margin around what is drawn [pixels]."""
 
 LARGEST_CLOUD = 1500
-"""Dots in a sketch: more would only make the notebook heavy."""
+"""Largest number of dots of one stroke in a picture: more would only make the notebook large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,11 @@ class Stroke:
     points : (n, 2) array [m]
     colour : str
     width : float [pixels]
-        Of the line, or of the dots.
+        Width of the line, or of the dots.
     dots : bool
         Whether to draw dots rather than a line.
     label : str
-        Shown on pointing.
+        Text shown when the mouse is over it.
     """
 
     points: Array
@@ -54,7 +54,7 @@ def picture(strokes: Iterable[Stroke], radar: ArrayLike, *, title: str) -> str:
     strokes : list of Stroke
     radar : (2,) [m]
     title : str
-        For those who cannot see it.
+        Text for readers who cannot see the picture.
     """
     strokes = list(strokes)
     station = np.asarray(radar, dtype=float)[:2]
@@ -97,7 +97,7 @@ def picture(strokes: Iterable[Stroke], radar: ArrayLike, *, title: str) -> str:
 
 
 def card(title: str, drawing: str, facts: Sequence[tuple[str, str]]) -> str:
-    """A title, a picture that is HTML already, and a table of facts."""
+    """HTML of a title, a drawing (HTML or SVG) and a table of facts."""
     rows = "".join(
         f'<tr><td style="text-align:left;opacity:.7;padding:1px 12px 1px 0">{escape(name)}</td>'
         f'<td style="text-align:left;padding:1px 0">{escape(value)}</td></tr>'
@@ -112,7 +112,7 @@ def card(title: str, drawing: str, facts: Sequence[tuple[str, str]]) -> str:
 
 
 def tree_card(root: Any) -> str:
-    """A `MirrorTree`: mirrors and objects in the unfolded image, and who is seen through whom."""
+    """HTML of a `MirrorTree`: mirrors and objects in the unfolded image, and which mirror is seen through which."""
     strokes, facts, position, range_ = [], [], [], []
     for node in root.walk():
         colours = [COLOURS[max(node.generation - 1 + k, 0) % len(COLOURS)] for k in (0, 1)]
@@ -133,9 +133,9 @@ def tree_card(root: Any) -> str:
 
 
 def _origin(position: Array, range_: Array) -> Array:
-    """The place (2,) that every position (n, d) is its range away from: ``|p|^2 - r^2 = 2 p . q - |q|^2``.
+    """The place q (2,) of the radar, from positions p (n, d) and their ranges r (n,).
 
-    Linear in q and its square; the origin where there are too few positions to tell.
+    The equations ``|p|^2 - r^2 = 2 p . q - |q|^2`` are linear in q and |q|^2. With too few positions, q is the origin.
     """
     if len(position) <= position.shape[1] + 1:
         return np.zeros(2)

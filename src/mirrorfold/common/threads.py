@@ -1,4 +1,4 @@
-"""A few threads over the blocks of a job: the kernels release the interpreter lock."""
+"""Threads that share the blocks of a job; they run at once, as compiled kernels release the interpreter lock."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PATIENCE = 0.2
-"""Time [s] after which to look whether a worker has failed."""
+"""Interval [s] at which the calling thread looks whether a worker has failed."""
 
 SHARES = 4
-"""Shares of a job for each core."""
+"""Number of shares of a job for each core: a core that has little to do takes shares from others."""
 
 _pool: ThreadPoolExecutor | None = None
 _pool_lock = threading.Lock()
@@ -49,14 +49,14 @@ def _shared_pool() -> ThreadPoolExecutor:
 def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[], None] | None = None) -> None:
     """Call ``work(item)`` for every item on all cores; the first exception stops the rest and is raised.
 
-    `done` is called on the calling thread after each item. Safe to call from several threads at once; never call it
-    from inside `work`, which would wait for itself.
+    `done` is called on the calling thread after each item. Several threads may call this function at once; `work` must
+    not call it, because it would wait for itself.
     """
     waiting = deque(items)
     finished: SimpleQueue[None] = SimpleQueue()
     total = len(waiting)
 
-    def work_on() -> None:
+    def work_through() -> None:
         try:
             while True:
                 try:
@@ -69,20 +69,20 @@ def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[],
             waiting.clear()
             raise
 
-    workers = [_shared_pool().submit(work_on) for _ in range(min(cpu_count(), total))]
+    workers = [_shared_pool().submit(work_through) for _ in range(min(cpu_count(), total))]
     try:
         if done is not None:
-            seen = 0
-            while seen < total and not all(worker.done() for worker in workers):
+            reported = 0
+            while reported < total and not all(worker.done() for worker in workers):
                 try:
                     finished.get(timeout=PATIENCE)
                 except Empty:
                     continue
-                seen += 1
+                reported += 1
                 done()
             for worker in workers:
                 worker.result()
-            for _ in range(total - seen):
+            for _ in range(total - reported):
                 done()
         for worker in workers:
             worker.result()
@@ -92,7 +92,7 @@ def for_each(work: Callable[[T], object], items: Iterable[T], done: Callable[[],
 
 
 def counted(progress: Progress | None, total: int) -> Callable[..., None]:
-    """A function to call after every step, or with a number after so many: it tells `progress` how many are done."""
+    """A function to call after every step, or with the number of steps; it tells `progress` how many steps are done."""
     done = 0
 
     def step(steps: int = 1) -> None:
@@ -107,7 +107,7 @@ def counted(progress: Progress | None, total: int) -> Callable[..., None]:
 def in_shares(work: Callable[..., object], count: int, *arguments: object) -> None:
     """Call ``work(*arguments, start, stop)`` on all cores for consecutive shares of ``range(count)``.
 
-    Each core gets several shares, so that one with little to do takes from the others.
+    There are several shares for each core, so that a core that is done early takes another share.
     """
     edges = np.unique(np.linspace(0, count, SHARES * cpu_count() + 1).astype(int)).tolist()
     for_each(lambda share: work(*arguments, *share), pairwise(edges))
@@ -116,15 +116,16 @@ def in_shares(work: Callable[..., object], count: int, *arguments: object) -> No
 def one_thread() -> AbstractContextManager[object]:
     """A context in which linear algebra uses one thread.
 
-    Its own threads wait for each other by spinning, which on a busy machine costs twenty times the work; our threads
-    and processes share the blocks instead, and results do not depend on the number of cores.
+    The threads of the linear algebra library wait for each other by spinning, which on a busy machine costs twenty
+    times the work. So the threads and processes of this package share the blocks instead, and results do not depend on
+    the number of cores.
     """
     return _linear_algebra().limit(limits=1, user_api="blas")
 
 
 @lru_cache(1)
 def _linear_algebra() -> ThreadpoolController:
-    """The libraries of linear algebra, NumPy's and SciPy's: to look for them takes longer than many a product."""
+    """The libraries of linear algebra of NumPy and SciPy, found once: the search takes longer than many a product."""
     import scipy.linalg  # noqa: F401 - it loads its library
     from threadpoolctl import ThreadpoolController
 
@@ -139,7 +140,7 @@ def products(left: NDArray[Any], right: NDArray[Any], out: NDArray[Any]) -> NDAr
 
 
 class Buffers:
-    """Arrays of one shape for whoever needs one for a moment: fresh memory costs as much as the work done in it."""
+    """A store of arrays of one shape, lent for a moment: allocating fresh memory costs as much as the work in it."""
 
     def __init__(self, shape: tuple[int, ...], dtype: DTypeLike = np.complex64) -> None:
         self._shape, self._dtype = shape, np.dtype(dtype)
@@ -147,7 +148,7 @@ class Buffers:
 
     @contextmanager
     def one(self) -> Iterator[NDArray[Any]]:
-        """An array that nobody else holds; its content is arbitrary."""
+        """Lend an array that nobody else uses; its content is arbitrary."""
         try:
             array = self._free.pop()
         except IndexError:

@@ -1,4 +1,4 @@
-"""Types that many modules speak of."""
+"""Types that many modules use in annotations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 Names = NDArray[np.str_]
 
 Progress = Callable[[int, int], None]
-"""Called as ``progress(done, total)`` from the thread that asked for the work."""
+"""Function that is called as ``progress(done, total)`` from the thread that asked for the work."""
 
 Chain = tuple[int, ...]
-"""Indices of mirrors in the tree, from the root; the root's own is empty."""
+"""Chain of mirrors: from the root of the tree on, the index of the next mirror among the children of each node."""

@@ -1,8 +1,8 @@
 """Units: one small table, and numbers that people write with a unit, such as ``300 GHz`` or ``8 cm``.
 
-Inside the program every number is in SI units, angles in degrees. Where people write - options of the command line,
-scene files, mapping files, tables of positions - a number without a unit is in these too, and one with a unit is
-converted here.
+Inside of the program, every number is in SI units, and angles are in degrees. Where people write numbers - in options
+of the command line, scene files, mapping files, tables of positions - a number without a unit is in these units, too,
+and a number with a unit is converted here.
 """
 
 from __future__ import annotations
@@ -23,27 +23,30 @@ KINDS: dict[str, dict[str, float]] = {
     "memory": {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30},
     "number": {},
 }
-"""By the kind of quantity: what a number in a unit has to be multiplied with, for Hz, m, s, degree or m/s."""
+"""For each kind of quantity, the factor that converts each unit to Hz, m, s, degree, m/s or B."""
 
 UNITS: dict[str, float] = {name: factor for units in KINDS.values() for name, factor in units.items()}
-"""All units of the table."""
+"""The factors of all units, whatever their kind."""
 
 FARTHEST = 1e7
-"""Places farther away than this [m], a quarter of the way around the Earth, are mistakes: no echo returns from there,
-and what is counted or squared on the way to an image would overflow."""
+"""Largest distance of a place [m], a quarter of the way around the Earth. Anything farther is a mistake: no echo
+returns from there, and numbers that are counted or squared on the way to an image would overflow."""
 
 OTHER_NAMES = {
     "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
     "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",
     "sec": "s", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
 }  # fmt: skip
-"""What else people write for them."""
+"""Other names that people write for units."""
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+"""A number, and the name of a unit, which may be empty."""
 
 
 def unit_named(name: str) -> str | None:
-    """The unit of the table that a name stands for, None for anything else; capitals count only where they must.
+    """The unit that a name stands for, None for anything else.
+
+    An exact name counts first, then a name with other capitals.
 
     Examples
     --------
@@ -58,11 +61,12 @@ def unit_named(name: str) -> str | None:
 
 
 LONGEST_QUANTITY = 200
-"""Letters; to look for a number in much longer text takes time that grows with the square of its length."""
+"""Largest number of letters of a quantity: the time to look for a number in a text grows with the square of its
+length."""
 
 
 def split_quantity(text: str) -> tuple[float, str] | None:
-    """Number and unit of a text such as ``80 mm``; the unit is empty where there is none, None for any other text.
+    """Number and unit of a text such as ``80 mm``, with an empty unit if there is none; None for any other text.
 
     Examples
     --------
@@ -102,7 +106,7 @@ def parse_quantity(text: str, kind: str) -> float:
 
 
 def parse_quantities(text: str, kind: str, *, mark: str = ":", unit: str | None = None) -> list[float]:
-    """Several numbers in SI units, parted by a mark: all with a unit, or none; zero needs none.
+    """Several numbers in SI units from one text, separated by a mark: all with a unit or none; zero needs none.
 
     Parameters
     ----------
@@ -110,8 +114,9 @@ def parse_quantities(text: str, kind: str, *, mark: str = ":", unit: str | None 
     kind : str
         As for `parse_quantity`.
     mark : str
+        The separator.
     unit : str, optional
-        What numbers without a unit are in, where that is not SI.
+        The unit of numbers without one, if it is not that of SI.
 
     Raises
     ------
@@ -132,9 +137,9 @@ def parse_quantities(text: str, kind: str, *, mark: str = ":", unit: str | None 
 
 
 def written_numbers(value: Any) -> list[tuple[float, str]]:
-    """Numbers and units in a value of a file: a text, a number, or lists of them; other texts are names.
+    """Numbers and units in a value of a file: a text, a number, or lists of them; other texts are names, and left out.
 
-    Of numbers that are no texts, which may be too large for a float, only whether they are zero matters.
+    A number that is no text, which may be too large for a float, is returned as 1, or as 0 for zero.
 
     Examples
     --------
@@ -150,7 +155,7 @@ def written_numbers(value: Any) -> list[tuple[float, str]]:
 
 
 def mixes_units(value: Any) -> bool:
-    """Whether some of the numbers in a value have a unit and others none; zero needs none.
+    """Whether some of the numbers in a value have a unit and others do not; zero needs none.
 
     Examples
     --------
@@ -165,7 +170,7 @@ def mixes_units(value: Any) -> bool:
 class Quantity:
     """Marks the type of a number that may be written with a unit: ``Annotated[float, Quantity("length")]``.
 
-    Pydantic reads such fields of files, and the command line such options.
+    Pydantic reads fields of this type from files, and the command line options of this type.
 
     Attributes
     ----------
@@ -175,7 +180,7 @@ class Quantity:
     kind: str
 
     def read(self, value: Any) -> Any:
-        """The number that a text stands for; anything else as it is."""
+        """The number that a text stands for; any other value unchanged."""
         return parse_quantity(value, self.kind) if isinstance(value, str) else value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
@@ -193,4 +198,4 @@ Speed = Annotated[float, Quantity("speed")]
 Memory = Annotated[float, Quantity("memory")]
 
 QUANTITIES = {"Hz": Frequency, "m": Length, "s": Time, "degree": Angle, "m/s": Speed, "B": Memory}
-"""The types by the unit that a number without one is in."""
+"""The type of each quantity, by the unit of a number that is written without a unit."""

@@ -1,4 +1,4 @@
-"""Weights over frequency and over the elements of an array."""
+"""Windows: weights over the frequencies and over the elements of an array."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.errors import InputError
 
 TAYLOR_SIDE_LOBE_DB = 30
+"""Level of the nearest side lobes of the Taylor window below its main lobe [dB]."""
+
 TAYLOR_NBAR = 4
+"""Number of side lobes next to the main lobe of the Taylor window that have nearly the same level."""
 
 
 def hann(n: int) -> NDArray[np.float64]:
-    """``sin^2(pi (i + 1) / (n + 1))``: the Hann window without its two zeros, so that no sample is thrown away."""
+    """``sin^2(pi (i + 1) / (n + 1))``, i = 0..n-1: a Hann window without its two zeros, so that every sample counts."""
     return np.asarray(np.sin(np.pi * np.arange(1, n + 1) / (n + 1)) ** 2)
 
 
@@ -41,7 +44,7 @@ WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
 
 
 def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.complex128]:
-    """`n` weights: a window by its name, the user's own numbers, or ones for None.
+    """`n` weights: those of a window by its name, the user's own numbers, or ones for None.
 
     Raises
     ------
