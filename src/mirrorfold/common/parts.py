@@ -19,6 +19,7 @@ from typing import BinaryIO
 from mirrorfold.errors import InputError
 
 DIGEST_BYTES = hashlib.sha256().digest_size
+"""Length of a digest [bytes]."""
 
 BLOCK_BYTES = 1 << 20
 """Number of bytes that are read at a time."""

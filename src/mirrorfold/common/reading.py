@@ -23,8 +23,10 @@ MOST_PARTS = 100
 """Largest number of parts of a TOML name such as ``a.b.c``: time and memory to read it grow with the square of it."""
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+"""One part of a TOML name: bare, or in quotes of either kind."""
 
 _LONG_NAME = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
+"""A TOML name of more than `MOST_PARTS` parts."""
 
 files_read: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
 """Files that the running command has read, including those that other files name; None if nobody collects them."""

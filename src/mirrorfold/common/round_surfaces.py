@@ -128,9 +128,9 @@ def reflection_point(middle, axis, radius, origin, x, y, z):  # type: ignore[no-
     """
     ox, oy, oz = origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]
     px, py, pz = x - middle[0], y - middle[1], z - middle[2]
-    high, low = ox * axis[0] + oy * axis[1] + oz * axis[2], px * axis[0] + py * axis[1] + pz * axis[2]
-    ox, oy, oz = ox - high * axis[0], oy - high * axis[1], oz - high * axis[2]
-    px, py, pz = px - low * axis[0], py - low * axis[1], pz - low * axis[2]
+    origin_along, point_along = ox * axis[0] + oy * axis[1] + oz * axis[2], px * axis[0] + py * axis[1] + pz * axis[2]
+    ox, oy, oz = ox - origin_along * axis[0], oy - origin_along * axis[1], oz - origin_along * axis[2]
+    px, py, pz = px - point_along * axis[0], py - point_along * axis[1], pz - point_along * axis[2]
     a, b = np.sqrt(ox * ox + oy * oy + oz * oz), np.sqrt(px * px + py * py + pz * pz)
     if a <= radius or b <= radius:
         return 0.0, 0.0, 0.0, -1.0
@@ -145,18 +145,18 @@ def reflection_point(middle, axis, radius, origin, x, y, z):  # type: ignore[no-
     t = 0.0
     for _ in range(HALVINGS):
         t = 0.5 * (first + last)
-        one = np.sqrt(a * a + radius * radius - 2.0 * a * radius * np.cos(t))
-        other = np.sqrt(b * b + radius * radius - 2.0 * b * radius * np.cos(turn - t))
-        if a * np.sin(t) * other < b * np.sin(turn - t) * one:
+        first_leg = np.sqrt(a * a + radius * radius - 2.0 * a * radius * np.cos(t))
+        second_leg = np.sqrt(b * b + radius * radius - 2.0 * b * radius * np.cos(turn - t))
+        if a * np.sin(t) * second_leg < b * np.sin(turn - t) * first_leg:
             first = t
         else:
             last = t
     scale = 1.0 / sine if sine > 1e-12 else 0.0
     c, s = radius * np.cos(t), radius * np.sin(t) * scale
-    one = np.sqrt(a * a + radius * radius - 2.0 * a * c)
-    other = np.sqrt(b * b + radius * radius - 2.0 * b * radius * np.cos(turn - t))
-    up = high + (low - high) * one / (one + other)
-    length = np.sqrt((one + other) ** 2 + (low - high) ** 2)
+    first_leg = np.sqrt(a * a + radius * radius - 2.0 * a * c)
+    second_leg = np.sqrt(b * b + radius * radius - 2.0 * b * radius * np.cos(turn - t))
+    up = origin_along + (point_along - origin_along) * first_leg / (first_leg + second_leg)
+    length = np.sqrt((first_leg + second_leg) ** 2 + (point_along - origin_along) ** 2)
     return (
         middle[0] + c * ox + s * px + up * axis[0],
         middle[1] + c * oy + s * py + up * axis[1],

@@ -144,5 +144,7 @@ def _origin(position: Array, range_: Array) -> Array:
 
 
 NO_BREAK = "\u00a0"
+"""The no-break space, which indents entries of the table."""
 
 _STEPS = [k * 10.0**e for e in range(-6, 7) for k in (1.0, 2.0, 5.0)]
+"""Lengths that the scale bar may have [m]."""

@@ -41,6 +41,7 @@ WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
     "triangular": _triangular,
     "taylor": _taylor,
 }
+"""The functions that make n weights, by the name of the window."""
 
 
 def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.complex128]:

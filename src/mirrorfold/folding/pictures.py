@@ -61,13 +61,13 @@ def pictures(
     blobs.fill(ROOT)
     initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, blobs, strongest=True)
     if (points.wall != "").any():
-        np.maximum(folded, _through(points, view, grid) * initial, out=folded)
+        np.maximum(folded, _passed_pixels(points, view, grid) * initial, out=folded)
     if view.dimensions == 2:
         return grid, folded, initial, "amplitude, range-normalised"
     return grid[:2], folded, initial, "strongest amplitude of each vertical column, normalised"
 
 
-def _through(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
+def _passed_pixels(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:
     """Ones at pixels within `BLOB_CELLS` of an echo that passed through a wall, zeros elsewhere, (y, x)."""
     x, y = grid[:2]
     seen = points.initial[points.wall != ""]
@@ -118,14 +118,14 @@ def draw(
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
-    table = amplitude, gain, view.beside_steps(view.range), shape, steps
+    tables = amplitude, gain, view.beside_steps(view.range), shape, steps
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
     out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
     samples = amplitude[:, : shape[1]].reshape(-1, view.range.size)
     ahead = {index: back.inverse for index, back in mirrors.items()}
     near = blocks(view, ahead, (x, y, height), blobs, samples, gain, (crossing, through, wall_margin))
-    bent = [
+    arcs = [
         (index, way)
         for index, fold in chains.items()
         if isinstance(fold, WayFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
@@ -142,13 +142,13 @@ def draw(
     def row(i: int) -> None:
         part = i // near.size[0]
         nearby = near.bound[part], near.order[part], near.size[1:]
-        draw_row(x, float(y[i]), height, maps, numbers, *nearby, *seen, *table, out[i])
-        for index, way in bent:
-            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *table, out[i])
+        draw_row(x, float(y[i]), height, maps, numbers, *nearby, *seen, *tables, out[i])
+        for index, way in arcs:
+            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *tables, out[i])
         for index, across, ahead_of, up, met in round_ones:
             if ahead_of.start <= i < ahead_of.stop:
                 part_of_row = out[i, across] if columns else out[i, across, up]
-                draw_round_row(x[across], float(y[i]), height[up], *met, maps[0], index, *seen, *table, part_of_row)
+                draw_round_row(x[across], float(y[i]), height[up], *met, maps[0], index, *seen, *tables, part_of_row)
 
     for_each(row, range(y.size))
     return out[..., 0] if columns else np.moveaxis(out, -1, 0)

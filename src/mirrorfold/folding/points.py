@@ -129,7 +129,7 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
             ))  # fmt: skip
     points = joined(*parts)
     for window in windows:
-        points = joined(_asked(points, window), _through(window, tree))
+        points = joined(_tested(points, window), _passed_points(window, tree))
     return points
 
 
@@ -138,20 +138,20 @@ def joined(*parts: Points) -> Points:
     return Points(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(parts[0])))
 
 
-def _asked(points: Points, window: Window) -> Points:
+def _tested(points: Points, window: Window) -> Points:
     """The points with the probability that they passed through a wall, where it was tested for this wall."""
     if not len(points.initial) or not len(window.tested):
         return points
     distance, nearest = cKDTree(window.tested).query(points.initial)
-    asked = distance < SAME
+    is_tested = distance < SAME
     return replace(
         points,
-        passed=np.where(asked, window.passed[nearest], points.passed),
-        decided=np.where(asked, window.decided, points.decided),
+        passed=np.where(is_tested, window.passed[nearest], points.passed),
+        decided=np.where(is_tested, window.decided, points.decided),
     )
 
 
-def _through(window: Window, tree: MirrorTree) -> Points:
+def _passed_points(window: Window, tree: MirrorTree) -> Points:
     """The echoes that passed through a wall, as points in line of sight."""
     chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "?")
     return Points.of(window.echoes, window.place, passed=window.probability, wall=chain, decided=window.decided)

@@ -225,11 +225,11 @@ def _judge(
     """
     every, count = counted(points)
     nearest_point = cKDTree(points).query(every)[1] if len(points) else np.zeros(0, dtype=np.intp)
-    cell, own = (None if one is None else one[nearest_point] if len(points) else np.zeros(0) for one in cells)
+    cell, unwidened = (None if one is None else one[nearest_point] if len(points) else np.zeros(0) for one in cells)
     distance, nearest = truth.distances(every)
-    margin = WIDE if own is None else np.maximum(WIDE, WITHIN_CELLS * own)
-    claimed = truth.distances(every, truth.direct)[0] > margin
-    whose = truth.owner[nearest] if len(truth.owner) else np.full(len(every), -1)
+    margin = WIDE if unwidened is None else np.maximum(WIDE, WITHIN_CELLS * unwidened)
+    claims_hidden = truth.distances(every, truth.direct)[0] > margin
+    nearest_surface = truth.owner[nearest] if len(truth.owner) else np.full(len(every), -1)
 
     def compared(which: Mask, of: Mask) -> SomeFigures:
         reachable = truth.place[truth.reachable & of]
@@ -239,8 +239,8 @@ def _judge(
 
     return (
         compared(np.ones(len(every), dtype=bool), np.ones(len(truth.owner), dtype=bool)),
-        compared(claimed, np.isin(truth.owner, truth.hidden)),
-        {truth.names[i]: compared(claimed & (whose == i), truth.owner == i) for i in truth.hidden},
+        compared(claims_hidden, np.isin(truth.owner, truth.hidden)),
+        {truth.names[i]: compared(claims_hidden & (nearest_surface == i), truth.owner == i) for i in truth.hidden},
     )
 
 
