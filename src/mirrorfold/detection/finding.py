@@ -1,6 +1,6 @@
 """Step 2 of the algorithm: the radar's own view, the echoes in it, and the mirrors among them.
 
-Only this file decides which functions serve an image and which a volume.
+This is the only file of step 2 that chooses between the functions for images and those for volumes.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
-"""Share of the strong echoes up to the range at which the resolution cell of a scene is taken: in an image, and in a
-volume."""
+"""The resolution cell of a scene is that at the range within which this share of the strong echoes lies: in an image,
+and in a volume."""
 
 VOLUME = ("range", "azimuth", "elevation")
 
 Finder = Callable[..., Sequence[Mirror]]
-"""Step 2, with the arguments and the result of `find_mirrors`."""
+"""A function that finds mirrors, with the arguments and the result of `find_mirrors`."""
 
 
 def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
-    """The radar's own view of an image (y, x), of the plan view of voxels (z, y, x), or of a raster volume.
+    """The radar's own view of an image (y, x), of voxels (z, y, x), or of a raster volume (range, azimuth, elevation).
 
-    The `normalization`, "r", "r2", "none" or "beam", undoes the spreading with range before anything is judged.
+    Voxels are seen from above, by the strongest of each column. The `normalization`, "r", "r2", "none" or "beam",
+    undoes the decay of amplitudes with range, so that all ranges can be compared.
 
     Raises
     ------
@@ -61,17 +62,18 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
 def find_echoes(
     view: View, *, threshold_db: float | None = None, published: bool = False, through: Sequence[Mirror] = ()
 ) -> Echoes:
-    """The echoes of a view, maybe none: what stands above noise, threshold and side lobes.
+    """The echoes of a view: what exceeds the noise, the side lobes of brighter echoes, and the threshold. May be empty.
 
     Parameters
     ----------
     view : View
     threshold_db : float [dB], optional
-        Of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for volumes.
+        Threshold of strong echoes, relative to the robust reference echo; by default -18 for images and -26 for
+        volumes.
     published : bool
-        Every pixel above the threshold, relative to the brightest pixel, is an echo.
+        As in the published algorithm: every pixel above the threshold, relative to the brightest pixel, is an echo.
     through : sequence of Mirror, optional
-        Curved mirrors that are known. They dim what is seen behind them, which lowers the threshold there.
+        Known curved mirrors. They dim the echoes behind them, so that the threshold is lower there.
     """
     found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
     usual = image_echoes.THRESHOLD_DB
@@ -94,11 +96,13 @@ def find_mirrors(
     view : View
     echoes : Echoes
     minimum_length : float [m], optional
-        Of a mirror; of its width and height in a volume.
+        Least length of a mirror; in a volume, its least width and height. By default as in `usual_settings`.
     tested : bool
-        Whether a mirror must be straight, filled and stand out of its surroundings, not only long enough.
+        Whether a mirror must also be straight, filled with echoes and stand out of its surroundings; if not, it need
+        only be long enough.
     known : (mirrors, 2, 2) or (mirrors, 4, 3) array [m], optional
-        Mirrors that are given in the place of those found: ends of lines, or corners of planes.
+        Given mirrors, used instead of a search: the ends of lines, or the corners of planes. For curved ones see
+        `mirrorfold.detection.mirrors.known_mirrors.check_mirrors`.
 
     Raises
     ------
@@ -122,7 +126,7 @@ def find_mirrors(
 
 
 def remembering() -> Finder:
-    """`find_mirrors` for one view, which remembers its answers: rounds of steps 2 to 4 often ask the same again."""
+    """`find_mirrors` for one view with a cache of its results: the rounds of steps 2 to 4 often repeat a search."""
     answers: dict[bytes, Sequence[Mirror]] = {}
 
     def find(view: View, echoes: Echoes, *, known: Array | None = None, **options: Any) -> Sequence[Mirror]:
@@ -141,10 +145,10 @@ def remembering() -> Finder:
 
 
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:
-    """What may be curved mirrors: arcs of an image; cylinders and spheres of a volume.
+    """Curved rows or sheets of echoes, which may be mirrors: arcs in an image, cylinders and spheres in a volume.
 
-    `own` (n,) is the number of the way by which each echo is seen, -1 in line of sight. Each mirror is sought among the
-    echoes of one way; those with other negative numbers are left out.
+    `own` (n,) is the number of the mirror by way of which each echo is seen, -1 in line of sight. Echoes with different
+    numbers are searched separately; those with numbers below -1 are left out.
     """
     find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_rounds
     with one_thread():
@@ -152,10 +156,10 @@ def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
-    """What the settings of folding are where they are not given, by name.
+    """Default values of those settings of folding that depend on the view, by name.
 
-    Lengths [m] are multiples of one resolution cell of the scene: in an image, whose cells grow with range, that of the
-    nearest echoes; in a volume, whose beam is focused somewhere in the scene, that in the middle of the echoes.
+    Lengths [m] are multiples of one resolution cell of the scene. In an image, where cells grow with range, it is the
+    cell at the nearest echoes; in a volume, whose beam is focused somewhere in the scene, the cell at the median range.
     """
     found, mirrors, share = (image_echoes, lines, NEAREST) if view.dimensions == 2 else (volume_echoes, planes, MIDDLE)
     cell = float(view.cell(echoes.range_up_to(share)))
@@ -167,7 +171,7 @@ def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
 
 
 def example_mirror(dimensions: int) -> Mirror:
-    """A mirror of unit size at the origin, which has the columns of a table without any mirror."""
+    """A mirror of unit size at the origin: its `columns` name those of a table that has no mirrors."""
     if dimensions == 2:
         return LineMirror(np.zeros(2), np.array([1.0, 0.0]))
     square = np.array([[-0.5, 0.0, -0.5], [0.5, 0.0, -0.5], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])

@@ -1,7 +1,8 @@
-"""Step 2, first half: which parts of the image are echoes.
+"""Step 2, first half: which parts of an image are echoes.
 
-Everything is judged in the radar's view (`image_view`): the noise floor, a threshold relative to a robust reference,
-the side lobes of brighter echoes, and the ridges that remain.
+The search works in the radar's own view, range against direction (`image_view`). A sample belongs to an echo if it
+exceeds the noise, the side lobes of brighter echoes, and a threshold relative to a robust reference amplitude. Of these
+samples only the ridges are kept: local maxima in range or in direction.
 """
 
 from __future__ import annotations
@@ -16,24 +17,24 @@ from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Ec
 from mirrorfold.detection.views.image_view import ImageView
 
 THRESHOLD_DB = -18.0
-"""Threshold relative to the reference echo. Diffuse surfaces spread over about 15 dB; multiple scattering starts
-some 15-20 dB below them."""
+"""Threshold [dB] of strong echoes, relative to the reference echo. Echoes of diffuse surfaces spread over about 15 dB;
+multiple scattering starts some 15-20 dB below them."""
 
 FAINT_DB = -8.0
-"""Echoes down to this far below the threshold are kept as faint: they prove no mirror, but continue a known wall where
-its echoes fade."""
+"""Level [dB], relative to the threshold, down to which echoes are kept as faint ones. Faint echoes are no evidence of a
+mirror, but they continue a known wall where its echoes fade."""
 
 RIDGE_DB = -12.0
-"""A ridge pixel is at most this far below the brightest one within a resolution cell: speckle fades by as much
-between neighbouring cells, and the beam falls as fast from one cell to the next."""
+"""Least level [dB] of a sample on a ridge, relative to the brightest sample within a resolution cell: speckle fades by
+as much between neighbouring cells, and the beam falls as fast from one cell to the next."""
 
 
 def noise_floor(view: ImageView) -> Array:
-    """Amplitude that noise stays below, (nr,).
+    """Amplitude that noise stays below at each range, (nr,).
 
-    Noise has the same strength in the whole image before the range normalisation, and most of an image is empty: its
-    median tells the noise. Of an image without noise that is the level of far side lobes, and harmless; where all that
-    is faint was set to zero, it is zero.
+    Before the normalisation with range, noise has the same strength in the whole image. Most of an image is empty, so
+    that its median amplitude is that of the noise. In an image without noise, the median is the level of far side
+    lobes, which does no harm. Where all faint samples were set to zero before, the result is zero.
     """
     spreading = view.range**view.power
     held = view.amplitude > 0.0
@@ -43,9 +44,10 @@ def noise_floor(view: ImageView) -> Array:
 
 
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Array | None = None) -> Echoes:
-    """The ridges of the image above noise, side lobes, and a threshold [dB] relative to the reference echo.
+    """Echoes on the ridges of the image: local maxima above the noise, the side lobes, and the threshold.
 
-    Where a `gain` (nr, nu) is given, the threshold is lower by it: there a known mirror dims what it shows.
+    The threshold [dB] is relative to the reference echo. It is divided by the `gain` (nr, nu), if one is given: the
+    factor by which known mirrors dim the echoes that they show there.
     """
     amplitude = view.amplitude
     quiet, floor = noise_floor(view), view.side_lobes * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
@@ -66,7 +68,7 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
     found = amplitude[rows, columns]
 
     def beside(axis: int, step: int) -> Array:
-        """Amplitude of the neighbours, zero outside."""
+        """Amplitude of the samples one step away from the ridges, zero outside the view."""
         place = [rows, columns]
         place[axis] = place[axis] + step
         inside = (place[axis] >= 0) & (place[axis] < amplitude.shape[axis])
@@ -84,13 +86,16 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
 
 
 def _vertex(before: Array, at: Array, after: Array) -> Array:
-    """Offset, in samples, of the vertex of the parabola through samples that are a local maximum; zero elsewhere."""
+    """Offset, in samples, of the peak of the parabola through three samples; zero if the middle one is no maximum."""
     curvature = np.where((at >= before) & (at >= after), before - 2.0 * at + after, 0.0)
     return np.divide(0.5 * (before - after), curvature, out=np.zeros_like(at), where=curvature < 0.0)
 
 
 def find_pixels(view: ImageView, *, threshold_db: float) -> Echoes:
-    """Every sample above a threshold [dB] relative to the brightest one, as published; each weighs with its area."""
+    """Echoes of the published algorithm: every sample above a threshold [dB] relative to the brightest sample.
+
+    Each echo weighs with the area of its sample.
+    """
     brightest = float(view.amplitude.max())
     threshold = brightest * 10.0 ** (threshold_db / 20.0)
     rows, columns = np.nonzero((view.amplitude >= threshold) & (view.amplitude > 0.0))

@@ -1,7 +1,8 @@
-"""Step 2 in three dimensions, first half: the echoes in a raster volume as a cloud of points.
+"""Step 2 in three dimensions, first half: the echoes in a raster volume, as a cloud of points.
 
-Everything is judged beam by beam: a beam's echoes are the runs of its range profile that stand above the noise. Where
-neighbouring beams see the same surface, those count whose axis passes near it.
+The search goes beam by beam. Each unbroken run of samples above the noise in the range profile of a beam is one echo.
+Neighbouring beams overlap, and see the same surface: an echo counts only in the beams whose axis passes near it, where
+it is about as bright as in the neighbouring beams.
 """
 
 from __future__ import annotations
@@ -15,24 +16,25 @@ from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
 from mirrorfold.detection.views.volume_view import VolumeView
 
 THRESHOLD_DB = -26.0
-"""Echoes of objects reach this far below the robust reference: Lambert's law takes 15 dB at 80 degrees from the normal,
-and speckle fades by as much as 10 dB."""
+"""Threshold [dB] of strong echoes, relative to the robust reference: at 80 degrees from the normal, Lambert's law makes
+an echo 15 dB weaker, and speckle fades by as much as 10 dB."""
 
 RUN_DB = -12.0
-"""An echo's run of samples ends where its amplitude falls this far below its peak: speckle fades by as much."""
+"""Level [dB], relative to its peak, at which the run of samples of an echo ends: speckle fades by as much."""
 
 RIDGE_DB = -9.0
-"""An echo this far below the one that a neighbouring beam sees at the same range is the same echo at the edge of this
-beam: at 0.7 beam radii the two-way pattern has fallen by as much."""
+"""Least level [dB] of an echo, relative to the brightest sample that neighbouring beams hold at the same range. A
+weaker one is the neighbour's echo at the edge of this beam: at 0.7 beam radii the two-way pattern has fallen by as
+much."""
 
 MOST_ECHOES = 24
-"""Most echoes of one beam: the strongest are kept."""
+"""Largest number of runs in one beam, counted from the strongest."""
 
 
 def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes:
-    """All echoes above the noise, strong above a threshold [dB] relative to the reference echo.
+    """All echoes above the noise; those above a threshold [dB] relative to the reference echo are strong.
 
-    Their ranges are the centres of power of the runs, finer than a sample.
+    The range of an echo is the centroid of power of its run of samples, and so finer than a sample.
     """
     cell = max(1, round(0.5 * view.range_cell / view.dr))
     columns, rows = view.shape
@@ -60,7 +62,7 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
 
 
 def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
-    """Every sample above a threshold [dB] relative to the brightest one, as published."""
+    """Echoes of the published algorithm: every sample above a threshold [dB] relative to the brightest sample."""
     level = view.amplitude.reshape(-1, view.range.size) * view.gain
     brightest = float(level.max())
     threshold = brightest * 10.0 ** (threshold_db / 20.0)
@@ -73,9 +75,10 @@ def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
 def _runs_of(amplitude, column, floor, run, ridge, lobes, cell, beams, found):  # type: ignore[no-untyped-def]
     """Echoes of all beams of one azimuth: elevation index, fractional range index and peak amplitude of each.
 
-    The strongest sample of a beam begins a run that goes on, both ways, as long as no more than `cell` samples lie
-    below ``run`` times the peak; the next run begins at the strongest sample that is left and no side lobe of the runs
-    before it. There are at most `MOST_ECHOES` in a beam.
+    The strongest sample of a beam begins a run. The run goes on to both sides until more than `cell` samples in a row
+    lie below ``run`` times its peak, or below half the noise floor. The next run begins at the strongest sample that is
+    in no run yet, nor a side lobe of an earlier one. Each beam has at most `MOST_ECHOES` runs. A run is an echo if its
+    peak is at least ``ridge`` times the largest amplitude that this beam and its neighbours hold within `cell` samples.
     """
     rows, size = amplitude.shape[1:]
     edges = np.zeros((MOST_ECHOES, 2), dtype=np.int64)
