@@ -171,7 +171,7 @@ def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:
 
 
 def example_mirror(dimensions: int) -> Mirror:
-    """A mirror of unit size at the origin: its `columns` name those of a table that has no mirrors."""
+    """A mirror of unit size at the origin, from which a table without mirrors takes the names of its columns."""
     if dimensions == 2:
         return LineMirror(np.zeros(2), np.array([1.0, 0.0]))
     square = np.array([[-0.5, 0.0, -0.5], [0.5, 0.0, -0.5], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])

@@ -1,5 +1,6 @@
 """What the radar sees: amplitude along straight lines of sight.
 
-`view` is the interface that all steps ask, `image_view` an image behind it and `volume_view` a raster volume.
-`resampling` looks up pixels for the first; `spectra` tells what the complex image or volume holds at a place.
+`view` is the interface that all steps use; `image_view` implements it for an image, and `volume_view` for a raster
+volume. `resampling` computes the samples of an image view from the pixels of the image. `spectra` computes the spectrum
+of an echo from the complex image or volume.
 """

@@ -1,7 +1,8 @@
 """The radar's own view of an image: amplitude against range and direction.
 
-A radar resolves range and the sine of the angle off broadside, each with the same cell everywhere. Thresholds, side
-lobes, shadows and lines of sight are simple in these coordinates, so the steps after imaging work in them.
+A radar resolves range and u, the sine of the angle off broadside, and the resolution cell has the same size in range
+and in u everywhere. Thresholds, side lobes, shadows and lines of sight are simple in these coordinates, so the steps
+after imaging work in them.
 """
 
 from __future__ import annotations
@@ -29,52 +30,55 @@ SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
 
 SAMPLE_BYTES = 64
-"""Memory that a polar sample takes while it is looked up: its place, the pixel there, real and imaginary part."""
+"""Memory [bytes] of a polar sample during resampling: its position, its pixel coordinates, real and imaginary part."""
 
 COVERED_CELLS = 0.75
-"""An object hides what is behind it so many resolution cells to either side: there the beam has fallen by 14 dB. With a
-whole cell, up to the nulls, two small objects side by side would each hide a half of what the radar shows of both."""
+"""Half-width of the shadow of an object, in resolution cells: there the beam has fallen by 14 dB. With a whole cell, up
+to the nulls of the beam, two small objects side by side would each hide half of what the radar shows of both."""
 
 EDGE_CELLS = 2
-"""A beam this close to the edge of what a mirror shows, in cells, reaches over that edge with its main lobe."""
+"""Distance, in resolution cells, over which the main lobe of a beam reaches: past the edge of a mirror, for example."""
 
 OPAQUE_CELLS = 2.5
-"""Depth of an object in range cells: what lies further behind its first echo is multiple scattering."""
+"""Depth of an object in range cells: what lies farther behind its first echo is multiple scattering."""
 
 BLURRED_CELLS = 1.25, 0.5
-"""An echo from elsewhere moves the centre of power of what stands less than this far beside it, in range cells and in
-cells across: a profile reaches over 0.75 cells and the echo itself over half a cell, in its own beam."""
+"""Half-size of the area around an echo from elsewhere, in range cells and in cells across, in which it moves the
+centroids of power of a wall: a profile reaches over 0.75 cells, and the echo over half a cell, in its own beam."""
 
 LARGEST_SINE = 0.985
-"""Directions closer to the line of the array are left out: the array does not resolve them (80 degrees)."""
+"""Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
+line."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageView(View):
-    """Normalised amplitude against range and sine of the angle off broadside, as the radar sees it.
+    """Normalised amplitude against range and sine of the angle off broadside, as the radar sees the image.
 
     Attributes
     ----------
     along, broadside : (2,) arrays
-        Unit vectors: along the array, and where it looks.
+        Unit vectors along the array, and square to it in the direction in which it looks.
     u : (nu,) array
         Sine of the angle from broadside towards `along`, uniform, rising.
     amplitude : (nr, nu) array
         Linear; zero where the image has no pixels, or is zero.
     power : float
-        The power of range that `amplitude` was multiplied by.
+        Exponent p of the normalisation: `amplitude` was multiplied by ``range ** p``.
     u_cell : float
-        Width of the resolution cells in u between half-amplitude points.
+        Width of the resolution cell in u between half-amplitude points.
     aperture_tx, aperture_rx : float
-        Lengths of the arrays in mean wavelengths, which make the side lobes in u. Where one antenna both sends and
-        hears, twice the length of its path, and zero.
+        Lengths of the transmitting and the receiving array in wavelengths of mid-band; they set the side lobes in u.
+        For a single antenna that moves along a path, and both sends and receives: twice the length of the path, and
+        zero.
     ambiguous : float [m]
-        Echoes from beyond this range appear nearer by as much; infinite where that is not known, and for scenes that
-        lie beyond it.
+        Ambiguous range: echoes from beyond it appear nearer by as much. Infinite where it is not known, and for scenes
+        that lie beyond it.
     noisy : bool
-        Whether noise can be told from the image, see `noise_level`.
+        Whether the noise can be estimated from the image, see `noise_level`.
     elsewhere : (m, 2) array [m]
-        Where the image shows echoes of which the sweep tells that they come from elsewhere.
+        Where the image shows echoes from elsewhere: the sweep tells that most of their energy came back by another path
+        than it went out.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -97,14 +101,14 @@ class ImageView(View):
     elsewhere: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     def knowing(self, elsewhere: Array) -> ImageView:
-        """The same view once it is known where echoes (m, 2) [m] come from `elsewhere`."""
+        """The same view with the positions `elsewhere` (m, 2) [m]; all else that is computed already is kept."""
         view = replace(self, elsewhere=elsewhere)
         kept = vars(self).keys() - vars(view).keys() - {"_elsewhere_in_cells"}
         view.__dict__.update({name: vars(self)[name] for name in kept})
         return view
 
     def blurred(self, points: Array) -> Mask:
-        """Which places (n, 2) [m] cannot be told from what echoes from elsewhere show there."""
+        """Which places (n, 2) [m] lie so close to an echo from elsewhere that it moves centroids of power, (n,)."""
         found = np.zeros(len(points), dtype=bool)
         if len(self.elsewhere):
             places = self.in_cells(points) / BLURRED_CELLS
@@ -114,12 +118,12 @@ class ImageView(View):
 
     @cached_property
     def _elsewhere_in_cells(self) -> cKDTree:
-        """The places `elsewhere`, in units of `BLURRED_CELLS`."""
+        """Search tree of the places `elsewhere`, in units of `BLURRED_CELLS`."""
         return cKDTree(self.in_cells(self.elsewhere) / BLURRED_CELLS)
 
     @property
     def axes(self) -> tuple[Array, ...]:
-        """The sines u."""
+        """The sines `u` of the directions."""
         return (self.u,)
 
     @cached_property
@@ -129,7 +133,7 @@ class ImageView(View):
 
     @property
     def frame(self) -> Array:
-        """Unit vectors along the array and broadside, (2, 2)."""
+        """Unit vectors along the array and to broadside, (2, 2)."""
         return np.stack([self.along, self.broadside])
 
     def angles(self, points: ArrayLike) -> tuple[Array, Array]:
@@ -142,7 +146,7 @@ class ImageView(View):
         return np.clip(np.rint((u - self.u[0]) / self.du).astype(np.intp), 0, self.u.size - 1)
 
     def width(self, range_: Array | float) -> Array:
-        """Width of the resolution cell ahead [m]."""
+        """Width of the resolution cell at broadside [m], ``range u_cell``."""
         return self.u_cell * np.asarray(range_)
 
     def cell(self, range_: Array | float) -> Array:
@@ -150,27 +154,29 @@ class ImageView(View):
         return np.hypot(self.range_cell, self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
-        """The same at all ranges."""
+        """`OPAQUE_CELLS` range cells, at all ranges."""
         return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)
 
     def beside_steps(self, range_: Array) -> Index:
-        """The same at all ranges."""
+        """The samples in `EDGE_CELLS` resolution cells, at all ranges."""
         return np.full(np.shape(range_), EDGE_CELLS * SAMPLES_PER_CELL)
 
     def looks_at(self, echoes: Echoes) -> Mask:
-        """Directions no farther aside than the strong echo that is farthest from broadside, (nu,)."""
+        """Directions no farther from broadside than the outermost strong echo, (nu,)."""
         _, u = self.to_polar(echoes.position[echoes.strong])
         return np.abs(self.u) <= np.abs(u).max(initial=0.0)
 
     @property
     def glint(self) -> float:
-        """Length [m] of the row that a smooth wall facing the array shows: as long as the array, for each transmitter
-        and receiver see the wall at the middle between the two; infinite where the array is not known.
+        """Length [m] of the row of echoes of a smooth wall that faces the array; infinite where the array is not known.
+
+        A transmitter and a receiver see such a wall at the middle between the two. So the row is as long as the mean of
+        both arrays.
         """
         return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
 
     def on_radar(self, points: Array, reach: Array | float) -> Mask:
-        """Which points stand that close [m] to the line that the array takes up."""
+        """Which points (n, 2) lie at most `reach` [m] from the line of the array, which is as long as `glint`, (n,)."""
         if not np.isfinite(self.wavelength):
             return super().on_radar(points, reach)
         offset = np.abs((points - self.radar) @ self.frame.T)
@@ -178,7 +184,7 @@ class ImageView(View):
 
     @property
     def covered_angle(self) -> float:
-        """How far in u to either side an object hides what is behind it."""
+        """Half-width of the shadow of an object in u."""
         return COVERED_CELLS * self.u_cell
 
     @property
@@ -201,26 +207,26 @@ class ImageView(View):
         return range_, u
 
     def power_at(self, range_: ArrayLike, u: ArrayLike) -> Array:
-        """Power at range [m] and u; none outside.
+        """Power at range [m] and u, by cubic splines; zero outside the view.
 
-        Amplitude has cusps where speckle fades; its square is smooth, and sampled finely enough for splines.
+        Amplitude has cusps where speckle fades. Its square is smooth, and sampled finely enough for splines.
         """
         rows = (np.asarray(range_, dtype=float) - self.range[0]) / self.dr
         columns = (np.asarray(u, dtype=float) - self.u[0]) / self.du
-        # NaN marks what lies behind the radar.
+        # NaN marks places behind the radar.
         columns = np.where(np.isnan(columns), -10.0, columns)
         return np.maximum(map_coordinates(self._power, [rows, columns], order=3, prefilter=False), 0.0)
 
     def held_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
-        """Interpolated between pixels."""
+        """Interpolated between pixels by cubic splines."""
         range_, u = self.to_polar(points)
         depth = np.arange(-half, half, step)
         x, y = image["x"].values.astype(float), image["y"].values.astype(float)
         places = self.to_points(range_[:, None] + depth, np.broadcast_to(u[:, None], (u.size, depth.size)))
         pixel = [(places[..., 1] - y[0]) / (y[1] - y[0]), (places[..., 0] - x[0]) / (x[1] - x[0])]
-        # Only the part of the image about these places is looked at; its carrier is taken out before interpolation.
+        # Only the part of the image around these places is used; its carrier is removed before the interpolation.
         low = [max(int(np.floor(axis.min())) - 16, 0) for axis in pixel]
         high = [int(np.ceil(axis.max())) + 17 for axis in pixel]
         part = image.values[low[0] : high[0], low[1] : high[1]]
@@ -237,9 +243,10 @@ class ImageView(View):
     def side_lobes(self) -> Array:
         """Amplitude that side lobes of brighter echoes at the same range may reach, (nr, nu).
 
-        Between the lobes of a uniform array the envelope is ``1 / (pi D u / lambda)`` each way, so an echo of amplitude
-        A may show as ``A / ((pi D_tx du)(pi D_rx du))`` a distance du away. Computed as the largest such claim, over
-        distances that grow by a third from a resolution cell and a half on.
+        The side lobes of a uniform array of D wavelengths have the envelope ``1 / (pi D u)``, one way. So the side
+        lobes of an echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du. The result is the
+        largest such level of all echoes. It is computed for intervals of du that begin at 1.5 resolution cells and grow
+        by 30 % each: the brightest echo of an interval counts as if it stood at its near end.
         """
         claim = np.zeros_like(self.amplitude)
         half = max(1, round(1.5 * self.u_cell / self.du))
@@ -248,7 +255,7 @@ class ImageView(View):
             distance = half * self.du
             tx, rx = (max(1.0, np.pi * length * distance) for length in (self.aperture_tx, self.aperture_rx))
             nxt = max(half + 1, int(1.3 * half))
-            # The brightest echo between `half` and `nxt` steps to either side.
+            # The brightest echo between `half` and `nxt` steps away, on either side.
             window = nxt - half + 1
             brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
             offset = half + window // 2
@@ -260,29 +267,29 @@ class ImageView(View):
 
     @cached_property
     def _power(self) -> Array:
-        """Coefficients of the splines through the power."""
+        """Coefficients of the cubic splines through the power."""
         return np.asarray(spline_filter(self.amplitude**2))
 
     def beam_power(self, aside: Array) -> Array:
-        """Of both arrays' uniform apertures."""
+        """The two-way beam pattern of both arrays, taken as uniform apertures."""
         u = self.u_cell * aside
         return np.asarray((np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2)
 
     def cross_cell(self, points: Array) -> Array:
-        """Width of the resolution cell across the line of sight [m]: ``r du / cos``."""
+        """Width of the resolution cell across the line of sight [m]: ``range u_cell / sqrt(1 - u^2)``."""
         range_, u = self.to_polar(points)
         return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
 
 
 def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> ImageView:
-    """Resample an image to the radar's view and undo the spreading with range.
+    """Resample an image to the radar's view and undo the decay of amplitudes with range.
 
-    The image's attrs say what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
-    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], `monostatic` where
-    one antenna sends and hears, and `normalization` what was undone already. Where they are missing, the radar stands
-    at the origin with its array along x, and two pixels make a resolution cell.
+    The attrs of the image tell what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
+    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], `monostatic` if one
+    antenna both sends and receives, and `normalization`, which was applied already. Where they are missing, the radar
+    is taken to stand at the origin with its array along x, and two pixels to make a resolution cell.
     Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
-    "r": line sources spread as ``1/sqrt(r)``, there and back.
+    "r": the amplitude of a line source falls as ``1/sqrt(r)``, there and back.
 
     Raises
     ------
@@ -294,19 +301,19 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     done = RANGE_POWERS.get(str(image.attrs.get("normalization", "none")), 0)
     amplitude *= view.range[:, None] ** float(view.power - done)
     blank = image.values == 0
-    if blank.any():  # what was masked shows nothing, not what splines swing to beside its edges
+    if blank.any():  # masked pixels stay empty: splines overshoot beside the edges of a mask
         amplitude[interpolated(view, blank, axes, order=0)] = 0.0
     return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
 
 
 def samples_of(image: xr.DataArray) -> tuple[int, int]:
-    """Ranges and directions that `to_image_view` gives an image, from its coordinates and attributes alone."""
+    """Number of ranges and directions of `to_image_view`, from the coordinates and attributes of the image alone."""
     view, *_ = _unsampled(image, None)
     return view.range.size, view.u.size
 
 
 def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array], float]:
-    """The view without amplitudes; x and y of the image, and the height of the radar above it [m]."""
+    """The view of an image without its amplitudes; x and y of the image; and the height of the radar above it [m]."""
     check_samples(image, ("y", "x"))
     normalization = normalization or "r"
     if normalization not in RANGE_POWERS:
@@ -330,18 +337,18 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
         wavelength = speed / (0.5 * (low + high))
-        # A Hann taper over the band makes the half-amplitude width twice that of the ideal c/(2B).
+        # A Hann taper over the band makes the half-amplitude width twice the ideal c/(2B).
         range_cell = speed / ((high - low) * points / (points - 1))
         aperture /= wavelength
         if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
             aperture = np.array([aperture.sum(), 0.0])
         # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
         u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
-        # Ranges of a scene beyond the ambiguous range count from the scene on. What stands at the radar itself appears
-        # at the ambiguous range, too, and its main lobe reaches a cell below.
+        # A scene beyond the ambiguous range is seen over one ambiguous range, from its nearest pixel on. Any other view
+        # ends a cell before the ambiguous range, where the main lobe of what stands at the radar itself begins anew.
         ambiguous = float(attrs.get("ambiguous_range", np.inf))
         farthest = min(farthest, ambiguous - range_cell if nearest < ambiguous else nearest + ambiguous)
-        # On the ground, what is seen from above is resolved as far as the slanting range grows.
+        # Of a radar at the height h, a cell on the ground at the distance d is ``sqrt(1 + (h / d)^2)`` times as wide.
         slant = float(np.hypot(1.0, height / farthest))
         range_cell, u_cell = max(slant * range_cell, 2.0 * pixel), slant * u_cell
     else:

@@ -1,4 +1,4 @@
-"""Pixels of an image where the radar's view has its samples, at ranges and directions."""
+"""Resampling of an image from its pixels (y, x) to the polar grid of the radar's view, range and direction."""
 
 from __future__ import annotations
 
@@ -17,15 +17,19 @@ if TYPE_CHECKING:
     from mirrorfold.detection.views.image_view import ImageView
 
 ROWS = 64
-"""Rows of an image, or ranges of a view, that are computed at once."""
+"""Number of rows of an image, or ranges of a view, that are computed at once."""
 
 
 def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], height: float) -> NDArray[Any]:
-    """Amplitude of the image where the view has its samples, (nr, nu)."""
+    """Amplitude of the image on the polar grid of the view, (nr, nu).
+
+    `axes` are x and y of the pixels, `height` is that of the radar above the image [m]. The carrier is removed from a
+    complex image before it is interpolated, if the wavelength is known.
+    """
     x, y = axes
     if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
         return np.abs(interpolated(view, _magnitude(image.values), axes, order=1))
-    # The carrier is taken out in rows: as many phases as there are pixels would take more memory than the image.
+    # The carrier is removed a few rows at a time: the phases of all pixels would take more memory than the image.
     values = np.empty(image.shape, dtype=image.dtype)
 
     def demodulate(rows: slice) -> None:
@@ -44,12 +48,12 @@ def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], hei
 
 
 def _magnitude(values: NDArray[Any]) -> NDArray[Any]:
-    """Absolute values, of integers as floating-point numbers: nothing between two integers is lost."""
+    """Absolute values; of integers as floating-point numbers, so that interpolation does not round."""
     return np.abs(values.astype(np.float32) if values.dtype.kind in "iu" else values)
 
 
 def _splines(values: NDArray[Any]) -> Array:
-    """Coefficients of the splines through pixels (y, x), as `scipy.ndimage.spline_filter` gives them, on all cores."""
+    """Spline coefficients of pixels (y, x), the same as of `scipy.ndimage.spline_filter`, computed on all cores."""
     coefficients = values.astype(np.float64)
 
     def along(axis: int, part: Array) -> None:
@@ -61,7 +65,7 @@ def _splines(values: NDArray[Any]) -> Array:
 
 
 def interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array], **given: Any) -> NDArray[Any]:
-    """Pixels (y, x) where the view has its samples, (nr, nu)."""
+    """Pixels (y, x) interpolated on the polar grid of the view, (nr, nu); options as of `map_coordinates`."""
     x, y = axes
     found = np.empty((view.range.size, view.u.size), dtype=given.pop("output", values.dtype))
 

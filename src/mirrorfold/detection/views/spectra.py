@@ -1,4 +1,8 @@
-"""What an image holds at a place, frequency by frequency: the echo's spectrum, cut out along its line of sight."""
+"""The spectrum of an echo, from the complex image.
+
+Along a line of sight, the complex image is the Fourier transform of the sweep over frequency. So the echo at a place is
+cut out by a window along its line of sight and transformed back: this gives its amplitude and phase at each frequency.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +16,23 @@ from mirrorfold.common.windows import window
 from mirrorfold.detection.views.view import View
 
 GATE_CELLS = 3.0
-"""An echo is cut out up to so many range cells before and behind it, by a Hann window: what a pane as thick as a cell
-makes of one echo lies within."""
+"""Half-length, in range cells, of the Hann window that cuts out an echo: the echoes of a pane as thick as a cell lie
+within it."""
 
 WHOLE_CELLS = 4.0
-"""A whole echo, with all that runs to and fro in a pane as thick as a cell, lies within so many range cells before and
-behind it; half as far nothing is taken off."""
+"""Half-length, in range cells, of the window with a flat top that cuts out a whole echo, with all that goes to and fro
+in a pane as thick as a cell. Up to half of that the window is one."""
 
 SAMPLES_PER_CELL = 6
-"""Samples of the line of sight there, in a range cell."""
+"""Samples per range cell along the line of sight."""
 
 BAND_SHARE, FREQUENCIES = 0.42, 15
-"""Frequencies lie so far to either side of the middle, in bandwidths, and are so many: the taper ends the band."""
+"""Largest distance of a frequency from the middle of the band, in bandwidths, and number of frequencies: near its ends,
+the taper leaves little of the band."""
 
 
 def offsets(image: xr.DataArray) -> Array:
-    """Wavenumbers [rad/m] at which spectra are taken, (m,)."""
+    """Wavenumbers [rad/m] at which spectra are computed, one way, (m,)."""
     low, high = float(image.attrs["frequency_start"]), float(image.attrs["frequency_stop"])
     speed = float(image.attrs.get("wave_speed", speed_of_light))
     around = np.linspace(-BAND_SHARE, BAND_SHARE, FREQUENCIES) * (high - low)
@@ -35,14 +40,16 @@ def offsets(image: xr.DataArray) -> Array:
 
 
 def independent(view: View, image: xr.DataArray) -> float:
-    """How many values of a spectrum are independent: the frequencies span so many widths of the window's spectrum."""
+    """Number of independent values in a spectrum: its span over ``pi / (GATE_CELLS range_cell)`` [rad/m], the width of
+    the spectrum of the window that cuts out an echo.
+    """
     return float(np.ptp(offsets(image)) / np.pi * GATE_CELLS * view.range_cell)
 
 
 def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = False) -> NDArray[np.complex128]:
-    """Spectra of what a complex image or volume holds at points (n, d) [m]: (n, m) at `offsets`.
+    """Spectra of the echoes that a complex image or volume holds at points (n, d) [m], at the `offsets`, (n, m).
 
-    A `whole` echo is cut out by a window with a flat top, which leaves its shape over frequency as it is.
+    A `whole` echo is cut out by a window with a flat top, which leaves the shape of its spectrum as it is.
     """
     wavenumber = offsets(image)
     middle = wavenumber[wavenumber.size // 2]
@@ -54,7 +61,7 @@ def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = Fal
 
 
 def tapers(image: xr.DataArray) -> Array:
-    """The window over frequency that an image was focused with, at `offsets`, (m,)."""
+    """Weights of the window over frequency with which the image was focused, at the `offsets`, (m,)."""
     kind = image.attrs.get("taper", "hann")
     points = np.size(kind) if not isinstance(kind, str) else int(image.attrs["frequency_points"])
     weight = np.abs(window(kind, points, "taper"))

@@ -1,8 +1,8 @@
 """The radar's own view: amplitude along straight lines of sight, of an image or of a volume.
 
-Steps 2 to 6 of the algorithm work on this. A line of sight is a column of an image in polar coordinates, or a beam of
-a scanner; all that differs between the floor plan and space stands behind the methods below and those of a mirror
-(`mirrorfold.detection.mirrors.mirror`).
+Steps 2 to 6 of the algorithm work on this view. A line of sight is a column of an image in polar coordinates, or a beam
+of a scanner. The methods below, and those of a mirror (`mirrorfold.detection.mirrors.mirror`), hide all differences
+between the floor plan and space.
 """
 
 from __future__ import annotations
@@ -20,38 +20,38 @@ from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.errors import InputError
 
 DEVIATION = 0.3
-"""Standard deviation of an echo's power about its place, in half-amplitude widths of the resolution cell: of the main
-lobe of the Hann window, and of a Gaussian beam there and back."""
+"""Standard deviation of the distribution of an echo's power about its position, in half-amplitude widths of the
+resolution cell: for the main lobe of the Hann window, and for a Gaussian beam there and back."""
 
 NEGATIVE_SHARE = 0.9
-"""An image with more negative pixels than this share holds levels in dB, which are negative but at the peak; real parts
-of waves are negative at half of all pixels."""
+"""Share of negative pixels above which an image holds levels in dB, which are negative everywhere but at the peak. Real
+parts of waves are negative at half of all pixels."""
 
 POINTS_AT_ONCE = 1000
-"""Points that are given to `View.within` at once: each may be near hundreds of directions, so that the pairs of all
-points would take far more memory than the image."""
+"""Number of points that are given to `View.within` at once. Each may be near hundreds of directions, so that the pairs
+of all points would take far more memory than the image."""
 
 
 def in_pieces(count: int, size: int = POINTS_AT_ONCE) -> list[slice]:
-    """Slices that cut so many points, or rows, into pieces of that size."""
+    """Slices that cut `count` points, or rows, into pieces of at most `size`."""
     return [slice(first, first + size) for first in range(0, count, size)]
 
 
 class View(ABC):
-    """What every view knows. Lines of sight are numbered from 0; `direction` is such a number.
+    """What the radar sees, of an image or of a volume. Lines of sight are numbered from 0: a `direction` is a number.
 
     Attributes
     ----------
     radar : (d,) array [m]
-        Where the radar stands.
+        Position of the radar.
     range : (nr,) array [m]
-        Uniform, rising.
+        Ranges of the samples, uniform, rising.
     wavelength : float [m]
         In the middle of the band; infinite where it is not known.
     range_cell : float [m]
         Width of an echo in range, between half-amplitude points.
     normalization : str
-        How the spreading with range was undone.
+        How the decay of amplitudes with range was undone.
     """
 
     radar: Array
@@ -63,8 +63,9 @@ class View(ABC):
     @property
     @abstractmethod
     def axes(self) -> tuple[Array, ...]:
-        """Angles [rad] of the lines of sight, uniform along each axis, of which the last varies fastest: u, the sine of
-        the angle off broadside, of an image; azimuth and elevation of a volume.
+        """Angles [rad] of the lines of sight, uniform along each axis; the last axis varies fastest.
+
+        For an image u, the sine of the angle off broadside; for a volume azimuth and elevation.
         """
 
     @property
@@ -74,17 +75,17 @@ class View(ABC):
 
     @abstractmethod
     def angles(self, points: ArrayLike) -> tuple[Array, Array]:
-        """Range [m] of points (..., d) [m], and their angles as in `axes`, (..., axes); NaN where there are none."""
+        """Range [m] of points (..., d) [m], and their angles as in `axes`, (..., axes); NaN where they have none."""
 
     @abstractmethod
     def width(self, range_: Array | float) -> Array:
-        """Width of a line of sight [m] at ranges [m]: of the resolution cell of an image, or the radius of a beam."""
+        """Width of a line of sight [m] at ranges [m]: that of the resolution cell of an image, or the beam radius."""
 
     @abstractmethod
     def cell(self, range_: Array | float) -> Array:
-        """Diagonal of the resolution cell [m] at that range: how large the echo of a small object is.
+        """Diagonal of the resolution cell [m] at ranges [m]: the size of the echo of a small object.
 
-        Whatever is a length in the steps after imaging is a multiple of this, so that any radar is served alike.
+        All lengths in the steps after imaging are multiples of it, so that they suit any radar.
         """
 
     @abstractmethod
@@ -93,37 +94,37 @@ class View(ABC):
 
     @abstractmethod
     def beam_power(self, aside: Array) -> Array:
-        """Power of an echo `aside` of a line of sight, in widths of its `cross_cell`, relative to one on that line."""
+        """Relative power of an echo that stands so many widths `aside` of a line of sight, in units of `cross_cell`."""
 
     @abstractmethod
     def object_depth(self, range_: Array) -> Array:
-        """How far [m] behind its first echo, at ranges [m], an object may have others of its own."""
+        """Depth [m] behind the first echo of an object, at ranges [m], within which echoes may be its own."""
 
     @abstractmethod
     def beside_steps(self, range_: Array) -> Index:
-        """How many directions aside, at ranges [m], a beam still shows an object."""
+        """Number of directions to either side, at ranges [m], over which a beam still shows an object."""
 
     @abstractmethod
     def held_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
-        """What the complex image holds along the line of sight through points (n, d), up to `half` [m] to either side.
+        """Values of the complex image on the lines of sight through points (n, d), up to `half` [m] to either side.
 
-        Returns the distances (m,) [m] from the points, no wider apart than twice the `step` [m], and the values (n, m)
-        without the carrier of that `wavenumber` [rad/m].
+        Returns the distances (m,) [m] from the points along the line of sight, at most twice the `step` [m] apart, and
+        the values (n, m), from which the carrier of the given `wavenumber` [rad/m] is removed.
         """
 
     @property
     def covered_angle(self) -> float:
-        """How far [rad] to either side of its own direction an object hides what is behind it."""
+        """Half-width [rad] of the shadow of an object: how far beside its direction it hides what is behind it."""
         return 0.0
 
     def looks_at(self, echoes: Echoes) -> Mask:
-        """Which directions the radar surely looks into, (n,): beyond its echoes, antennas may be deaf."""
+        """Directions into which the radar surely looks, (n,): beyond its outermost echoes, antennas may be blind."""
         return np.ones(len(self.sight), dtype=bool)
 
     def on_radar(self, points: Array, reach: Array | float) -> Mask:
-        """Which points (n, d) stand no farther than `reach` [m] from the antennas; none where these are not known."""
+        """Which points (n, d) lie at most `reach` [m] from the antennas; none where the array is not known."""
         return np.zeros(len(points), dtype=bool)
 
     @property
@@ -137,20 +138,22 @@ class View(ABC):
         return np.array([(axis[-1] - axis[0]) / (axis.size - 1) for axis in self.axes])
 
     def indices(self, points: ArrayLike) -> tuple[Array, Array]:
-        """Range [m] of points (..., d) [m], and their place along each axis in steps, (..., axes)."""
+        """Range [m] of points (..., d) [m], and their position on each axis in steps from its first, (..., axes)."""
         range_, angles = self.angles(points)
         return range_, (angles - [axis[0] for axis in self.axes]) / self.steps
 
     def locate(self, points: ArrayLike) -> tuple[Array, Index, Mask]:
-        """Range [m] and nearest direction of points (..., d) [m], and whether they lie inside the view."""
+        """Range [m] and nearest direction of points (..., d) [m], and whether these lie inside the view."""
         range_, place = self.indices(points)
         at = np.rint(np.nan_to_num(place, nan=-9.0)).astype(np.intp)
         inside = np.all((at >= 0) & (at < self.shape), axis=-1) & (range_ >= self.range[0])
         return range_, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), self.shape, mode="clip"), inside
 
     def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """Every pair of a point (n, d) and a direction less than the angle `aside` [rad] from it along each axis, or
-        nearest to it, each (pairs,).
+        """All pairs of a point (n, d) and a direction less than the angle `aside` [rad] away from it along each axis.
+
+        The direction nearest to a point is always among them, if it lies in the view. Returns the numbers of the points
+        and of the directions, each (pairs,).
         """
         _, place = self.indices(points)
         row, direction = np.arange(len(points)), np.zeros(len(points), dtype=np.intp)
@@ -163,7 +166,7 @@ class View(ABC):
         return row, direction
 
     def beside(self, range_: Array, direction: Index, share: float = 1.0) -> tuple[Index, ...]:
-        """Directions to all sides of each point, as many aside as `beside_steps` says, or a share of that."""
+        """Directions beside those of points, two for each axis, `share` times `beside_steps` to either side."""
         at = np.array(np.unravel_index(direction, self.shape))
         step = np.rint(share * self.beside_steps(range_)).astype(np.intp)
         axes = np.eye(len(self.shape), dtype=np.intp)
@@ -171,19 +174,19 @@ class View(ABC):
         return tuple(np.ravel_multi_index(tuple(place), self.shape, mode="clip") for place in moved)
 
     def in_cells(self, points: Array) -> Array:
-        """Range and angles of points (n, d) in units of the range cell and of the width of a line of sight, (n, d)."""
+        """Range and angles of points (n, d), in units of the range cell and of the width of a line of sight, (n, d)."""
         range_, angles = self.angles(points)
         angle = self.width(range_) / np.maximum(range_, self.dr)
         return np.column_stack([range_ / self.range_cell, angles / angle[:, None]])
 
     def cell_numbers(self, points: Array) -> Index:
-        """Number of the resolution cell of each of points (n, d), (n,), from zero; cells without points have none."""
+        """Number of the resolution cell of each of points (n, d), (n,); only cells with points count, from zero."""
         if not len(points):
             return np.zeros(0, dtype=np.intp)
         return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
 
     def brightest(self, points: Array, amplitude: Array) -> Index:
-        """Number of the brightest point (n, d) in each resolution cell that is not empty, (cells,)."""
+        """Index of the brightest of points (n, d) in each resolution cell that holds any, (cells,)."""
         return strongest_of(self.cell_numbers(points), amplitude)
 
     @property
@@ -205,7 +208,7 @@ class View(ABC):
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
     def squares(self, points: Array) -> Callable[..., Array]:
-        """A function for the square of the `extent` at points (n, d), or at some of them, along unit vectors."""
+        """A function that gives the squared `extent` at points (n, d), or at some of them, along unit vectors."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2
         sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
 
@@ -216,29 +219,38 @@ class View(ABC):
         return square
 
     def extent(self, points: Array, along: Array) -> Array:
-        """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m)."""
+        """Width of the resolution cell [m] at points (n, d) along a unit vector, (n,), or each of (d, m), (n, m).
+
+        At the angle a to the line of sight it is ``sqrt((range_cell cos(a))^2 + (cross_cell sin(a))^2)``.
+        """
         return np.asarray(np.sqrt(self.squares(points)(along)))
 
     def extent_each(self, points: Array, along: Array) -> Array:
-        """The `extent` at points (n, d) along a unit vector of its own for each, (n, d); (n,)."""
+        """The `extent` [m] at points (n, d), each along a unit vector of its own, (n, d); returns (n,)."""
         cross = self.cross_cell(points) ** 2
         cosine = np.sum(unit_or_zero(points - self.radar) * along, axis=1)
         return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
 
     def points(self, range_: Array, direction: Index) -> Array:
-        """Positions (n, d) [m] at ranges [m] in directions; not finite where the range is not."""
+        """Positions (n, d) [m] at ranges [m] in numbered directions; not finite where the range is not."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.radar + range_[..., None] * self.sight[direction])
 
     def meets(self, normal: Array, center: Array) -> Array:
-        """Range [m] at which each line of sight meets an endless line or plane, (n,); infinite where it does not."""
+        """Range [m] at which each line of sight meets an infinite line or plane, (n,); infinite where it does not."""
         with np.errstate(divide="ignore", invalid="ignore"):
             range_ = float((center - self.radar) @ normal) / (self.sight @ normal)
         return np.where(range_ > 0.0, range_, np.inf)
 
 
 def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
-    """Refuse what is no image of these dimensions, with finite values on a regular grid, 4 or more along each."""
+    """Refuse anything but an image of these dimensions with finite values on a regular grid, at least 4 along each.
+
+    Raises
+    ------
+    InputError
+        If the image is not of that kind, or seems to hold levels in dB.
+    """
     if not isinstance(image, xr.DataArray) or image.dims != dims:
         found = getattr(image, "dims", type(image).__name__)
         many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""

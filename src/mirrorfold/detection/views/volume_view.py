@@ -21,33 +21,34 @@ HANN_CELL = 2.0
 """Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
 
 DYNAMIC_RANGE_DB = -80.0
-"""Nothing this far below the brightest echo counts, however low the noise: no instrument's beam or window is
+"""Least level [dB] of an echo, relative to the brightest one, however low the noise: no instrument's beam or window is
 cleaner."""
 
 STEPS_A_BEAM = 2.0
-"""Radius of a beam of which nothing is known, in steps of the scan: beams of a useful scan overlap."""
+"""Radius of an unknown beam in steps of the scan: in a useful scan, the beams overlap."""
 
 OPAQUE_RADII = 5.7
-"""Depth of an object in radii of the beam: how far the footprint of a beam reaches to either side along a surface that
-it meets at 80 degrees from the normal, ``tan 80``. What lies further behind is multiple scattering."""
+"""Depth of an object in beam radii, ``tan(80 deg)``: the footprint of a beam that meets a surface at 80 degrees from
+the normal spreads over so much range to either side. What lies farther behind is multiple scattering."""
 
 
 @dataclass(frozen=True, eq=False)
 class VolumeView(View):
-    """A raster volume as the radar sees it: amplitude, and what is known of the beam.
+    """A raster volume as the radar sees it: the amplitude along each beam, and what is known of the beam.
 
     Attributes
     ----------
     amplitude : (azimuths, elevations, ranges) array
         Single precision, without any normalisation.
     azimuth, elevation : 1D arrays [degree]
+        Directions of the beams.
     gain : (ranges,) array
         Factor that normalises the amplitude at each range.
     noise : float
         Standard deviation of the real part of the noise in `amplitude`.
     beam : tuple of float [m], optional
-        Radius in the focus, distance of the focus, and wavelength; where they are not known, beams are taken to have a
-        radius of `STEPS_A_BEAM` steps from one to the next.
+        Radius at the focus, distance of the focus, and wavelength. Where these are not known, the radius of a beam is
+        taken to be `STEPS_A_BEAM` steps of the scan.
     taper : str
         Window over frequency.
     radar, range, range_cell, normalization
@@ -68,23 +69,25 @@ class VolumeView(View):
 
     @property
     def wavelength(self) -> float:  # type: ignore[override]
-        """In the middle of the band [m]; infinite where it is not known."""
+        """Wavelength in the middle of the band [m]; infinite where it is not known."""
         return np.inf if self.beam is None else self.beam[2]
 
     @cached_property
     def floor(self) -> float:
-        """Amplitude, not normalised, that noise stays below in the whole volume."""
+        """Amplitude, without normalisation, that noise stays below in the whole volume; see `DYNAMIC_RANGE_DB`, too."""
         weakest = float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0)
         return max(noise_limit(self.noise, self.amplitude.size), weakest)
 
     @cached_property
     def side_lobes(self) -> NDArray[np.float32]:
-        """Envelope of the window's side lobes, with a margin, by distance from the edge of an echo in samples.
+        """Level of the side lobes in range, relative to the peak, 1, 2, ... samples from the edge of an echo,
+        (ranges,).
 
-        With x in units of c/(2B): ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and
-        ``1 / (pi x)``, the slowest, for any other window (Harris, Proc. IEEE 66, 1978).
+        It is the envelope of the side lobes of the window, plus a margin. At the distance x from the peak, in units of
+        c/(2B), that is ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and ``1 / (pi x)``,
+        which falls slowest, for any other window (Harris, Proc. IEEE 66, 1978).
         """
-        # The edge of a run, 12 dB below its peak, is more than one unit away from it.
+        # The edge of a run of samples, 12 dB below its peak, is more than one unit away from the peak.
         x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / (self.range_cell / HANN_CELL)
         envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
         level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
@@ -97,7 +100,7 @@ class VolumeView(View):
 
     @cached_property
     def sight(self) -> Array:
-        """Directions of all beams, (azimuths * elevations, 3)."""
+        """Unit vectors of all beams, (azimuths * elevations, 3)."""
         return beam_direction(self.azimuth[:, None], self.elevation[None, :]).reshape(-1, 3)
 
     def angles(self, points: ArrayLike) -> tuple[Array, Array]:
@@ -118,15 +121,18 @@ class VolumeView(View):
         return beam_radius(range_, spot_radius=spot_radius, focus_distance=focus_distance, wavelength=wavelength)
 
     def cross_cell(self, points: Array) -> Array:
-        """Width of the beam there and back [m]."""
+        """Width of the two-way beam [m], between half amplitudes."""
         return HALF_POWER * self.width(np.linalg.norm(points - self.radar, axis=-1))
 
     def beam_power(self, aside: Array) -> Array:
-        """Of a Gaussian beam, there and back."""
+        """The two-way pattern of a Gaussian beam."""
         return np.exp2(-8.0 * aside**2)
 
     def power_at(self, range_: Array, beam: Index) -> Array:
-        """Power at ranges [m] in beams, from the linear amplitude, less that of the noise; none outside."""
+        """Power at ranges [m] in beams, less the mean power of the noise; zero outside the view.
+
+        The amplitude is interpolated linearly.
+        """
         profile, power = self.amplitude.reshape(-1, self.range.size), np.empty(range_.shape)
         for some in in_pieces(len(range_)):
             row = (range_[some] - self.range[0]) / self.dr
@@ -139,7 +145,7 @@ class VolumeView(View):
     def held_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
-        """The samples of the beam nearest to each point, which are half a range resolution apart."""
+        """The samples of the beam nearest to each point, usually half a range resolution apart."""
         range_, direction, _ = self.locate(points)
         reach = np.arange(-int(half / self.dr), int(half / self.dr) + 1)
         sample = self.row(range_)
@@ -155,20 +161,21 @@ class VolumeView(View):
         return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
 
     def cell(self, range_: Array | float) -> Array:
-        """Diagonal of the resolution cell [m]: range cell and diameter of the beam."""
+        """Diagonal of the resolution cell [m], from the range cell and the diameter of the beam."""
         return np.hypot(self.range_cell, 2.0 * self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
-        """As deep as `OPAQUE_RADII` says."""
+        """`OPAQUE_RADII` radii of the beam."""
         return OPAQUE_RADII * self.width(range_)
 
 
 def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
-    """What the steps after imaging need to know of a raster volume, (range, azimuth, elevation).
+    """The radar's own view of a raster volume (range, azimuth, elevation).
 
-    Attrs: `normalization` done already, `frequency_start`, `frequency_stop`, `spot_radius`, `focus_distance` [m],
-    `wave_speed` [m/s], `radar_position` [m]. The `normalization`, "beam", "r2" or "none", is by default for the beam if
-    it is known, else for range squared.
+    The attrs of the volume tell what is known of the radar: `normalization`, which was applied already and is undone,
+    `frequency_start`, `frequency_stop`, `spot_radius`, `focus_distance` [m], `wave_speed` [m/s], `range_resolution`
+    [m], `taper` and `radar_position` [m]. The `normalization`, "beam", "r2" or "none", is by default "beam" if the beam
+    is known, else "r2".
 
     Raises
     ------
