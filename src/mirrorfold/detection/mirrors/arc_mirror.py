@@ -1,8 +1,8 @@
 """A curved mirror in the floor plan: an arc, with a tangent of its own for every line of sight.
 
-What a line of sight shows behind the arc is reflected by the tangent where it crosses the arc. That is exact for an
-array small against its depth of focus: its image shows each object in the direction in which the central ray leaves the
-radar, at the length of the whole way.
+An echo behind the arc is reflected by the tangent at the point where its line of sight crosses the arc. That is exact
+for an array that is small against its depth of focus: its image shows each object in the direction in which the central
+ray leaves the radar, at the length of the whole path.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
 END_CELLS = 0.5
-"""Profiles leave out so many cells at either end of an arc, where its cells are half filled."""
+"""Length, in resolution cells, that profiles leave out at either end of an arc, where cells are half filled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +32,12 @@ class ArcMirror(Mirror):
     Attributes
     ----------
     middle : (2,) array [m]
-        Of the circle.
+        Center of the circle.
     radius : float [m]
     first, span : float [rad]
-        Where it begins, and how far it goes on counter-clockwise; less than a turn.
+        Angle at which the arc begins, and how far it goes on counter-clockwise; less than a full turn.
     radar : (2,) array [m]
-        Where it is seen from.
+        Position of the radar.
     curvature_error : float [1/m]
         Standard error of the curvature.
     """
@@ -57,12 +57,12 @@ class ArcMirror(Mirror):
 
     @property
     def curved(self) -> bool:
-        """It is."""
+        """True."""
         return True
 
     @property
     def convex(self) -> bool:
-        """Whether it bulges towards the radar."""
+        """Whether the arc bulges towards the radar."""
         return bool((self.radar - self.center) @ self.normal > 0.0)
 
     @property
@@ -72,41 +72,42 @@ class ArcMirror(Mirror):
 
     @property
     def size(self) -> float:
-        """Its length [m]."""
+        """Length of the arc [m]."""
         return self.length
 
     @property
     def length(self) -> float:
-        """Along the arc [m]."""
+        """Length of the arc [m]."""
         return self.radius * self.span
 
     @property
     def tangents(self) -> Array:
-        """That in its middle, (1, 2)."""
+        """Unit tangent in the middle of the arc, (1, 2)."""
         return turned(self.normal)[None]
 
     @property
     def sides(self) -> Array:
-        """Half its chord either way, (1, 2) [m]."""
+        """Half the chord to either side of its center, (1, 2) [m]; half the diameter beyond a semicircle."""
         return self.radius * np.sin(0.5 * min(self.span, np.pi)) * np.array([[-1.0, 1.0]])
 
     @property
     def ends(self) -> Array:
-        """First and last point, (2, 2) [m]."""
+        """First and last point of the arc, (2, 2) [m]."""
         return self.at(np.array([0.0, self.length]))
 
     def at(self, along: Array) -> Array:
-        """Points so far [m] along the arc, (..., 2)."""
+        """Points at positions [m] along the arc, (..., 2)."""
         return self.middle + self.radius * self.outward(along)
 
     def outward(self, along: Array) -> Array:
-        """Unit vectors from the middle of the circle, so far [m] along the arc, (..., 2)."""
+        """Unit vectors from the center of the circle towards positions [m] along the arc, (..., 2)."""
         angle = self.first + along / self.radius
         return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
     def along(self, points: Array) -> Array:
-        """Position [m] of points (..., 2) along the arc from its first point; those opposite of its middle are farthest
-        before it or behind it.
+        """Position [m] of points (..., 2) along the arc, from its first point on.
+
+        Positions before the first point are negative. They jump opposite the middle of the arc.
         """
         offset = points - self.middle
         angle = np.arctan2(offset[..., 1], offset[..., 0]) - self.first - 0.5 * self.span
@@ -121,11 +122,13 @@ class ArcMirror(Mirror):
         return np.asarray(np.linalg.norm(points - self.middle, axis=-1) - self.radius)
 
     def behind(self, view: ImageView, points: Array) -> Array:  # type: ignore[override]
-        """How far [m] points (..., 2) lie behind the circle's near side, or its far side where that is concave."""
+        """How far [m] points (..., 2) lie behind the circle: inside it if it is convex, outside if it is concave."""
         return np.asarray(-self.beside(points) if self.convex else self.beside(points))
 
     def met(self, sight: Array) -> Array:
-        """Range [m] at which lines of sight (n, 2) meet the circle on the mirror's side, NaN where they miss it."""
+        """Range [m] at which lines of sight (n, 2) meet the circle, NaN where they miss it: its near side if it is
+        convex, its far side if it is concave.
+        """
         offset = self.radar - self.middle
         nearest = -(sight @ offset)
         with np.errstate(invalid="ignore"):
@@ -140,9 +143,9 @@ class ArcMirror(Mirror):
             return np.where((along >= 0.0) & (along <= self.length) & (range_ > 0.0), range_, np.inf)
 
     def facing(self, points: Array) -> tuple[Array, Array]:
-        """Where the lines of sight through points (n, 2) meet the arc, and its normals there, (n, 2) each.
+        """Points where the lines of sight through points (n, 2) meet the arc, and its normals there, (n, 2) each.
 
-        A line of sight that misses it is taken to meet its nearer end.
+        A line of sight that misses the arc is taken to meet its nearer end.
         """
         sight = unit_or_zero(points - self.radar)
         range_ = self.met(sight)
@@ -153,10 +156,12 @@ class ArcMirror(Mirror):
         return self.middle + self.radius * normal, normal
 
     def spread(self, points: Array) -> tuple[Array, Array]:
-        """What the arc makes of the pencil of rays to points (n, 2) behind it, (n,) each.
+        """How the arc widens and bends the pencil of rays to points (n, 2) behind it, (n,) each.
 
-        Its width ``q = r1 + s + 2 r1 s / (R cos(i))`` over the length of the way, r1 + s, negative behind a caustic;
-        and the ratio ``1 + 2 s / (R cos(i))``, which is that of the waves' curvature at the radar to q.
+        The rays meet the arc after r1 at the angle of incidence i, and go on for s. For each radian, the pencil is then
+        ``q = r1 + s + 2 r1 s / (R cos(i))`` wide. The first value is ``q / (r1 + s)``, negative behind a caustic. The
+        second is ``1 + 2 s / (R cos(i))``; divided by q, it is the curvature at the radar of the waves from such a
+        point.
         """
         hit, normal = self.facing(points)
         sight = hit - self.radar
@@ -167,17 +172,20 @@ class ArcMirror(Mirror):
         return (before + rest + turn * before) / (before + rest), 1.0 + turn
 
     def growth(self, points: Array) -> Array:
-        """Of the length of the way, there and behind a caustic alike, (n, 1)."""
+        """``|q| / (r1 + s)``, see `spread`: positive in front of a caustic and behind it, (n, 1)."""
         return np.abs(self.spread(points)[0])[:, None]
 
     def holds(self, points: Array, beside: float, beyond: float) -> Mask:
-        """By the way along the arc."""
+        """Whether points (n, 2) lie at most `beside` [m] from the circle and `beyond` [m] past the ends, (n,).
+
+        Both ends count along the arc.
+        """
         along = self.along(points)
         inside = (along >= -beyond) & (along <= self.length + beyond)
         return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes beside the arc, up to a cell beyond its ends; and the cell's width across it [m]."""
+        """Echoes beside the arc, up to a cell beyond its ends, twice; and the width of the cell across it [m]."""
         outward = self.outward(self.along(echoes.position))
         across = view.extent_each(echoes.position, outward)
         beyond = view.extent_each(echoes.position, turned(outward))
@@ -185,23 +193,23 @@ class ArcMirror(Mirror):
         return beside, beside.copy(), across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
-        """Along it, without its ends."""
+        """Places in equal steps along the arc, without its ends, (n, 2) [m]."""
         left_out = min(END_CELLS * view.cell_at(self.center), 0.1 * self.length)
         count = max(8, int(self.length / (SPACING * view.range_cell)))
         return self.at(np.linspace(left_out, self.length - left_out, count))
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
-        """Square to it."""
+        """Square to the arc."""
         outward = self.outward(self.along(places))
         inward = -outward if self.convex else outward
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
     def independent(self, view: ImageView) -> float:  # type: ignore[override]
-        """Its length in cells."""
+        """Length of the arc in resolution cells."""
         return float(self.length / view.cell_at(self.center))
 
     def moved(self, normal: Array, center: Array) -> ArcMirror:
-        """The same arc, shifted along a normal."""
+        """The same arc, shifted along `normal` until its own center is level with the point `center`."""
         return replace(self, middle=self.middle + ((center - self.center) @ normal) * normal)
 
     def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
@@ -211,13 +219,13 @@ class ArcMirror(Mirror):
         return covered_share(position, half, self.length)
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
-        """Its echoes, moved square onto it."""
+        """Its echoes, moved square onto the arc."""
         return replace(echoes, position=self.at(np.clip(self.along(echoes.position), 0.0, self.length)))
 
     def pieces(  # type: ignore[override]
         self, view: ImageView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[ArcMirror], list[ArcMirror]]:
-        """Cut it where `before` changes: the largest piece, and what is left of it."""
+        """Cut the arc where `before` changes: the largest piece, and all others."""
         position = self.along(view.points(self.crossing(view)[direction], direction))
         order = np.argsort(position)
         position, before = position[order], before[order]
@@ -227,7 +235,9 @@ class ArcMirror(Mirror):
         return [parts[0]], [part for part in parts[1:] if part.length > 0.0]
 
     def strays(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] by which places turned about their own tangents follow the errors of the arc."""
+        """Covariance (n, d, d) [m^2] of places (n, d), each fixed to the tangent that its line of sight meets, from the
+        standard errors of the arc.
+        """
         hit, normal = self.facing(places)
         tangent, offset = turned(normal), places - hit
         way = self.along(hit) - 0.5 * self.length
@@ -240,7 +250,7 @@ class ArcMirror(Mirror):
 
 
 def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
-    """By how much curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
+    """Factor by which curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
     gain = np.ones((view.range.size, view.u.size))
     for arc in mirrors:
         if not isinstance(arc, ArcMirror):

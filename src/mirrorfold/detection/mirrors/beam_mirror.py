@@ -1,4 +1,4 @@
-"""A mirror in space, flat or round, by the beams that meet it."""
+"""What mirrors in space, flat or round, have in common: their extent is the set of beams that meet them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
 EDGE_RADII = 1.0
-"""Within this many beam radii of a mirror's edge a beam still shows echoes of its wall."""
+"""Distance from the edge of a mirror, in beam radii, up to which a beam still shows echoes of its wall."""
 
 STRAY_DEVIATIONS = 4.0
-"""Echoes of a face lie within this many standard deviations of it: the wings of a beam 40 dB above the noise."""
+"""Largest distance of a face's echoes from it, in standard deviations: it covers the wings of a beam 40 dB above the
+noise."""
 
 FEWEST_BEAMS = 4
-"""A piece of a mirror in fewer beams has no extent to speak of."""
+"""Least number of beams of a piece of a mirror: fewer have hardly any extent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +35,9 @@ class BeamMirror(Mirror):
     Attributes
     ----------
     outline : (n, 3) array [m]
-        Its corners, or all points of its face that beams meet.
+        The corners of its face, or all points where beams meet it.
     beams : (azimuths * elevations,) bool array
-        Which beams meet it.
+        Which beams meet the mirror.
     """
 
     outline: Array = field(repr=False)
@@ -44,33 +45,33 @@ class BeamMirror(Mirror):
 
     @abstractmethod
     def met(self, view: VolumeView) -> Array:
-        """Range [m] at which each beam meets the endless surface, (beams,)."""
+        """Range [m] at which each beam meets the endless surface, (beams,); not finite where it does not."""
 
     @abstractmethod
     def shown(self, view: VolumeView, beams: Mask) -> Self:
-        """The part of its surface that these beams show."""
+        """The part of its endless surface that the given beams show."""
 
     @property
     @abstractmethod
     def corners(self) -> Array:
-        """The corners of what is seen of it, around its face, (4, 3) [m]."""
+        """Four corners around the visible part of the mirror, in order around its face, (4, 3) [m]."""
 
     @cached_property
     def tangents(self) -> Array:
-        """Unit vectors in the plane at its center, horizontal and up, (2, 3)."""
+        """Unit vectors along the tangent plane at its center, horizontal and up, (2, 3)."""
         across = np.cross([0.0, 0.0, 1.0], self.normal)
         right = unit(across) if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
         return np.stack([right, np.cross(self.normal, right)])
 
     @cached_property
     def sides(self) -> Array:
-        """Where the face begins and ends along `tangents`, seen from `center`, (2, 2) [m]."""
+        """Where the face begins and ends along its `tangents`, measured from its `center`, (2, 2) [m]."""
         flat = self.tangents @ (self.outline - self.center).T
         return np.stack([flat.min(axis=1), flat.max(axis=1)], axis=1)
 
     @property
     def extent(self) -> Array:
-        """Width and height [m], (2,)."""
+        """Width and height of the face [m], (2,)."""
         return np.asarray(np.ptp(self.sides, axis=1))
 
     def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
@@ -78,7 +79,9 @@ class BeamMirror(Mirror):
         return np.where(self.beams, self.met(view), np.inf)
 
     def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes in beams that reach over its edge, or meet it; those in beams that meet it; how far they stray [m]."""
+        """Echoes in beams that meet the mirror or reach over its edge; echoes in beams that meet it; and the largest
+        distance from the face of the echoes that are its own [m].
+        """
         distance = float(np.linalg.norm(self.center - view.radar))
         steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
         wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
@@ -90,27 +93,31 @@ class BeamMirror(Mirror):
         )
 
     def places(self, view: VolumeView) -> Array:  # type: ignore[override]
-        """Where its beams meet it; not finite where one does not."""
+        """Where its beams meet it, (n, 3) [m]; not finite for a beam that misses its endless surface."""
         return view.points(self.met(view)[self.beams], np.flatnonzero(self.beams))
 
     def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
-        """Along its beams: a beam gathers echoes from all of its footprint, symmetrically about its axis."""
+        """Along its beams, not square to it: a beam gathers echoes from its footprint, which is symmetric about its
+        axis.
+        """
         sight = view.sight[self.beams]
         inward = sight / np.abs(np.sum(sight * self.facing(places)[1], axis=1))[:, None]
         range_ = np.linalg.norm(places - view.radar, axis=1)[:, None] + np.linalg.norm(inward, axis=1)[:, None] * depth
         return inward, view.power_at(range_, np.flatnonzero(self.beams)[:, None])
 
     def independent(self, view: VolumeView) -> float:  # type: ignore[override]
-        """Its beams; those a beam radius apart see the same speckle."""
+        """Number of its beams, divided by the number of beams in a square of one beam radius, which see the same
+        speckle.
+        """
         steps = view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1))
         return np.count_nonzero(self.beams) / max(float(np.mean(steps**2)), 1.0)
 
     def filled(self, view: VolumeView, echoes: Echoes) -> float:  # type: ignore[override]
-        """Share of its beams in which one of the echoes stands."""
+        """Share of its beams that hold one of the echoes."""
         return float(self.beams[np.unique(echoes.direction)].sum() / max(self.beams.sum(), 1))
 
     def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]
-        """One echo a beam, the strongest, where the beam's axis meets the mirror."""
+        """The strongest echo of each beam, moved to where the axis of the beam meets the mirror."""
         echoes = echoes.take(strongest_of(echoes.direction, echoes.amplitude))
         range_ = self.met(view)[echoes.direction]
         return replace(echoes, position=view.points(range_, echoes.direction), range=range_)
@@ -118,7 +125,10 @@ class BeamMirror(Mirror):
     def pieces(  # type: ignore[override]
         self, view: VolumeView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[Self], list[Self]]:
-        """Cut it where `before` changes: connected pieces of half the smallest width and height [m], and the rest."""
+        """Cut the mirror into connected sets of beams with the same `before`.
+
+        Returns the pieces of at least half the `smallest` width and height [m], and the smaller ones.
+        """
         kept: list[Self] = []
         remains: list[Self] = []
         for value in np.unique(before):
@@ -134,7 +144,7 @@ class BeamMirror(Mirror):
         return (kept, remains) if kept else ([self], [])
 
     def columns(self, fold: Fold) -> dict[str, Any]:
-        """Center, normal and corners, too."""
+        """Its ends, center, normal and corners."""
         center, corners = fold(self.center), fold(self.corners)
         normal = fold(self.center + self.normal) - center
         found = super().columns(fold)

@@ -1,4 +1,8 @@
-"""What curved mirrors have in common, in the floor plan and in space."""
+"""What curved mirrors have in common, in the floor plan and in space: above all, that they dim what they show.
+
+A convex mirror spreads the waves, so that all echoes behind it are weaker than behind a flat mirror. The factor follows
+from its shape, and thresholds behind it are lowered by it.
+"""
 
 from __future__ import annotations
 
@@ -13,42 +17,45 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
 
 LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
-"""Mirrors that dim by more than 30 dB are taken to dim by 30 dB: weaker echoes cannot be told from multiple scattering,
-which starts 15 dB below echoes that were scattered once."""
+"""Largest factor by which mirrors are taken to dim amplitudes, 30 dB: weaker echoes cannot be told from multiple
+scattering, which starts 15 dB below echoes that were scattered once."""
 
 
 def last_curved(way: Sequence[Mirror]) -> Mirror | None:
-    """The last curved mirror on a way, if there is one."""
+    """The last curved mirror of a chain of mirrors; None if all are flat."""
     return next((mirror for mirror in reversed(way) if mirror.curved), None)
 
 
 def growth_over(way: Sequence[Mirror], points: Array) -> Array:
-    """`Mirror.growth` of the last curved mirror on a way at points (n, d); ones for flat mirrors."""
+    """`Mirror.growth` of the last curved mirror of a chain at points (n, d); ones if all are flat."""
     mirror = last_curved(way)
     return np.ones((len(points), 1)) if mirror is None else mirror.growth(points)
 
 
 def fit_variances(offset: float, angle: float, curvature: float, way: Array) -> tuple[Array, Array]:
-    """Variances of a fitted surface's place [m^2] and of its direction [rad^2], ways (n,) [m] from its middle, (n,).
+    """Variances of the position [m^2] and of the direction [rad^2] of a fitted surface, (n,) each.
 
-    They follow from the standard errors of its offset [m], angle [degree] and curvature [1/m]; NaN counts as zero.
+    They hold at distances `way` (n,) [m] along the surface from its middle, and follow from the standard errors of its
+    offset [m], angle [degree] and curvature [1/m], of which NaN counts as zero.
     """
     offset, angle, curvature = (float(np.nan_to_num(error)) for error in (offset, angle, curvature))
     return offset**2 + (0.5 * way**2 * curvature) ** 2, np.radians(angle) ** 2 + (way * curvature) ** 2
 
 
 def dimming(way: Sequence[Mirror], points: Array) -> Array:
-    """By how much amplitudes at points (n, d) of the image are weaker than by way of flat mirrors, (n,), at least one.
+    """Factor by which amplitudes at points (n, d) of the image are weaker than by way of flat mirrors, (n,), at least
+    1.
 
-    Waves that spread to `|q|` instead of the length r of the way lose ``sqrt(|q| / r)`` there and as much back, in
-    space along either direction. Where a concave mirror gathers them, what is brighter is not counted on: the array's
-    own depth of focus takes it away.
+    Behind a flat mirror, a pencil of rays is as wide as the path is long, r, for each radian; behind a curved one it is
+    |q| wide. The amplitude falls by ``sqrt(|q| / r)`` on the way there, and as much on the way back; in space along
+    each of two directions. Where a concave mirror gathers waves, |q| < r, the gain is not counted: the depth of focus
+    of the array takes it away.
     """
     return np.clip(np.prod(growth_over(way, points), axis=1), 1.0, LARGEST_DIMMING)
 
 
 def dimmed(echoes: Echoes, view: View, mirrors: Sequence[Mirror]) -> Echoes:
-    """The echoes of a volume with thresholds lowered by what curved mirrors take from those behind them."""
+    """The echoes of a volume, with the thresholds behind curved mirrors lowered by the factor by which these dim."""
     gain = np.ones(len(echoes))
     for mirror in mirrors:
         behind = echoes.range > mirror.crossing(view)[echoes.direction]
@@ -58,7 +65,7 @@ def dimmed(echoes: Echoes, view: View, mirrors: Sequence[Mirror]) -> Echoes:
 
 
 def on_rows(rows: Sequence[Mirror], view: View, echoes: Echoes) -> Mask:
-    """Which echoes lie on one of the rows or sheets, (n,)."""
+    """Which echoes lie on any of the rows or sheets, (n,)."""
     found = np.zeros(len(echoes), dtype=bool)
     for row in rows:
         found |= row.own(view, echoes)

@@ -1,11 +1,13 @@
-"""Mirrors that are known or drawn, in the place of detected ones.
+"""Mirrors that the user gives, in the place of detected ones.
 
-The file of such mirrors is JSON, in metres and in the coordinates of the unfolded image, where a mirror seen through
-another is a ghost itself: ``{"mirrors": [{"start": [x, y], "end": [x, y]}, ...]}`` for an image, where a curved one is
-an arc ``{"start": [x, y], "through": [x, y], "end": [x, y]}`` by way of a third point, and
-``{"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]}, ...]}`` for a volume, where a cylinder is
-``{"start": [x, y, z], "end": [x, y, z], "radius": r}`` by the ends of its axis, and a sphere ``{"center": [x, y, z],
-"radius": r}``.
+They come from a JSON file, in metres and in the coordinates of the unfolded image, where a mirror that is seen through
+another one is a ghost itself. The lines and arcs of an image, and the planes, cylinders (by both ends of the axis) and
+spheres of a volume, are written as::
+
+    {"mirrors": [{"start": [x, y], "end": [x, y]}, {"start": [x, y], "through": [x, y], "end": [x, y]}, ...]}
+
+    {"mirrors": [{"corners": [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]},
+                 {"start": [x, y, z], "end": [x, y, z], "radius": r}, {"center": [x, y, z], "radius": r}, ...]}
 """
 
 from __future__ import annotations
@@ -37,32 +39,34 @@ from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.errors import InputError
 
 SHORTEST = 1e-9
-"""Least length, as a share of the coordinates of the ends: below it rounding errors decide a mirror's direction."""
+"""Least length of a mirror, as a share of its largest coordinate: below it, rounding errors decide its direction."""
 
 FLATTEST = 0.01
-"""How far the corners of a given plane may lie off it, as a share of its size."""
+"""Largest distance of the corners of a given plane from that plane, as a share of its size."""
 
 LONGEST = 1000.0
-"""Largest length, in multiples of the image's reach: longer mirrors were given in another unit."""
+"""Largest length of a mirror, in multiples of the largest range: longer mirrors were given in another unit."""
 
 LARGEST_COUNT = 1000
-"""More mirrors than this are no room but a mistake."""
+"""Largest number of given mirrors: more are a mistake, not a room."""
 
 EXAMPLE = '{"mirrors": [{"start": [0.4, 1.6], "end": [0.6, 0.9]}]}'
 
 
 def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
-    """Given mirrors as an array: of both ends of lines, (mirrors, 2, 2), or of four corners, (mirrors, 4, 3) [m].
+    """Check given mirrors, and return them as an array: ends of lines, (mirrors, 2, 2), or corners, (mirrors, 4, 3)
+    [m].
 
-    They may be a list of dicts, too, as in the file. Where some are arcs, all have a point between their
-    ends, too, (mirrors, 3, 2): that of a line lies on it. A cylinder in space has in the place of corners both ends of
-    its axis, three times its radius, and NaN; a sphere twice its middle, and the same.
+    They may also be a list of dicts, as in the file. Where some are arcs, all get a third point between their ends,
+    (mirrors, 3, 2); that of a line lies on the line. Round mirrors in space have four rows of three numbers in the
+    place of corners: of a cylinder both ends of its axis, three times its radius, and NaN; of a sphere twice its
+    center, three times its radius, and NaN.
 
     Raises
     ------
     InputError
-        If they are neither, hold a number that is not finite, or a mirror has no extent or is not flat; `source` names
-        them.
+        If the shape is none of these, a number is not finite, or a mirror has no extent or is not flat. The sentence
+        begins with `source`.
     """
     rows = by_three(_rows(mirrors, source))
     try:
@@ -100,7 +104,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
 
 
 def _check_arc(points: Array, mirror: str) -> None:
-    """Refuse a start, a point between and an end (3, 2) through which there is no arc."""
+    """Refuse three points (3, 2), start, through and end, that do not define an arc."""
     start, through, end = points
     chord = end - start
     if np.linalg.norm(chord) <= SHORTEST * np.abs(points).max():
@@ -111,12 +115,12 @@ def _check_arc(points: Array, mirror: str) -> None:
 
 
 def is_round(points: Array) -> bool:
-    """Whether a given mirror is a cylinder or a sphere, by its row of `check_mirrors`."""
+    """Whether a given mirror, in the form of `check_mirrors`, is a cylinder or a sphere."""
     return points.shape == (4, 3) and bool(np.isnan(points[3]).all())
 
 
 def read_mirrors(path: str | Path) -> Array:
-    """Read a file of mirrors, see above, to an array as of `check_mirrors`.
+    """Read a JSON file of mirrors, as above, to an array in the form of `check_mirrors`.
 
     Raises
     ------
@@ -138,16 +142,17 @@ FORMS: dict[frozenset[str], Callable[..., list[Any]]] = {
     frozenset(("start", "end", "radius")): lambda start, end, radius: [start, end, [radius] * 3, [np.nan] * 3],
     frozenset(("center", "radius")): lambda center, radius: [center, center, [radius] * 3, [np.nan] * 3],
 }
-"""The rows of `check_mirrors` that mirrors with these entries make."""
+"""For the names of a mirror's entries in the file: the function that turns these into its points for
+`check_mirrors`."""
 
 
 def _rows(mirrors: Any, source: str) -> Any:
-    """Mirrors as a file describes them, a list of dicts, as rows; anything else as it is.
+    """Turn mirrors as a file describes them, a list of dicts, into lists of points; leave anything else as it is.
 
     Raises
     ------
     InputError
-        If one has other entries than a mirror has, or is no dict.
+        If some mirrors are dicts, and one has other entries than a mirror has, or is no dict.
     """
     if not isinstance(mirrors, list | tuple) or not any(isinstance(mirror, dict) for mirror in mirrors):
         return mirrors
@@ -167,7 +172,7 @@ def _rows(mirrors: Any, source: str) -> Any:
 
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
-    """Write a file of mirrors that `read_mirrors` reads back to the last bit; returns its path."""
+    """Write mirrors to a JSON file, which `read_mirrors` reads back to the last bit; return its path."""
     rows = [_plainly(points) for points in check_mirrors(mirrors)]
     path = Path(path)
     path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
@@ -175,7 +180,7 @@ def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
 
 
 def _plainly(points: Array) -> dict[str, Any]:
-    """A given mirror as a file says it."""
+    """The entry of the file for one given mirror."""
     place = points.tolist()
     if is_round(points):
         own = {"center": place[0]} if place[0] == place[1] else {"start": place[0], "end": place[1]}
@@ -185,10 +190,10 @@ def _plainly(points: Array) -> dict[str, Any]:
 
 
 def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
-    """Given mirrors, as `check_mirrors` returns them, with what the image or volume says of each.
+    """Given mirrors, as `check_mirrors` returns them, as `Mirror` objects with their strength and fill.
 
-    Strength is the median amplitude of the echoes on a mirror; where there are none, that of an image along it, and in
-    a volume zero. Errors are not known: NaN.
+    The strength is the median amplitude of the echoes on the mirror. Where there are none, it is the median amplitude
+    of the image along the mirror; in a volume, zero. The errors are not known: NaN.
     """
     mirrors: list[Mirror] = []
     for number, points in enumerate(places):
@@ -209,7 +214,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
 
 
 def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
-    """The line between two points (2, 2) [m], or the arc by way of a third one, (3, 2)."""
+    """The line between two points (2, 2) [m], or the arc through three points (3, 2) [m]."""
     start, end = points[[0, -1]]
     if len(points) == 2 or in_line(*points):
         return LineMirror(start, end)
@@ -219,7 +224,7 @@ def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
 
 
 def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:
-    """The plane, cylinder or sphere of a row of `check_mirrors`."""
+    """The plane, cylinder or sphere of a given mirror (4, 3), in the form of `check_mirrors`."""
     if not is_round(points):
         return _plane(points, view)
     start, end, radius = points[0], points[1], float(points[2, 0])
@@ -230,18 +235,18 @@ def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:
     met = view.radar + range_[:, None] * view.sight
     with np.errstate(invalid="ignore"):
         beams = np.isfinite(range_) & (np.abs(shape.along(met)) <= (0.5 * length if length else np.inf))
-    # Where no beam meets it, what faces the radar.
+    # If no beam meets it, its extent is the point nearest to the radar.
     outline = met[beams] if beams.any() else shape.nearest(np.stack([view.radar, view.radar]))
     return RoundMirror(outline, beams, shape, view.radar, view.beam)
 
 
 def _plane(outline: Array, view: VolumeView) -> PlaneMirror:
-    """The plane with these corners, (4, 3) [m], in order around a convex face."""
+    """The plane mirror with four corners (4, 3) [m], given in order around a convex face."""
     center = outline.mean(axis=0)
     normal = np.linalg.svd(outline - center)[2][2]
     normal = normal * (-np.sign((center - view.radar) @ normal) or 1.0)
     met = view.radar + view.meets(normal, center)[:, None] * view.sight
-    # Inside a convex outline a point lies on one side of all its edges.
+    # A point inside a convex outline lies on the same side of all edges.
     edges = np.roll(outline, -1, axis=0) - outline
     with np.errstate(invalid="ignore"):
         sides = np.cross(edges[:, None], met - outline[:, None]) @ normal

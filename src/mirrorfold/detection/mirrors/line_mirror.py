@@ -1,4 +1,4 @@
-"""A straight mirror in the floor plan, and the resolution cell about its line."""
+"""A straight mirror in the floor plan, and the profiles of power across it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
 SPACING = 0.25
-"""Step along a mirror, in range cells, from one profile across it to the next."""
+"""Distance between neighbouring profiles along a mirror, in range cells."""
 
 CLEAR_SHARE = 0.25
-"""Less than this share of a wall does not tell where it stands: then what echoes from elsewhere blur counts, too. What
-goes by both of two walls at right angles blurs up to two thirds of what is seen of one, at 79 GHz."""
+"""Least share of a wall that must be clear of echoes from elsewhere; a smaller share does not tell where the wall
+stands, and then the blurred places are used, too. At 79 GHz, the echoes that go by way of both of two walls at right
+angles blur up to two thirds of what is seen of one of them."""
 
 END_CELLS = 0.6
-"""Profiles leave out this much of a slanting resolution cell at either end of a row."""
+"""Length that profiles leave out at either end of a row, as a share of the resolution cell along it, if the cell lies
+askew to the row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +34,13 @@ class LineMirror(Mirror):
     Attributes
     ----------
     start, end : (2,) arrays [m]
-        Its ends.
+        Both ends.
     length : float [m]
     direction : (2,) array
         Unit vector from start to end.
     hem : tuple of two floats [m]
-        How far beyond its start and end lines of sight still meet it, see `mirrorfold.tree.explaining.half_shadows`.
+        How far lines of sight are taken to meet the mirror beyond its start and its end; negative where they miss its
+        last part. See `mirrorfold.tree.explaining.half_shadows`.
     """
 
     start: Array
@@ -51,13 +54,13 @@ class LineMirror(Mirror):
         length = math.sqrt(along @ along)
         object.__setattr__(self, "center", 0.5 * (self.start + self.end))
         object.__setattr__(self, "length", length)
-        with np.errstate(invalid="ignore"):  # what is cut off may have no length
+        with np.errstate(invalid="ignore"):  # a piece that is cut off may have no length
             object.__setattr__(self, "direction", along / length)
             object.__setattr__(self, "normal", segment_normal(self.start, self.end))
 
     @property
     def size(self) -> float:
-        """Its length [m]."""
+        """Length of the mirror [m]."""
         return self.length
 
     @property
@@ -67,7 +70,7 @@ class LineMirror(Mirror):
 
     @property
     def sides(self) -> Array:
-        """Where it begins and ends along `direction`, seen from `center`, (1, 2) [m]."""
+        """Where it begins and ends along its `direction`, measured from its `center`, (1, 2) [m]."""
         return 0.5 * self.length * np.array([[-1.0, 1.0]])
 
     @property
@@ -93,17 +96,18 @@ class LineMirror(Mirror):
         return np.where((along >= -self.hem[0]) & (along <= self.length + self.hem[1]), range_, np.inf)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes beside the mirror, up to a cell beyond its ends; and the cell's width across it [m]."""
+        """Echoes beside the mirror, up to a cell beyond its ends, twice; and the width of the cell across it [m]."""
         along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
         return beside, beside.copy(), across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
-        """A row along it, without its ends, and without what echoes from elsewhere blur, if they leave enough of it.
+        """Places in equal steps along the mirror, without its ends, (n, 2) [m].
 
-        A cell that lies askew to the row is filled on one side only where the row ends: its centroid moves off the
-        line, to opposite sides at the two ends, and turns a short wall. It does so as much as the cell's extents along
-        and across the row are correlated.
+        Places that echoes from elsewhere blur are left out, too, if enough others remain. The ends are left out because
+        a resolution cell that lies askew to the row is filled on one side only where the row ends. Its centroid of
+        power moves off the line, to opposite sides at the two ends, which turns a short wall. The effect grows with the
+        correlation of the cell's extents along and across the row; so does the length that is left out.
         """
         across, along = (view.extent(self.ends, axis) for axis in (self.normal, self.direction))
         overlap = view.range_cell * view.cross_cell(self.ends) / (across * along)
@@ -116,17 +120,20 @@ class LineMirror(Mirror):
         return row[clear] if np.mean(clear) > CLEAR_SHARE else row
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
-        """Square to it."""
+        """Square to the mirror."""
         inward = np.broadcast_to(self.inward(view), places.shape)
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
     def independent(self, view: ImageView) -> float:  # type: ignore[override]
-        """Its length in sections of the cell along it: what a slanting cell shows of it is narrower than the cell."""
+        """Length of the mirror over the section of its line through a resolution cell.
+
+        Where the cell lies askew to the line, this section is shorter than the extent of the cell along the line.
+        """
         section = view.range_cell * view.cross_cell(self.ends) / view.extent(self.ends, self.normal)
         return float(self.length / section.mean())
 
     def moved(self, normal: Array, center: Array) -> LineMirror:
-        """As long as it is, its middle moved square onto the new line."""
+        """A mirror of the same length, whose middle is moved square onto the new line."""
         middle = self.center - ((self.center - center) @ normal) * normal
         half = 0.5 * self.length * unit(self.direction - (self.direction @ normal) * normal)
         return replace(self, start=middle - half, end=middle + half)
@@ -137,14 +144,14 @@ class LineMirror(Mirror):
         return covered_share(position, half, self.length)
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
-        """Its echoes, moved square onto its line."""
+        """Its echoes, moved square onto the line, and onto its ends if they lie beyond."""
         along = np.clip(self.along(echoes.position), 0.0, self.length)
         return replace(echoes, position=self.start + along[:, None] * self.direction)
 
     def pieces(  # type: ignore[override]
         self, view: ImageView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[LineMirror], list[LineMirror]]:
-        """Cut it where `before` changes: mirrors of at least the smallest length [m], and what is shorter."""
+        """Cut the mirror where `before` changes: pieces of at least the `smallest` length [m], and shorter ones."""
         position = self.along(view.points(self.crossing(view)[direction], direction))
         changes = np.flatnonzero(before[1:] != before[:-1])
         middle = 0.5 * (position[changes] + position[changes + 1])
@@ -155,9 +162,9 @@ class LineMirror(Mirror):
 
 
 def covered_share(position: Array, half: Array, length: float) -> float:
-    """Share of a length [m] that echoes at positions (n,) along it cover, each to `half` (n,) on either side [m]."""
+    """Share of a length [m] that echoes cover, each from ``position - half`` to ``position + half`` [m], (n,)."""
     first, last = np.clip([position - half, position + half], 0.0, length)
     order = np.argsort(first)
-    # What each echo covers beyond all before it.
+    # Each echo adds what it covers beyond all echoes before it.
     covered = np.maximum.accumulate(np.concatenate([[0.0], last[order]]))
     return float(np.maximum(last[order] - np.maximum(first[order], covered[:-1]), 0.0).sum() / length)

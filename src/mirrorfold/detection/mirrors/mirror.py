@@ -1,4 +1,4 @@
-"""A mirror, as far as folding needs to know it: in the floor plan a line, in space a plane."""
+"""What every mirror provides to the steps of folding, straight or curved, in the floor plan or in space."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
 
 WALL_CELLS, WALL_WAVELENGTHS = 1.25, 40.0
-"""Echoes up to so many resolution cells, or wavelengths if that is less, behind a mirror leak from inside its wall.
-Building materials scatter from 1 to 3 cm deep at 0.3 THz, and waves reach the same number of wavelengths deep where a
-material loses the same share of them in each."""
+"""Depth behind a mirror, in resolution cells, or in wavelengths if that is less, up to which echoes come from inside
+its wall. At 0.3 THz, building materials scatter from 1 to 3 cm deep; a material with the same loss per wavelength lets
+waves in to the same number of wavelengths."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mirror(ABC):
-    """A mirror in the coordinates of the unfolded image: one that is seen through another is a ghost itself.
+    """A mirror, where the unfolded image shows it: a mirror that is seen through another one is a ghost itself.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Mirror(ABC):
     fill : float
         Share of its extent that its echoes fill.
     depth : float [m]
-        How deep the centre of power of its echoes lies behind its face.
+        Depth of the centroid of power of its echoes behind its face.
     """
 
     center: Array = field(init=False)
@@ -57,7 +57,7 @@ class Mirror(ABC):
     @property
     @abstractmethod
     def sides(self) -> Array:
-        """Where it begins and ends along each of its `tangents`, seen from its center, (d - 1, 2) [m]."""
+        """Where it begins and ends along each of its `tangents`, measured from its center, (d - 1, 2) [m]."""
 
     @abstractmethod
     def crossing(self, view: View) -> Array:
@@ -65,35 +65,47 @@ class Mirror(ABC):
 
     @abstractmethod
     def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
-        """Which echoes lie in the directions of its wall, which of its face; and the cell's width across it [m]."""
+        """Echoes beside the mirror: three arrays (n,), one value for each echo.
+
+        Whether it lies in the directions of the wall; whether it lies in those of the face; and the width of the
+        resolution cell across the mirror [m], within which echoes of the face lie.
+        """
 
     @abstractmethod
     def places(self, view: View) -> Array:
-        """Places on the mirror where the view is sampled across it, (n, d) [m]."""
+        """Places on the mirror at which profiles of power across it are taken, (n, d) [m]."""
 
     @abstractmethod
     def profiles(self, view: View, places: Array, depth: Array) -> tuple[Array, Array]:
-        """Vectors from places (n, d) to 1 m behind the face, (n, d), and the power at depths (n, m) [m] along them."""
+        """Profiles of power across the mirror at places (n, d).
+
+        Returns the vectors (n, d) along which they are taken, from each place to 1 m behind the face, and the power at
+        depths (n, m) [m] behind the face.
+        """
 
     @abstractmethod
     def independent(self, view: View) -> float:
-        """Number of resolution cells along it, each with a speckle of its own."""
+        """Number of resolution cells along the mirror, each with a speckle of its own."""
 
     @abstractmethod
     def moved(self, normal: Array, center: Array) -> Self:
-        """The mirror, as large as it is, on another line or plane, of that normal and through that point."""
+        """A mirror of the same extent on another line or plane, with that normal and through that point."""
 
     @abstractmethod
     def filled(self, view: View, echoes: Echoes) -> float:
-        """Share of its extent that echoes on it fill."""
+        """Share of its extent that echoes on the mirror fill."""
 
     @abstractmethod
     def snapped(self, view: View, echoes: Echoes) -> Echoes:
-        """Its echoes, moved onto it."""
+        """Its echoes, each moved onto the mirror."""
 
     @abstractmethod
     def pieces(self, view: View, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
-        """Cut it where `before`, the mirror that lines of sight met last, changes: mirrors, and what is too small."""
+        """Cut the mirror into pieces that are seen by way of different mirrors.
+
+        `before` (n,) is the number of the mirror that the line of sight of each `direction` (n,) crossed last before
+        this one; cuts are where it changes. Returns the pieces, and those that are too small next to `smallest` [m].
+        """
 
     @property
     def ends(self) -> Array:
@@ -102,17 +114,17 @@ class Mirror(ABC):
 
     @property
     def size(self) -> float:
-        """Distance of its ends [m]."""
+        """Distance between its ends [m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     def columns(self, fold: Fold) -> dict[str, Any]:
-        """What a file says of its place after a map: values by name, here those of the ends, x0, y0, x1 ..."""
+        """Its place after a map, as columns of a file: values by name, here those of the ends, x0, y0, x1 ..."""
         return {f"{axis}{end}": place[i] for end, place in enumerate(fold(self.ends))
                 for i, axis in zip(range(place.size), "xyz", strict=False)}  # fmt: skip
 
     @property
     def curved(self) -> bool:
-        """Whether it is curved: each line of sight meets a tangent of its own."""
+        """Whether the mirror is curved, so that each line of sight meets a tangent of its own."""
         return False
 
     @property
@@ -121,28 +133,32 @@ class Mirror(ABC):
         return 0.0
 
     def growth(self, points: Array) -> Array:
-        """By how much it widens the pencil of rays to points (n, d) behind it, along d - 1 directions, (n, d - 1)."""
+        """Factor by which its curvature widens the pencil of rays to points (n, d) behind it, (n, d - 1)."""
         return np.ones((len(points), len(self.tangents)))
 
     def holds(self, points: Array, beside: float, beyond: float) -> Mask:
-        """Whether points (n, d) lie on it, so far [m] beside its face and beyond its ends at most, (n,)."""
+        """Whether points (n, d) lie at most `beside` [m] from its face and `beyond` [m] past its ends, (n,)."""
         place, (first, last) = (points - self.center) @ self.tangents.T, self.sides.T
         inside = np.all((place >= first - beyond) & (place <= last + beyond), axis=-1)
         return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
 
     def facing(self, points: Array) -> tuple[Array, Array]:
-        """Place and unit normal (n, d) of the line or plane that the lines of sight through points (n, d) meet."""
+        """A point and the unit normal of the line or plane that the line of sight through each of points (n, d) meets.
+
+        Both (n, d); for a curved mirror it is the tangent there.
+        """
         return np.broadcast_to(self.center, points.shape), np.broadcast_to(self.normal, points.shape)
 
     @property
     def reflection(self) -> Isometry:
-        """The map from what is seen in the mirror to where it stands."""
+        """The map from where the image shows what is seen in the mirror to where it stands."""
         return Isometry.reflection(self.center, self.normal)
 
     def strays(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] of places (n, d) that move and turn with the mirror, from the errors of its fit.
+        """Covariance (n, d, d) [m^2] of places (n, d) fixed to the mirror, from the standard errors of its fit.
 
-        Images in the mirror move by twice as much. A mirror that was given is taken to stand where it was drawn.
+        These places move and turn with the mirror; images in the mirror move by twice as much. A given mirror, whose
+        errors are NaN, is taken to be exact.
         """
         offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
         square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
@@ -153,11 +169,11 @@ class Mirror(ABC):
         return total
 
     def beside(self, points: Array) -> Array:
-        """Signed distance [m] of points (..., d), positive on the side of `normal`."""
+        """Signed distance [m] of points (..., d) from its line or plane, positive on the side of `normal`."""
         return signed_distance(points, self.center, self.normal)
 
     def inward(self, view: View) -> Array:
-        """The normal that points away from the radar, (d,)."""
+        """The unit normal that points away from the radar, (d,)."""
         return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
 
     def own(self, view: View, echoes: Echoes) -> Mask:
@@ -171,10 +187,11 @@ class Mirror(ABC):
 
 
 class WayFold:
-    """The map from the image to the true place for what is seen by way of mirrors, at least one of them curved.
+    """The map from the image to the true place, for echoes seen by way of mirrors of which at least one is curved.
 
-    Each line of sight has an isometry of its own: it is reflected by the tangents that this same line of sight meets in
-    the image, the deepest first. Flat mirrors are the special case in which all lines of sight meet the same.
+    Each line of sight has an isometry of its own: its echoes are reflected by the tangents that this same line of sight
+    meets in the image, the deepest mirror first. Flat mirrors are the special case in which all lines of sight meet the
+    same tangents.
 
     Parameters
     ----------
@@ -208,7 +225,7 @@ Fold = Isometry | WayFold
 
 
 def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
-    """The map from the image to the true place for what is seen by way of mirrors, the first on the way first."""
+    """The map from the image to the true place for echoes seen by way of mirrors, of which the nearest comes first."""
     if any(mirror.curved for mirror in way):
         return WayFold(way)
     fold = Isometry.identity(dimensions)
@@ -223,16 +240,17 @@ def turns(fold: Fold, points: Array) -> Array:
 
 
 def evidence(echoes: Echoes, view: View) -> Echoes:
-    """What can prove a mirror: visible echoes; of an image only the strong ones, for faint ones form rows by chance."""
+    """Echoes that can prove a mirror: the visible ones; in images, where faint ones form rows by chance, if strong."""
     return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
 
 
 def faces(
     mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, nobody: int, root: int
 ) -> Index:
-    """The mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
+    """Number of the mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
 
-    Echoes behind a mirror belong to its wall up to the `wall_margin` [m], or to twice its own `depth` if that is more.
+    Echoes behind a mirror come from inside its wall up to the depth `wall_margin` [m], or twice the `depth` of the
+    mirror if that is more.
     """
     face = np.full(len(echoes), root, dtype=np.intp)
     nearest = np.full(len(echoes), np.inf)

@@ -1,8 +1,8 @@
-"""The walls of a known floor plan as mirrors: what the radar sees of them, and where it sees it in its image.
+"""The walls of a known floor plan as mirrors: which parts of them the radar sees, and where its image shows these.
 
 A wall that is seen by way of others appears in the unfolded image where these reflect it to, and only as far as they
-show it. So the lines of sight are followed from the radar, wall by wall, each as a ray that is reflected; straightened,
-the rays of one chain of walls meet the image of its last one.
+show it. So the lines of sight are followed from the radar, from wall to wall. Instead of the ray, the walls behind are
+reflected at each wall: the line of sight stays straight, as in the image, and meets the image of each next wall.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.errors import InputError
 
 LONGEST_CHAIN = 4
-"""Most walls on a way: each takes some decibels, so that longer ways show nothing."""
+"""Largest number of walls on a path: each takes some decibels, so that longer paths show nothing."""
 
 FEWEST_DIRECTIONS = 2 * SAMPLES_PER_CELL
-"""A wall seen in fewer lines of sight, two resolution cells, is no mirror to speak of."""
+"""Least number of neighbouring lines of sight that must meet a wall, two resolution cells: less shows hardly
+anything."""
 
 TOUCHING = 1e-6
-"""Share of the farthest range: a ray does not meet again, at its beginning, the wall that it comes from."""
+"""Least distance from one wall to the next on a path, as a share of the largest range: so that a ray does not meet the
+wall again that it comes from."""
 
 
 def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = None) -> Array:
@@ -33,20 +35,20 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
     ----------
     plan : FloorPlan
     view : View
-        Of an image.
+        The view of an image.
     generations : int, optional
-        Longest chain of walls; `LONGEST_CHAIN` by default.
+        Largest number of walls in a chain; `LONGEST_CHAIN` by default and at most.
 
     Returns
     -------
     (mirrors, 2, 2) array [m]
-        Both ends of each; of arcs, in files that mirrorfold has written, three points, (mirrors, 3, 2). A wall of which
-        the radar sees all keeps its ends; others end at the last line of sight that meets them.
+        Both ends of each mirror; three points each, (mirrors, 3, 2), if a file that mirrorfold has written holds arcs.
+        A wall keeps those ends that the radar sees; elsewhere it ends at the last line of sight that meets it.
 
     Raises
     ------
     InputError
-        If the view is that of a volume: a floor plan knows no heights.
+        If the view is that of a volume: a floor plan has no heights.
     """
     if not isinstance(view, ImageView):
         what = "is a floor plan, which has no heights; give four corners of each mirror (JSON)"
@@ -62,10 +64,11 @@ def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = No
 def _follow(
     view: ImageView, walls: Array, sight: Array, columns: Index, begin: Array, left: int, found: list[Array]
 ) -> None:  # fmt: skip
-    """Add the mirrors that lines of sight meet next, and follow those that are reflected.
+    """Add to `found` the mirrors that lines of sight meet next, and follow these lines behind each of them.
 
-    `walls` (n, 2, 2) are the true ones as these lines of sight see them: reflected in all mirrors so far. `begin` [m]
-    is how far along each of `columns` the last mirror stands.
+    `walls` (n, 2, 2) [m] are the walls as these lines of sight show them, reflected in all mirrors on the path so far.
+    `columns` (m,) are the numbers of the lines of sight, `begin` (m,) [m] the ranges at which they met the last mirror,
+    and `left` is how many more mirrors the path may have.
     """
     if not len(walls):
         return
@@ -77,7 +80,7 @@ def _follow(
     nearest, distance = range_.argmin(axis=0), range_.min(axis=0)
     for number in np.unique(nearest[np.isfinite(distance)]):
         wall, hit = walls[number], np.flatnonzero((nearest == number) & np.isfinite(distance))
-        # Columns in a row; where another wall stands in between, this one is seen in parts.
+        # Only neighbouring columns make one mirror: a wall with another one in front of its middle is seen in parts.
         for part in np.split(hit, np.flatnonzero(np.diff(columns[hit]) > 1) + 1):
             if part.size < FEWEST_DIRECTIONS:
                 continue
@@ -89,9 +92,10 @@ def _follow(
 
 
 def _visible(view: ImageView, wall: Array, outermost: Index, range_: Array) -> Array:
-    """The ends of what is seen of a wall, (2, 2): its own, where the next line of sight would pass beyond them.
+    """The ends of the part of a wall that is seen, (2, 2) [m], in the order of the wall's own ends.
 
-    The first and the last direction that meet it, `outermost`, do so at ranges [m].
+    `outermost` (2,) are the first and the last direction that meet the wall, at ranges (2,) [m]. An end is that of the
+    wall itself if it lies within one direction of the outermost one; else it is where that direction meets the wall.
     """
     met = view.points(range_, outermost)
     turn = slice(None, None, 1 if (wall[1] - wall[0]) @ (met[1] - met[0]) >= 0.0 else -1)

@@ -18,7 +18,7 @@ class PlaneMirror(BeamMirror):
     Attributes
     ----------
     center : (3,) array [m]
-        Mean of its face.
+        Middle of its face.
     normal : (3,) array
         Unit normal, towards the radar.
     outline, beams
@@ -30,20 +30,20 @@ class PlaneMirror(BeamMirror):
 
     @property
     def corners(self) -> Array:
-        """The rectangle around what is seen of it, its sides horizontal and upright, (4, 3) [m]."""
+        """The rectangle around the visible part of the plane, two of its sides horizontal, (4, 3) [m]."""
         (left, right), (low, high) = self.sides
         return self.center + np.array([[left, low], [right, low], [right, high], [left, high]]) @ self.tangents
 
     def met(self, view: VolumeView) -> Array:
-        """Where the axes of the beams meet its plane."""
+        """Range [m] at which the axes of the beams meet the plane, (beams,)."""
         return view.meets(self.normal, self.center)
 
     def moved(self, normal: Array, center: Array) -> PlaneMirror:
-        """With the same beams."""
+        """The mirror of the same beams on another plane, with that normal and through the point `center`."""
         middle = self.center - ((self.center - center) @ normal) * normal
         return replace(self, center=middle, normal=normal * np.sign(normal @ self.normal))
 
     def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
-        """The part of its plane that these beams show."""
+        """The part of the plane that the given beams show."""
         points = replace(self, beams=beams).places(view)
         return replace(self, center=points.mean(axis=0), outline=points, beams=beams)

@@ -1,7 +1,7 @@
 """A curved mirror in space: a cylinder or a sphere, with a tangent plane of its own for every line of sight.
 
-What a line of sight shows behind it is reflected by the plane that touches the surface where the line meets it. That is
-exact for the axis of the beam, whose echo the volume shows at the range of the whole way.
+An echo behind the surface is reflected by the tangent plane at the point where its line of sight meets the surface.
+That is exact for the axis of the beam, whose echo the volume shows at the length of the whole path.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ class RoundMirror(BeamMirror):
     Attributes
     ----------
     shape : RoundSurface
+        The whole cylinder or sphere.
     radar : (3,) array [m]
-        Where it is seen from.
+        Position of the radar.
     beam : tuple of float [m], optional
-        Of the scanner, as in `VolumeView`.
+        The beam of the scanner, as in `VolumeView`.
     curvature_error : float [1/m]
         Standard error of the curvature.
     outline, beams
@@ -52,17 +53,19 @@ class RoundMirror(BeamMirror):
 
     @property
     def curved(self) -> bool:
-        """It is."""
+        """True."""
         return True
 
     @property
     def curvature(self) -> float:
-        """One over the radius [1/m]: it bulges towards the radar."""
+        """One over the radius [1/m]; positive, as it bulges towards the radar."""
         return 1.0 / self.shape.radius
 
     @property
     def ends(self) -> Array:
-        """What is seen of it farthest to the left and to the right, at the height of its center, (2, 3) [m]."""
+        """The outermost visible points to the left and to the right, shifted along the axis of a cylinder to its
+        center, (2, 3) [m].
+        """
         across = (self.outline - self.center) @ self.tangents[0]
         found = self.outline[[np.argmin(across), np.argmax(across)]]
         return (
@@ -71,7 +74,9 @@ class RoundMirror(BeamMirror):
 
     @property
     def corners(self) -> Array:
-        """Of a cylinder both ends, down and up its axis; of a sphere what is seen farthest to all four sides."""
+        """Four points around its face, (4, 3) [m]: of a cylinder, its `ends` at either end of the axis; of a sphere,
+        the outermost visible points to all four sides.
+        """
         if not self.shape.axis.any():
             place = (self.outline - self.center) @ self.tangents.T
             return self.outline[[f(place[:, i]) for f in (np.argmin, np.argmax) for i in (0, 1)]]
@@ -81,13 +86,13 @@ class RoundMirror(BeamMirror):
         return np.stack([left + low, right + low, right + high, left + high])
 
     def met(self, view: VolumeView) -> Array:
-        """Where the axes of the beams enter the endless surface; infinite where they pass it by."""
+        """Range [m] at which the axes of the beams enter the endless surface, (beams,); infinite where they miss it."""
         return np.nan_to_num(self.shape.met(self.radar, view.sight), nan=np.inf)
 
     def facing(self, points: Array) -> tuple[Array, Array]:
-        """Where the lines of sight through points (n, 3) meet the surface, and its normals there, (n, 3) each.
+        """Points where the lines of sight through points (n, 3) meet the surface, and its normals there, (n, 3) each.
 
-        A line of sight that misses it is taken to meet it where it passes nearest.
+        A line of sight that misses the surface is taken to meet it at the point that it passes nearest.
         """
         sight = unit_or_zero(points - self.radar)
         range_ = self.shape.met(self.radar, sight)
@@ -96,18 +101,20 @@ class RoundMirror(BeamMirror):
         return hit, self.shape.outward(hit)
 
     def beside(self, points: Array) -> Array:
-        """Distance [m] of points (n, 3) from the planes that their lines of sight meet, positive before them."""
+        """Distance [m] of points (n, 3) from the tangent planes that their lines of sight meet, positive outside."""
         hit, normal = self.facing(points)
         return np.asarray(np.sum((points - hit) * normal, axis=-1))
 
     def behind(self, view: VolumeView, points: Array) -> Array:  # type: ignore[override]
-        """How far [m] points (n, 3) lie behind these planes."""
+        """How far [m] points (n, 3) lie behind the tangent planes that their lines of sight meet."""
         return -self.beside(points)
 
     def growth(self, points: Array) -> Array:
-        """Radius of the beam at the true places of points (n, 3) of the image, over that of a beam that goes straight.
+        """Factor by which the mirror widens the beam at the true places of points (n, 3) of the image, (n, 2).
 
-        Along both principal directions of the mirror, (n, 2); that of thin pencils of rays where the beam is not known.
+        It is the radius of the beam over that behind a flat mirror, along both principal directions of the mirror.
+        Where the beam is not known, it is that of thin pencils of rays, ``1 + p r1 s / (r1 + s)``, with p the curvature
+        [1/m] that the mirror adds to the waves.
         """
         hit, normal = self.facing(points)
         sight, way = hit - self.radar, np.linalg.norm(points - self.radar, axis=-1)
@@ -121,18 +128,20 @@ class RoundMirror(BeamMirror):
         return np.asarray(width / straight)
 
     def moved(self, normal: Array, center: Array) -> RoundMirror:
-        """The same surface, shifted along a normal."""
+        """The same surface, shifted along `normal` until its own center is level with the point `center`."""
         shift = ((center - self.center) @ normal) * normal
         return replace(self, shape=replace(self.shape, middle=self.shape.middle + shift), outline=self.outline + shift)
 
     def shown(self, view: VolumeView, beams: Mask) -> RoundMirror:
-        """The part of its surface that these beams show."""
+        """The part of the surface that the given beams show."""
         range_ = self.met(view)
         beams = beams & np.isfinite(range_)
         return replace(self, beams=beams, outline=view.points(range_[beams], np.flatnonzero(beams)))
 
     def strays(self, places: Array) -> Array:
-        """Covariance (n, 3, 3) [m^2] by which places turned about their own planes follow the errors of the surface."""
+        """Covariance (n, 3, 3) [m^2] of places (n, 3), each fixed to the tangent plane that its line of sight meets,
+        from the standard errors of the surface.
+        """
         hit, normal = self.facing(places)
         offset, way = places - hit, np.linalg.norm(self.shape.across(hit - self.center), axis=1)
         shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
@@ -146,6 +155,6 @@ class RoundMirror(BeamMirror):
         return np.asarray(total)
 
     def columns(self, fold: Fold) -> dict[str, Any]:
-        """The axis of a cylinder, too; zero for a sphere."""
+        """Columns as of any `BeamMirror`, and the axis of a cylinder; zero for a sphere."""
         axis = fold(self.center + self.shape.axis) - fold(self.center)
         return super().columns(fold) | {f"axis_{name}": axis[i] for i, name in enumerate("xyz")}
