@@ -1,9 +1,9 @@
-"""Step 2, second half: flat rows or sheets of echoes are mirrors.
+"""Step 2, second half: straight rows or flat sheets of echoes are mirrors.
 
-What the floor plan and space have in common: few echoes of a neighbourhood propose a line or a plane, all echoes vote
-(random sample consensus: Fischler and Bolles, Comm. ACM 24, 1981), and the proposal with the most votes grows to the
-unbroken row or sheet about it. It is a mirror if it is large enough, filled and flat. The search goes on among the
-echoes that are left.
+This file holds what the search for lines and that for planes have in common. A few neighbouring echoes propose a line
+or a plane, and all echoes vote for the proposals that they lie on (random sample consensus: Fischler and Bolles, Comm.
+ACM 24, 1981). The proposal with the most votes grows to an unbroken row or sheet of echoes. It is a mirror if it is
+large enough, filled with echoes, and flat. The search goes on among the remaining echoes.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ from mirrorfold.detection.search.fit import flat
 from mirrorfold.detection.views.view import View
 
 CLIP = 2.0
-"""Echoes weigh with their amplitude up to this many times the median, so that glints do not steer a fit."""
+"""Largest weight of an echo, in multiples of the median amplitude: so glints do not dominate a fit. Up to that, echoes
+weigh with their amplitude."""
 
 PROPOSALS = 200
-"""Groups of echoes drawn for each mirror. Of a wall that holds a third of the echoes one in ten falls on it, so that
-the chance that none of all these does is ``0.9^200``."""
+"""Number of groups of echoes that propose a line or plane, for each mirror. If a wall holds a third of all echoes, one
+group in ten lies on it, and the probability that none does is ``0.9^200``."""
 
 JUDGES = 1500
-"""So many echoes, evenly drawn, propose and vote."""
+"""Largest number of echoes that propose and vote, evenly drawn from all."""
 
 REACH_CELLS = 8.0
-"""Largest distance of the others of a group from its first echo, in resolution cells: they lie within one wall."""
+"""Largest distance, in resolution cells, between the first echo of a group and its other echoes: one wall is larger."""
 
 NEAR = 0.6
-"""Echoes of a row or sheet lie within this part of the resolution cell across it: half a cell to either side is its
-own, and the first proposal is not yet the best."""
+"""Largest distance of echoes from their row or sheet, as a share of the resolution cell across it: the cell itself
+reaches over 0.5, and the first proposal is not yet the best."""
 
 ROUNDS = 4
-"""A proposal is fitted to its echoes so many times; then it no longer moves."""
+"""Number of times that a proposal is fitted to its echoes; then it no longer moves."""
 
 M = TypeVar("M", bound=Mirror)
 
@@ -51,22 +52,22 @@ class Search(ABC, Generic[M]):
     Parameters
     ----------
     echoes : Echoes
-        See `evidence`.
+        The search takes those that are `evidence`.
     view : View
     minimum_length : float [m]
-        Of a mirror, or its smallest width and height.
+        Least length of a mirror, or least width and height.
     tested : bool
         Whether a mirror must be filled and flat, not only large enough.
     """
 
     fewest: int
-    """A row or sheet of fewer echoes says too little about its direction."""
+    """Least number of echoes of a row or sheet: fewer say too little about its direction."""
     sagitta: float
-    """What bulges by more than this many resolution cells is a curved object, not a flat mirror."""
+    """Largest bulge of a flat mirror, in resolution cells; a row or sheet that bulges more is a curved object."""
     misses: int
-    """After so many proposals in a row that are no mirrors there are no more."""
+    """Number of failed proposals in a row that is tolerated: after one more, the search ends."""
     strong_share = 1.0
-    """Share of its least length that the strong echoes of a mirror must have, where faint ones continue it."""
+    """Share of the least length that the strong echoes of a mirror must cover, if faint ones continue it."""
 
     def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
@@ -78,34 +79,34 @@ class Search(ABC, Generic[M]):
 
     @abstractmethod
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[M, Index]:
-        """The mirror that echoes near a line or plane make up, unbroken, and those of them that lie on it."""
+        """The mirror that the echoes `near` a line or plane form without a gap, and the numbers of its echoes."""
 
     def shortest(self, mirror: M) -> float:
-        """Least length [m] of that mirror, or width and height."""
+        """Least length [m] that this mirror must have, or least width and height."""
         return self.minimum_length
 
     def long_enough(self, mirror: M, share: float = 1.0) -> bool:
-        """Whether a mirror has that share of its least length."""
+        """Whether a mirror has at least the given share of its least length, or width and height."""
         return bool(np.ptp(mirror.sides, axis=1).min() >= share * self.shortest(mirror))
 
     @abstractmethod
     def passes(self, mirror: M) -> bool:
-        """Whether a large and flat mirror passes the tests of its kind, too."""
+        """Whether a large and flat mirror also passes the tests that only its kind has."""
 
     def bulges(self, mirror: M, member: Index) -> bool:
-        """Whether the echoes on a mirror are those of a curved object."""
+        """Whether the echoes of a mirror bulge so much that they are those of a curved object."""
         return sagitta(mirror, self.echoes.position[member]) > self.sagitta * self.view.cell_at(mirror.center)
 
     def straight_part(self, mirror: M, member: Index) -> tuple[M, Index] | None:
-        """A flat mirror in one that bulges, and the echoes on it; None if there is none."""
+        """The flat part of a mirror that bulges, and the numbers of its echoes; None if it has none."""
         return None
 
     @abstractmethod
     def refined(self, mirror: M) -> M | None:
-        """The mirror fitted to the image or volume itself; None if that shows no mirror."""
+        """The mirror, fitted to the image or volume itself; None if that shows no mirror there."""
 
     def find(self, enough: float) -> list[M]:
-        """Mirrors from the one with the most votes on; proposals with less than `enough` are none."""
+        """All mirrors, that with the most votes first. The search ends at a proposal with fewer votes than `enough`."""
         free = np.ones(len(self.echoes), dtype=bool)
         found: list[M] = []
         missed = 0
@@ -114,7 +115,7 @@ class Search(ABC, Generic[M]):
             if votes < enough:
                 break
             mirror, taken = self._grown(normal, center, free)
-            # A row that side lobes of a glint make beside a wall is the wall once more.
+            # Side lobes of a glint may make another row beside a wall: it is no mirror of its own.
             if mirror is not None and not any(lies_on(mirror, other, self.view) for other in found):
                 found.append(mirror)
             missed = 0 if mirror is not None else missed + 1
@@ -124,7 +125,11 @@ class Search(ABC, Generic[M]):
         return found
 
     def _proposed(self, free: Index) -> tuple[Array, Array, float]:
-        """Normal, a point and the votes of the line or plane near most echoes, by their weight."""
+        """The proposed line or plane with the most votes: its normal, a point on it, and the votes.
+
+        Groups of `free` echoes propose. An echo within half a resolution cell of a proposal votes for it with its
+        weight.
+        """
         judge = drawn(free)
         points, weight = self.echoes.position[judge], self.weight[judge]
         seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
@@ -139,7 +144,10 @@ class Search(ABC, Generic[M]):
         return normal[best], points[seeds[best]], float(votes[best]) * free.size / judge.size
 
     def _grown(self, normal: Array, center: Array, free: Mask) -> tuple[M | None, Index]:
-        """The mirror that a proposal grows to, None if it is none; and the echoes to take out of the search."""
+        """Grow a proposed line or plane to a mirror, from the echoes that are still `free`.
+
+        Returns the mirror, None if it fails a test; and the numbers of the echoes to take out of the search.
+        """
         points, member = self.echoes.position, np.flatnonzero(free)
         for i in range(ROUNDS + 1):
             distance, square = points @ normal - center @ normal, self.square(normal)
@@ -174,12 +182,14 @@ class Search(ABC, Generic[M]):
 
 
 def drawn(free: Index) -> Index:
-    """As many as `JUDGES` of the numbers of echoes that are free, (n,), evenly drawn."""
+    """At most `JUDGES` of the numbers (n,) of free echoes, evenly drawn."""
     return free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
 
 
 def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:
-    """Whether a mirror lies on another one, within a resolution cell."""
+    """Whether a mirror lies on the line or plane of another one, to within a resolution cell, and its center between
+    the ends of that.
+    """
     corners = mirror.center + np.array(list(product(*mirror.sides))) @ mirror.tangents
     beside = np.abs(other.beside(corners)) <= view.extent(corners, other.normal)
     place = (mirror.center - other.center) @ other.tangents.T
@@ -187,7 +197,10 @@ def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:
 
 
 def sagitta(mirror: Mirror, points: Array) -> float:
-    """How far [m] the best paraboloid through points (n, d) bulges over the extent of a mirror."""
+    """Bulge [m], over half the extent of a mirror, of the best parabola or paraboloid through points (n, d).
+
+    A paraboloid bulges along both directions; the larger bulge counts.
+    """
     middle, half = mirror.sides.mean(axis=1), 0.5 * np.ptp(mirror.sides, axis=1)
     place = ((points - mirror.center) @ mirror.tangents.T - middle) / half
     i, j = np.triu_indices(len(half))

@@ -1,4 +1,8 @@
-"""Step 2 in the floor plan: unbroken, straight rows of echoes are mirrors, if they stand out of their surroundings."""
+"""Step 2 in the floor plan: unbroken, straight rows of echoes are mirrors, if they stand out of their surroundings.
+
+The search is that of `growing`. What lines add: a row goes on along faint echoes; bright objects and other walls at its
+ends are cut off; it is fitted to the image; and where the wall scatters from inside, the line moves to its face.
+"""
 
 from __future__ import annotations
 
@@ -19,113 +23,123 @@ from mirrorfold.detection.search.rows import heaviest_row
 from mirrorfold.detection.views.image_view import ImageView
 
 MINIMUM_CELLS = 7.75
-"""Shortest mirror in resolution cells: the row of echoes of a shorter one says too little about its direction."""
+"""Least length of a mirror, in resolution cells: a shorter row of echoes says too little about its direction."""
 
 STRONG_SHARE = 0.65
-"""Share of that length, five cells, that its strong echoes must cover where faint ones continue them: beside a
-smooth object, which is bright, half of a wall may lie below the threshold."""
+"""Share of the least length, five cells, that strong echoes must cover if faint ones continue the row: beside a smooth,
+bright object, half of a wall may lie below the threshold."""
 
 GLINT, GLINT_CELLS = 0.9, 4.0
-"""A row that faces the array may be as short as this share of the glint of a smooth wall, where that is so many cells
-long: the glint of a bulging wall of radius R at the distance r is R / (R + r) of it, that of a point one cell."""
+"""A row that faces the array may be shorter than others: at least `GLINT` times as long as the glint of a smooth wall,
+where that is at least `GLINT_CELLS` resolution cells. Other glints are shorter: at the distance r, that of a bulging
+wall of radius R has ``R / (R + r)`` of the length, that of a point is one cell long."""
 
 DARK_CELLS, SHINES, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
-"""Beyond a gap of `DARK_CELLS` resolution cells, echoes are no part of a wall where their power exceeds the wall's by
-8 dB, each in the mean over `BESIDE_CELLS` beside the gap: a wall fades slowly, and the mean of four speckles strays by
-2 dB. Of 595 rough walls 8 had such an end. Where it faces the radar, a wall itself may be as bright."""
+"""A row of a wall ends at a gap of more than `DARK_CELLS` resolution cells, if beyond it the power is `SHINES` times
+(8 dB) that of the wall. Both are means over `BESIDE_CELLS` cells beside the gap: a wall fades slowly, and the mean of
+four speckles strays by 2 dB. Of 595 rough walls 8 lost an end so. A wall that faces the radar may be as bright itself,
+and is not cut there."""
 
 SMALLEST_FILL = 0.55
-"""Share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
+"""Least share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
 
 SMALLEST_FILL_SHORT = 0.85
-"""The same for a mirror of the minimum length, falling to the above at twice that: clutter makes short rows by chance,
-filled by up to 85 %, but no long ones."""
+"""The same for a mirror of the minimum length, falling to `SMALLEST_FILL` at twice that length: by chance, clutter
+makes short rows that are filled by up to 85 %, but no long ones."""
 
 SMALLEST_CONTRAST = 2.0
-"""Echoes on a mirror's line over those in a band of equal width in front of it: clutter has a ratio near one."""
+"""Least ratio of the weight of the echoes on a mirror's line to that in a band of equal width in front of it: clutter
+has a ratio near one."""
 
 ON_LINE, BEFORE_LINE = 0.75, (1.0, 2.5)
-"""Half the width of a mirror's own band, and where the band in front begins and ends, in cells across it: both hold 1.5
-cells."""
+"""Half-width of the band on a mirror's line, and where the band in front of it begins and ends, in resolution cells
+across the line: both are 1.5 cells wide."""
 
 LOBE = 0.75, 0.5, 4.0
-"""Half-length of the profiles across a mirror, in cells across it; the amplitude relative to the peak down to which
-their main lobe is taken, the cell's own definition; and the power, over the median, up to which they weigh with it."""
+"""Arguments `reach`, `lobe` and `clip` of `centres` for lines: half-length of the profiles across the mirror, in
+resolution cells across it; least amplitude of their main lobe relative to the peak, as in the definition of the cell;
+and largest weight, in multiples of the median power."""
 
 DEEP = 0.1
-"""A line that was fitted this many range cells behind the face of its wall is turned by speckle inside the wall."""
+"""Least depth, in range cells, of a fitted line behind the face of its wall, from which on speckle inside the wall may
+have turned the line."""
 
 STRAY = 0.2
-"""Where the centres of power stray by less than this share of their depth behind the face, the pulse rings, and the
-wall is not thick: its echo is drawn out alike all along. In walls that scatter inside, or at their back, the centres
-stray from speckle to speckle by half the depth in the median, and by less than 0.25 of it in two of 160."""
+"""If the centroids of power stray by less than this share of their depth behind the face, the wall is not thick, but
+the pulse rings: the echo is drawn out alike all along the wall. In walls that scatter inside, or at their back,
+centroids stray from speckle to speckle by half the depth in the median, and by less than 0.25 of it in two of 160
+walls."""
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
-"""How far [degree] the speckle of a thick wall may have turned the line through it: 1 cm of depth over 1 m. And angles
-that are tried: over all of it, and between the neighbours of the best."""
+"""Largest angle [degree] by which the speckle of a thick wall may have turned the line through it: 1 cm of depth over
+1 m. And numbers of angles that are tried: over that interval, and then between the neighbours of the best angle."""
 
 BREAK = 10.0
-"""A row is two if two lines that need not touch are likelier than one by this much, in twice the logarithm of the
-likelihoods' ratio: ``n ln(s_1 / s_2)``, with s the squares that one line and two leave of n places, each with a speckle
-of its own. Of 700 rough walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of a hundred."""
+"""Least value of ``n ln(s_1 / s_2)`` for which a row is taken for two: s_1 and s_2 are the sums of squared residuals of
+one line and of two lines that need not touch, and n the number of places with independent speckle. This is twice the
+logarithm of the likelihood ratio. Of 700 rough walls, 7 to 32 cells long, it was more in one, and less than 8 in 99 of
+a hundred."""
 
 LOBE_SPREAD, SPREAD_CELLS = 0.08, 1.25
-"""Variance of the power across a thin wall about its centre, in square cells, up to `SPREAD_CELLS` to either side: 0.07
-to 0.09. Walls that scatter from inside have 0.1 to 0.4, and their centres stray by their depth, so that one in ten, a
-metre long, would exceed `BREAK`. Hence `BREAK` grows with the median variance of a row over that of a thin wall. But
-only in line of sight: behind objects, wide rows are mostly multiple scattering."""
+"""Variance of the power across a thin wall about its centroid, in squared resolution cells, over `SPREAD_CELLS` cells
+to either side: it is 0.07 to 0.09. Walls that scatter from inside have 0.1 to 0.4, and their centroids stray by their
+depth, so that one in ten such walls of a metre would exceed `BREAK`. So `BREAK` is multiplied by the median variance of
+a row over `LOBE_SPREAD`; but only in line of sight, for wide rows behind objects are mostly multiple scattering."""
 
 SPREAD_SAMPLES = 21
-"""Samples of such a profile."""
+"""Number of samples of the profiles from which that variance is computed."""
 
 NO_BOW = 0.9
-"""A row that bulges is a wall with an object at its end if two lines leave less than this share of the squares that a
-bow leaves. Of rows of arcs they leave 0.96 and more, of the row of a wall between two round objects they left 0.82."""
+"""Largest sum of squared residuals of two lines, relative to that of a parabola, at which a row that bulges is a wall
+with an object at its end. It is 0.96 and more for rows of arcs, and was 0.82 for a wall between two round objects."""
 
 BEHIND = 2.0
-"""Half-length, in cells across the wall, of the profiles that show what scatters behind its front."""
+"""Half-length, in resolution cells across the wall, of the profiles that show what scatters behind its face."""
 
 LEVEL_CELLS = 8.0
-"""Resolution cells along a wall over which its speckle is averaged to tell how bright the wall is there."""
+"""Resolution cells along a wall over which its speckle is averaged to estimate the brightness of the wall there."""
 
 SPECKLE_SAMPLES = 241
-"""Samples of the profiles that are turned with the line, so close that straight lines join them."""
+"""Number of samples of the profiles that are turned with the line: close enough for linear interpolation."""
 
 SPECKLE_FLOOR = 1e-4
-"""Power, relative to the wall's, that speckle cannot be told from noise and side lobes below."""
+"""Power, relative to the wall's, below which speckle cannot be told from noise and side lobes."""
 
 
 def find_lines(echoes: Echoes, view: ImageView, *, minimum_length: float, tested: bool = True) -> list[LineMirror]:
-    """Straight mirrors among the visible echoes of an image, strongest first: see `Search`.
+    """Straight mirrors among the visible echoes of an image, that with the most votes first: see `Search`.
 
-    Strong echoes are evidence, faint ones continue it.
+    Strong echoes are evidence of a mirror; faint ones continue it.
     """
-    # Less than this many votes cannot be a filled row of the minimum length, even of faint echoes.
+    # A filled row of the minimum length has more votes, even of echoes with a quarter of the median amplitude.
     enough = 0.25 * minimum_length * SMALLEST_FILL
     return _Lines(echoes, view, minimum_length, tested).find(enough)
 
 
 class _Lines(Search[LineMirror]):
-    """Rows of echoes."""
+    """The search for straight rows of echoes."""
 
     fewest, sagitta, misses, strong_share = 3, 0.3, 100, STRONG_SHARE
     view: ImageView
 
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[LineMirror, Index]:
-        """The heaviest unbroken row."""
+        """The unbroken row of echoes that has the most weight, along a line."""
         line = LineMirror(center, center + np.array([normal[1], -normal[0]]))
         position = line.along(self.echoes.position[near])
         row = heaviest_row(position, np.sqrt(self.square(line.direction, near)), self.weight[near])
         return line.part(position[row].min(), position[row].max()), np.sort(near[row])
 
     def shortest(self, mirror: LineMirror) -> float:
-        """As given; of a mirror that faces the radar its glint, if that is shorter and can be told from a point's."""
+        """The minimum length; for a mirror that faces the radar, `GLINT` times a glint if that is shorter.
+
+        The mirror faces the radar where the foot of the perpendicular from the radar lies on it.
+        """
         glint, foot = GLINT * self.view.glint, float(mirror.along(self.view.radar))
-        told = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
-        return min(self.minimum_length, glint) if told and 0.0 <= foot <= mirror.length else self.minimum_length
+        resolved = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
+        return min(self.minimum_length, glint) if resolved and 0.0 <= foot <= mirror.length else self.minimum_length
 
     def straight_part(self, mirror: LineMirror, member: Index) -> tuple[LineMirror, Index] | None:
-        """The wall in a row that bulges because objects stand at its ends; None if the row is a bow."""
+        """The wall in a row that bulges only because objects stand at its ends; None if the row is evenly curved."""
         for _ in range(2):  # an object may stand at either end
             points = self.echoes.position[member]
             along, beside = mirror.along(points), mirror.beside(points)
@@ -142,7 +156,7 @@ class _Lines(Search[LineMirror]):
         return None
 
     def passes(self, mirror: LineMirror) -> bool:
-        """Whether its echoes fill it and outweigh those in a band of the same width in front of it."""
+        """Whether echoes fill the mirror, and outweigh those in a band of the same width in front of it."""
         short = np.clip(2.0 - mirror.length / self.minimum_length, 0.0, 1.0)
         if mirror.fill < SMALLEST_FILL + short * (SMALLEST_FILL_SHORT - SMALLEST_FILL):
             return False
@@ -154,12 +168,12 @@ class _Lines(Search[LineMirror]):
         return bool(weight[np.abs(before) <= ON_LINE * across].sum() >= SMALLEST_CONTRAST * weight[in_front].sum())
 
     def refined(self, mirror: LineMirror) -> LineMirror:
-        """The mirror as far as its row, faint echoes included, goes on, fitted to the image."""
+        """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image."""
         points = self.every.position[self.every.visible]
         on_it = np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)
         near = points[on_it]
         position = mirror.along(near)
-        # Its own echoes outweigh any other row on the same line.
+        # With these weights, the row chosen is the mirror's own, not another one on the same line.
         weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
         row = heaviest_row(position, self.view.extent(near, mirror.direction), weight)
         longer = mirror.part(min(float(position[row].min()), 0.0), max(float(position[row].max()), mirror.length))
@@ -178,7 +192,10 @@ class _Lines(Search[LineMirror]):
         return _parallel_to_speckle(face, self.view) if front.depth > DEEP * self.view.range_cell else face
 
     def _without_shining_ends(self, mirror: LineMirror, own: Echoes) -> LineMirror:
-        """The mirror without bright objects at its ends, beyond gaps of its row; all of them in line of sight."""
+        """The mirror without bright objects at its ends, as explained at `DARK_CELLS`.
+
+        `own` are the echoes of its row. A bright end is cut off only where nothing stands before it.
+        """
         own = own.take(np.argsort(mirror.along(own.position)))
         place, power = mirror.along(own.position), own.amplitude**2
         cell, foot = self.view.extent(own.position, mirror.direction), float(mirror.along(self.view.radar))
@@ -202,27 +219,27 @@ class _Lines(Search[LineMirror]):
         return part if part.length >= self.shortest(part) else mirror
 
     def _nothing_before(self, mirror: LineMirror) -> Mask:
-        """In which directions no echo stands before the mirror, (nu,)."""
+        """Directions in which no strong echo stands in front of the mirror, by more than an object's depth, (nu,)."""
         crossing = mirror.crossing(self.view)
         return np.asarray(~np.isfinite(crossing) | (self._nearest > crossing - self.view.object_depth(crossing)))
 
     @cached_property
     def _nearest(self) -> Array:
-        """Range of the first echo in each direction, (nu,) [m]."""
+        """Range of the first strong echo in each direction, (nu,) [m]; infinite where there is none."""
         nearest = np.full(len(self.view.sight), np.inf)
         np.minimum.at(nearest, self.echoes.direction, self.echoes.range)
         return nearest
 
     def _in_sight(self, mirror: LineMirror) -> bool:
-        """Whether nothing stands before most of the mirror."""
+        """Whether most of the mirror has nothing in front of it."""
         met = np.isfinite(mirror.crossing(self.view))
         return bool(2 * np.count_nonzero(self._nothing_before(mirror) & met) > np.count_nonzero(met))
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
-        """The longer part of a row that is two: a wall, and what stands at its end almost on the same line."""
+        """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line."""
         points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # bright places say no more than others
         along, beside = mirror.along(points), mirror.beside(points)
-        # The last cell at either end shows the neighbouring wall, too, as in the corner of a room.
+        # The last cell at either end may also show the neighbouring wall, as in the corner of a room.
         first, last = self.view.extent(mirror.ends, mirror.direction)
         inside = (along >= first) & (along <= mirror.length - last)
         if np.count_nonzero(inside) < FEWEST_PLACES:
@@ -237,7 +254,7 @@ class _Lines(Search[LineMirror]):
 
 
 def _spread(mirror: LineMirror, view: ImageView) -> float:
-    """Median variance of the power across a mirror about the centre of each profile, in squared cells."""
+    """Median variance of the power across a mirror about the centroid of each profile, in squared resolution cells."""
     places, across = mirror.places(view), np.linspace(-SPREAD_CELLS, SPREAD_CELLS, SPREAD_SAMPLES)
     power = mirror.profiles(view, places, view.extent(places, mirror.normal)[:, None] * across)[1]
     total = np.maximum(power.sum(axis=1), np.finfo(float).tiny)
@@ -245,11 +262,12 @@ def _spread(mirror: LineMirror, view: ImageView) -> float:
 
 
 def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
-    """A thick wall's mirror, turned about its middle to where the wall's speckle is likeliest.
+    """The mirror of a thick wall, turned about its middle to the angle at which the wall's speckle is likeliest.
 
-    The power of speckle is distributed exponentially about its mean (Goodman 2007), which depends on the depth behind
-    the face alone. With the mean at each depth taken from the wall itself, the likelihood is largest where the mean of
-    the depths' logarithmic means is smallest: a line askew smears the wall's steep front.
+    The power of speckle is distributed exponentially (Goodman 2007), with a mean that depends on the depth z behind the
+    face alone. With that mean, m(z), taken from the wall itself, the likelihood is largest where the mean of ``ln
+    m(z)`` over all depths is smallest. A line askew to the wall smears the steep front of m(z) and makes that mean
+    larger.
     """
     places = mirror.places(view)
     across = view.extent(places, mirror.normal)
@@ -257,13 +275,13 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
     width = round(LEVEL_CELLS * len(places) / mirror.independent(view))
     level = uniform_filter1d(power.max(axis=1), max(1, width), mode="nearest")
     power /= np.maximum(level, np.finfo(float).tiny)[:, None]
-    # Turning the line by an angle moves each profile along itself.
+    # If the line turns by an angle a, each profile is shifted along itself by ``tan(a) samples``.
     samples = (places - mirror.center) @ mirror.direction / (across * 2.0 * BEHIND / (SPECKLE_SAMPLES - 1))
 
     def unlikelihood(angle: float) -> float:
         shift = np.tan(angle) * samples
         whole = np.floor(shift).astype(np.intp)
-        # Profiles in a row that move by as many whole samples are added up before they are moved.
+        # Neighbouring profiles that are shifted by the same number of whole samples are added up before the shift.
         first = np.flatnonzero(np.diff(whole, prepend=whole[0] + 1))
         turned = np.zeros(SPECKLE_SAMPLES)
         for more, share in ((0, 1.0 - shift + whole), (1, shift - whole)):

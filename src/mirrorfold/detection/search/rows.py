@@ -1,4 +1,4 @@
-"""Rows of echoes along a line or an arc: where they break off."""
+"""Unbroken rows of echoes along a line or an arc."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ import numpy as np
 from mirrorfold.common.types import Array, Index, Mask
 
 GAP_CELLS = 3.0
-"""A row of echoes ends at a gap of this many resolution cells: speckle fades over one or two."""
+"""Largest gap in a row of echoes, in resolution cells: speckle fades over one or two."""
 
 
 def heaviest_row(position: Array, cell: Array, weight: Array) -> Index:
-    """The unbroken row with the most weight, of echoes at positions [m] along a line, each with its cell there [m]."""
+    """Numbers of the echoes of the unbroken row that has the most weight.
+
+    `position` (n,) [m] are the echoes' positions along a line, and `cell` (n,) [m] the extents of the resolution cell
+    along it.
+    """
     order = np.argsort(position)
     position, cell = position[order], cell[order]
     gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
@@ -20,6 +24,6 @@ def heaviest_row(position: Array, cell: Array, weight: Array) -> Index:
 
 
 def longest_run(mask: Mask) -> slice | None:
-    """The longest run of neighbouring places that a mask (n,) marks; None if it marks none."""
+    """The longest run of neighbouring True values in a mask (n,); None if there are none."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
     return slice(*edges[np.argmax(np.diff(edges))].tolist()) if len(edges) else None
