@@ -1,4 +1,4 @@
-"""Step 2 in space: flat sheets of echoes are mirrors; their extent is the set of beams that show them."""
+"""Step 2 in space: flat sheets of echoes are mirrors. Their extent is the set of beams that show them."""
 
 from __future__ import annotations
 
@@ -17,47 +17,53 @@ from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
 MINIMUM_CELLS = 7.5
-"""Smallest width and height of a mirror in resolution cells: any surface is flat over a few of them, and a cloud of
-single echoes may be by chance."""
+"""Least width and height of a mirror, in resolution cells: any surface is flat over a few cells, and a few single
+echoes may lie in a plane by chance."""
 
 SMALLEST_FILL = 0.5
-"""Share of its beams in which a mirror's own echo must stand."""
+"""Least share of a mirror's beams that must hold one of its own echoes."""
 
 GAP_BEAMS = 3
-"""A wall goes on behind gaps of this many beams: speckle fades over one or two."""
+"""Largest gap in a wall, in beams: speckle fades over one or two."""
 
 LARGEST_DEVIATION = 1.2
-"""Deviation of a mirror's centroids, relative to the footprint of the beam and `INSIDE_CELLS` together: walls show
-up to 0.8, for they average over the footprint, the flattest parts of a body 1.3 and more."""
+"""Largest standard deviation of the centroids of power from a mirror's plane, relative to ``hypot(a, b)``, with a the
+standard deviation of power in the footprint of the beam, and b that of `INSIDE_CELLS`. Walls, which average over the
+footprint, have up to 0.8; the flattest parts of a body 1.3 and more."""
 
 INSIDE_CELLS = 0.065
-"""What volume scattering adds at most to the deviation of a wall's centroids, in resolution cells."""
+"""Largest standard deviation, in resolution cells, that scattering from inside a wall adds to that of its centroids."""
 
 DEPTH_CHANGE = 0.15
-"""By so much of itself the depth of the centroids may change from one end of a wall to the other, as beams meet it more
-and more askew: what scatters inside turns the plane."""
+"""Largest change of the depth of the centroids from one end of a wall to the other, as a share of that depth, as beams
+meet the wall more and more askew: so scattering from inside turns the plane."""
 
 PROFILE = 1.7, 0.01, 0.01
-"""As `LOBE` of lines, but with all of the footprint and what scatters inside. All places weigh alike: bright ones lie
+"""Arguments `reach`, `lobe` and `clip` of `centres` for planes. Unlike `LOBE` of lines, the profiles hold the whole
+footprint and all that scatters inside. All places have the same weight, because the centroids of bright ones lie
 deeper."""
 
 
 def find_planes(echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True) -> list[PlaneMirror]:
-    """Plane mirrors among the visible echoes of a volume, from the largest: see `Search`."""
+    """Plane mirrors among the visible echoes of a volume, that of the most beams first: see `Search`."""
     found = _Planes(echoes, view, minimum_length, tested).find(enough=0.0)
     return sorted(found, key=lambda mirror: -float(mirror.beams.sum()))
 
 
 class _Planes(Search[PlaneMirror]):
-    """Sheets of echoes. A sheet of a hundred cells tells a bulge twice as well as a row of ten."""
+    """The search for flat sheets of echoes.
+
+    The limit `sagitta` is half of that of lines: a sheet of a hundred cells shows a bulge twice as well as a row of
+    ten.
+    """
 
     fewest, sagitta, misses = 30, 0.16, 2
     view: VolumeView
 
     def patch(self, normal: Array, center: Array, near: Index) -> tuple[PlaneMirror, Index]:
-        """The largest connected set of beams that show a plane, its small gaps closed."""
+        """The mirror of the largest connected set of beams that show a plane, its small gaps closed."""
         beam = self.echoes.direction[near]
-        # Threads of chance echoes, up to four beams wide, do not join two walls.
+        # Thin strips of chance echoes, up to four beams wide, do not join two walls.
         largest = binary_fill_holes(largest_sheet(beam, self.view.shape, thinnest=2))
         beams = largest.ravel() & (self.view.meets(normal, center) <= self.view.range[-1])
         towards = normal * -np.sign((center - self.view.radar) @ normal)
@@ -65,11 +71,11 @@ class _Planes(Search[PlaneMirror]):
         return mirror.shown(self.view, beams) if beams.any() else mirror, near[beams[beam]]
 
     def passes(self, mirror: PlaneMirror) -> bool:
-        """Whether echoes stand in enough of its beams."""
+        """Whether enough of its beams hold echoes."""
         return mirror.fill >= SMALLEST_FILL
 
     def refined(self, mirror: PlaneMirror) -> PlaneMirror | None:
-        """The mirror with its face where the volume shows it; None if its centroids lie in no plane."""
+        """The mirror, fitted to the volume and moved to the wall's face; None if the centroids do not lie in a plane."""
         view = self.view
         mirror, deviation = refined(mirror, view, *PROFILE)
         if not np.isfinite(deviation):
@@ -85,9 +91,9 @@ class _Planes(Search[PlaneMirror]):
 
 
 def largest_sheet(beam: Index, shape: tuple[int, ...], *, thinnest: int) -> Mask:
-    """The largest connected set of beams with echoes, its gaps of up to `GAP_BEAMS` closed, in the shape of the scan.
+    """The largest connected set of beams with echoes, in the shape of the scan; its gaps up to `GAP_BEAMS` are closed.
 
-    Parts that are not so many beams wide to either side of their middle, the `thinnest`, do not join others.
+    Parts that are narrower than `thinnest` beams to either side of their middle are removed, and do not join others.
     """
     lit = np.zeros(shape, dtype=bool)
     lit.ravel()[beam] = True

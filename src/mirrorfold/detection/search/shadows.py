@@ -1,7 +1,8 @@
-"""Step 2 in the floor plan, at its end: a wall goes on behind what stands in front of it.
+"""Step 2 in the floor plan, at its end: walls go on behind the objects that hide a part of them.
 
-An object in front hides a part of a wall, and the row of its echoes breaks off there. If the row goes on along the same
-line where the object's shadow ends, it is one wall; and two rows, each too short to be a mirror, may be one together.
+An object in front of a wall casts a shadow on it, where the row of the wall's echoes breaks off. If the row goes on
+along the same line where the shadow ends, both parts are one wall: a mirror is continued, and two rows that are each
+too short to be a mirror may be one together.
 """
 
 from __future__ import annotations
@@ -20,32 +21,32 @@ from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
 FEWEST, SHORTEST_CELLS = 3, 1.75
-"""Echoes beyond a shadow, and the resolution cells that they reach over at least, to be the same wall:
-the ridge of a lone one reaches over less."""
+"""Least number of echoes beyond a shadow, and least length of their row in resolution cells, for them to be the same
+wall: the ridge of a single echo is shorter."""
 
 HALF_HIDDEN_CELLS = 1.0
-"""At the edge of a shadow, so many resolution cells of a wall are half hidden and may be faint."""
+"""Length of a wall, in resolution cells, that is half hidden at the edge of a shadow, and may be faint."""
 
 SAMPLES = 64
-"""Places of a gap at which it is asked whether they are hidden."""
+"""Number of places in a gap at which the line is tested for being hidden."""
 
 
 class Clear(Protocol):
-    """Tells which echoes, at ranges [m], directions and amplitudes, no object in front hides."""
+    """A function that tells which echoes, at ranges [m], in directions and of amplitudes, no object in front hides."""
 
     def __call__(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask: ...  # noqa: D102
 
 
 def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> LineMirror:
-    """The mirror as long as its row of echoes is when parts that objects hide make no gaps in it; itself if no longer.
+    """Continue a mirror beyond the shadows of objects, as far as its row of echoes goes on; else return it as it is.
 
     Parameters
     ----------
     mirror : LineMirror
-        Its line stays as it is: it was fitted to what is seen without a gap.
+        Its line is kept: it was fitted to the part that is seen without a gap.
     view : ImageView
     echoes : Echoes
-        Their marks say which of them are visible; faint ones continue a wall, too.
+        Only visible ones count; faint ones continue a wall, too.
     clear : callable
         See `Clear`.
     """
@@ -57,16 +58,16 @@ def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: C
 def joined(
     rows: Sequence[LineMirror], view: ImageView, echoes: Echoes, clear: Clear, shortest: float
 ) -> list[LineMirror]:
-    """Mirrors of two rows on one line, between which an object hides the rest.
+    """Mirrors that each consist of two rows on one line, with the wall between them hidden by an object.
 
     Parameters
     ----------
     rows : sequence of LineMirror
-        Too short to be mirrors by themselves.
+        Rows of echoes, too short to be mirrors by themselves.
     view, echoes, clear
         As for `beyond_shadows`.
     shortest : float [m]
-        Least length of a mirror, which both rows have together.
+        Least length of a mirror: both rows together must have it, without the gap.
     """
     found: list[LineMirror] = []
     for row in sorted(rows, key=lambda row: -row.length):
@@ -76,7 +77,7 @@ def joined(
         points = echoes.position[echoes.visible]
         along, first = longer.along(points), float(longer.along(row.start))
         on_line = np.abs(longer.beside(points)) <= NEAR * view.extent(points, longer.normal)
-        gap = GAP_CELLS * view.extent(row.ends, row.direction).max()  # nearer ones are the row's own
+        gap = GAP_CELLS * view.extent(row.ends, row.direction).max()  # nearer echoes belong to the row itself
         before = (along >= 0.0) & (along < first - gap)
         after = (along > first + row.length + gap) & (along <= longer.length)
         for beyond in (points[on_line & before], points[on_line & after]):
@@ -86,18 +87,22 @@ def joined(
 
 
 def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView) -> LineMirror:
-    """The mirror through the middles of a row and of echoes (n, 2) beyond it: a longer lever than either of them."""
+    """The mirror on the line through the middle of a row and the mean of the echoes (n, 2) [m] beyond a shadow.
+
+    The distance between both is longer than either row, so that the line is known better. `longer` is the row,
+    continued over all echoes, from which the mirror takes its ends.
+    """
     line = LineMirror(row.center, beyond.mean(axis=0))
     cells = np.ptp(line.along(beyond)) / view.extent(line.end[None], line.direction)[0]
-    stray = 0.5 * NEAR * float(view.extent(line.end[None], line.normal)[0]) / np.sqrt(max(cells, 1.0))
-    error = float(np.hypot(row.offset_error, stray))
+    deviation = 0.5 * NEAR * float(view.extent(line.end[None], line.normal)[0]) / np.sqrt(max(cells, 1.0))
+    error = float(np.hypot(row.offset_error, deviation))
     whole = line.part(*np.sort(line.along(longer.ends)))
     whole = replace(whole, strength=row.strength, fill=row.fill, depth=row.depth)
     return replace(whole, offset_error=error, angle_error=float(np.degrees(error / line.length)))
 
 
 def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> float:
-    """How far [m] the mirror goes on beyond its end, measured from its start."""
+    """Length [m] of a mirror from its start to the end of the last row of echoes that continues it behind a shadow."""
     points = echoes.position[echoes.visible]
     position = mirror.along(points)
     on_line = np.abs(mirror.beside(points)) <= NEAR * view.extent(points, mirror.normal)
@@ -105,7 +110,7 @@ def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) ->
     cell = view.extent(mirror.ends, mirror.direction).max()
     end = mirror.length
     for row in np.split(beyond, np.flatnonzero(np.diff(beyond) > GAP_CELLS * cell) + 1):
-        if row.size and row[0] - end <= GAP_CELLS * cell:  # not beyond any shadow
+        if row.size and row[0] - end <= GAP_CELLS * cell:  # there is no shadow in between
             continue
         if row.size < FEWEST or np.ptp(row) < SHORTEST_CELLS * cell:
             break
@@ -117,7 +122,7 @@ def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) ->
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:
-    """Share of the line from one position [m] to another that nothing hides."""
+    """Share of the line, between two positions [m] along it, that lies in view and that no object hides."""
     places = mirror.start + np.linspace(before, after, SAMPLES)[:, None] * mirror.direction
     range_, direction, inside = view.locate(places)
     return float(np.mean(inside & clear(range_, direction, mirror.strength)))
