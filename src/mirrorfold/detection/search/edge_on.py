@@ -1,8 +1,9 @@
 """Step 2 in the floor plan, once more: mirrors that the radar sees edge-on.
 
-A wall along which the radar looks sends little back, and its echoes make no row; but no wall reflects more. The
-image of another wall in it looks like one more wall. That wall and its image are symmetric about the mirror, which lies
-on one of the two lines that halve their angle, and there the radar's image holds a faint line.
+A wall along which the radar looks sends little back, so that its echoes make no row; but at grazing incidence it
+reflects most. The image of another wall in it looks like one more wall. That other wall and its image are symmetric
+about the mirror. So the mirror lies on one of the two lines that halve the angle between them, and on that line the
+radar's image holds a faint row of power.
 """
 
 from __future__ import annotations
@@ -23,57 +24,62 @@ from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
 LARGEST_GRAZING_DEG = 45.0
-"""Walls that all lines of sight meet at less than this. What faces the radar more is found by itself."""
+"""Largest angle [degree] between any line of sight and such a wall. Walls that face the radar more are found by their
+own echoes."""
 
 SMALLEST_TURN_DEG = 2.0
-"""Lines that are more parallel than this cross too far away to tell the mirror between them."""
+"""Least angle [degree] between a wall and its image: lines that are more parallel cross too far away to tell the mirror
+between them."""
 
 SEEN_TWICE = 0.75
-"""Share of a mirror's image that must lie on the wall itself, as far as the radar sees that, too."""
+"""Least share of the image of a wall that must lie, once reflected back, on the part of the wall that the radar
+sees."""
 
 CONTRAST = 2.7
-"""Median amplitude along the faint line over those of lines beside it. At such walls it was 60 or more in ray scenes,
-and 13 or more in full waves but once, 3.1, where wrapped echoes fill one side; on lines that halve the angle of two
-walls by chance it was at most 2.3."""
+"""Least median amplitude along the faint line, relative to that of lines beside it. At such walls it was 60 or more in
+ray scenes; in full waves 13 or more, but for one case of 3.1, where wrapped echoes fill one side. On lines that halve
+the angle between two walls by chance it was at most 2.3."""
 
 FADED = 10.0 ** (-20.0 / 20.0)
-"""The line ends where it is 20 dB weaker than its median, as little as the image may hold beside it: speckle
-fades by less."""
+"""Amplitude, relative to the median of the line, at which the line ends (20 dB), however little the image holds beside
+it: speckle fades by less."""
 
 ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
-"""Where amplitudes are compared, in resolution cells across the line; on either side."""
+"""Distances from the line, in resolution cells across it, at which the amplitude on the line is taken; and at which, on
+either side, that beside it."""
 
 ASTRAY, STEPS = 3.0, 8
-"""The line is looked for so many standard errors, and cells at most, from where the two walls say it is, in so many
-steps a cell: where these are nearly parallel, their crossing is known to a cell or so."""
+"""Largest distance at which the faint line is sought from where wall and image say that it is, in standard errors, and
+at most as many resolution cells; and steps per cell. If wall and image are nearly parallel, their crossing is known to
+about a cell."""
 
 BEYOND = 0.5
-"""How far towards the radar the line is followed beyond the part that the image tells, in lengths of that part."""
+"""How far the line is followed towards the radar beyond the part that the image tells, as a share of that part."""
 
 SAMPLES = 32
-"""Lines of sight that are followed to an image."""
+"""Number of lines of sight that are followed to an image."""
 
 
 def edge_on(
     mirrors: Sequence[LineMirror], rows: Sequence[LineMirror], view: ImageView, echoes: Echoes, shortest: float
 ) -> list[LineMirror]:
-    """Mirrors seen edge-on that make a mirror, or a row of echoes, an image of another mirror.
+    """Mirrors seen edge-on, each between a wall and the image of that wall in the mirror.
 
     Parameters
     ----------
     mirrors : sequence of LineMirror
-        Those in line of sight.
+        Mirrors in line of sight. Any may be the wall, and any other one its image.
     rows : sequence of LineMirror
-        Rows of echoes in line of sight that are too short for mirrors.
+        Rows of echoes in line of sight that are too short for mirrors; they, too, may be images.
     view : ImageView
     echoes : Echoes
     shortest : float [m]
-        Least length of a mirror.
+        Least length of a mirror: of the part that the image tells, or of the faint line.
 
     Returns
     -------
     list of LineMirror
-        As long as what they show tells and the line stands out, at most one for each image, that on the clearest line.
+        As long as the faint line stands out; at most one mirror for each image, that of the highest contrast.
     """
     found: list[LineMirror] = []
     for image in (*mirrors, *rows):
@@ -83,7 +89,7 @@ def edge_on(
             if wall is not image
             for between in (_on_faint_line(line, view) for line in _between(wall, image, view))
             if (contrast := _contrast(between, view)) >= CONTRAST
-            # The image tells a part of the mirror, the line all of it.
+            # The image tells a part of the mirror, the faint line all of it.
             for lit in [_as_far_as_lit(between, view)]
             if max(between.length, lit.length) >= shortest
         ]
@@ -94,7 +100,7 @@ def edge_on(
 
 
 def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineMirror]:
-    """The mirrors, none to two, in which the radar would see the wall where it sees the image."""
+    """Up to two mirrors in which the radar would see the wall where it sees the image."""
     sides = np.stack([wall.direction, -image.direction], axis=1)
     if abs(np.linalg.det(sides)) < np.sin(np.radians(SMALLEST_TURN_DEG)):
         return []
@@ -114,15 +120,17 @@ def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineM
         seen = wall.along(places - 2.0 * ((places - crossing) @ normal)[:, None] * normal)
         if np.mean((seen >= 0.0) & (seen <= wall.length)) >= SEEN_TWICE:
             first, last = view.radar + share[[0, -1], None] * sight[[0, -1]]
-            found.append(_judged(LineMirror(first, last), wall, image, crossing, view))
+            found.append(_with_errors(LineMirror(first, last), wall, image, crossing, view))
     return found
 
 
-def _judged(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array, view: ImageView) -> LineMirror:
-    """The mirror with its strength, and with its standard errors, which are those of what it lies between.
+def _with_errors(
+    mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array, view: ImageView
+) -> LineMirror:
+    """The mirror with its strength, and with its standard errors, which follow from those of the wall and the image.
 
-    It turns by the mean of what the other two turn; and moved by d it moves the image by ``2 d``, of which the lines
-    tell what is square to them.
+    Its angle is the mean of theirs. If it moves by d, the image moves by ``2 d``; only the component of that square to
+    the wall can be measured.
     """
     angle = 0.5 * float(np.hypot(wall.angle_error, image.angle_error))
     across = float(np.abs(mirror.normal @ wall.normal))  # not zero: the lines are not parallel
@@ -133,7 +141,10 @@ def _judged(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: A
 
 
 def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
-    """The mirror, moved towards the line that the image holds, as far as that is better known than where it is."""
+    """The mirror, moved to the weighted mean of its own position and that of the faint line in the image.
+
+    The weights are ``1 / variance``; only the position changes, not the direction.
+    """
     across = float(view.extent(mirror.center[None], mirror.normal)[0])
     count = int(np.ceil(ASTRAY * min(mirror.offset_error / across, 1.0) * STEPS))
     cells = (np.arange(-count, count + 1) / STEPS).tolist()
@@ -147,9 +158,10 @@ def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
 
 
 def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
-    """The longest part of the mirror where the line stands out: its image may go on in another row on the same line.
+    """The longest part of the mirror where the faint line stands out; the mirror as it is if it does nowhere.
 
-    Towards the radar, it may be longer: there its own echoes are brightest, and hide what it shows.
+    The mirror may end earlier than its image does, which may go on in another row on the same line. Towards the radar
+    it may be longer: there its own echoes are brightest, and hide what it shows.
     """
     near, far = sorted(mirror.ends, key=lambda end: float(np.linalg.norm(end - view.radar)))
     longer = replace(mirror, start=near + BEYOND * (near - far), end=far)
@@ -166,18 +178,18 @@ def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
 
 
 def _contrast(mirror: LineMirror, view: ImageView) -> float:
-    """The median amplitude along a line over that beside it, on its brighter side."""
+    """Median amplitude along the line, relative to that beside it on its brighter side."""
     return mirror.strength / max(float(_beside(mirror, view)), float(np.finfo(float).tiny))
 
 
 def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Array:
-    """The median amplitude beside a line, on its brighter side; place by place along `axis` 1."""
+    """Median amplitude beside the line, on its brighter side; with `axis` 1 at each place along it, (n,)."""
     sides = [np.median(_levels(mirror, view, [side * cells for cells in BESIDE]), axis=axis) for side in (-1.0, 1.0)]
     return np.max(sides, axis=0)
 
 
 def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
-    """Amplitudes along a line, so many resolution cells beside it."""
+    """Amplitudes at places along the line, at distances `cells` (m,) beside it in resolution cells, (n, m)."""
     count = max(8, int(mirror.length / (SPACING * view.range_cell)))
     places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
     across = np.outer(view.extent(places, mirror.normal), cells)

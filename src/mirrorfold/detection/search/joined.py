@@ -1,10 +1,10 @@
 """Step 2, within the search for curved mirrors: two arcs that pass into each other, fitted as one smooth curve.
 
-The halves of an S share a point and a tangent. Fitted by itself, each half has a direction and a curvature of its own;
-fitted together, what either tells of their joint is known of both.
+The halves of an S share a point and a tangent. Fitted separately, each half has its own direction and curvature there.
+Fitted together, each half also profits from what the other one tells of their joint.
 
-The curve is five numbers: the joint (x, y) [m], the direction there [rad], and the curvatures [1/m] of the halves
-before it and behind it, positive where the middle of the circle lies to the left.
+The curve has five parameters: the joint (x, y) [m], the direction there [rad], and the curvatures [1/m] of the halves
+before and behind the joint, positive where the center of the circle lies to the left.
 """
 
 from __future__ import annotations
@@ -22,32 +22,35 @@ from mirrorfold.detection.search.fit import block_covariance, trusted
 from mirrorfold.detection.views.image_view import ImageView
 
 SIGNIFICANT = 4.0
-"""Standard errors by which the circles of the halves may seem to cross, or to miss each other: halves by themselves
-leave less, as a share of the squares, by this number squared over that of independent cells."""
+"""Number of standard errors by which the circles of separate halves may cross or miss each other. So the joint fit may
+have a sum of squared residuals larger by the share ``SIGNIFICANT^2 / N``, with N the number of independent cells."""
 
 STEP = 1e-4
-"""Of derivatives, as a share of what a parameter is counted in."""
+"""Step of numerical derivatives, as a share of the unit in which a parameter is counted (`scale`)."""
 
 Halves = tuple[ArcMirror, ArcMirror]
 Measured = tuple[Array, Array]
-"""Centres of power (n, 2) [m], and their weights (n,)."""
+"""Centroids of power (n, 2) [m] across an arc, and their weights (n,)."""
 
 
 def joined(halves: Halves, measured: tuple[Measured, Measured], view: ImageView) -> Halves | None:
-    """Two arcs with a common end and tangent, by the centres of power across each; None if they are no smooth curve."""
+    """Two arcs fitted together, with a common end and tangent, to the centroids of power across them.
+
+    None if they are no smooth curve.
+    """
     gaps = np.linalg.norm(halves[0].ends[:, None] - halves[1].ends[None], axis=2)
     meet = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
     joint = 0.5 * (halves[0].ends[meet[0]] + halves[1].ends[meet[1]])
     along = unit(unit(joint - halves[0].center) + unit(halves[1].center - joint))
-    bends = [float(np.sign((arc.middle - joint) @ turned(along))) / arc.radius for arc in halves]
-    first = np.array([*joint, np.arctan2(along[1], along[0]), *bends])
+    curvatures = [float(np.sign((arc.middle - joint) @ turned(along))) / arc.radius for arc in halves]
+    first = np.array([*joint, np.arctan2(along[1], along[0]), *curvatures])
     scale = np.array([1.0, 1.0, *(1.0 / np.array([halves[0].length, *(arc.length**2 for arc in halves)]))])
     points, weight = (np.concatenate(parts) for parts in zip(*measured, strict=True))
     apart = np.concatenate([arc.beside(places) for arc, (places, _) in zip(halves, measured, strict=True)])
     deviation, trust = trusted(apart, weight, float(np.finfo(float).eps) * halves[0].radius)
     root = np.sqrt(weight / weight.max()) / (2.0 * deviation)
     curve = least_squares(lambda curve: root * beside(curve, points), first, x_scale=scale, loss="cauchy").x
-    if np.cos(curve[2] - first[2]) < 0.0:  # the same curve, followed the other way
+    if np.cos(curve[2] - first[2]) < 0.0:  # the same curve in the opposite direction
         curve = np.array([*curve[:2], curve[2] + np.pi, -curve[4], -curve[3]])
     off = beside(curve, points)
     independent = sum(arc.independent(view) for arc in halves)
@@ -62,9 +65,10 @@ def joined(halves: Halves, measured: tuple[Measured, Measured], view: ImageView)
 
 
 def _half(curve: Array, which: int, arc: ArcMirror, end: Array, variance: Array, scale: Array) -> ArcMirror:
-    """The arc of one half of a curve, from the joint to about an `end` (2,) [m], with its standard errors.
+    """The arc of one half of a curve, from the joint to the point nearest to `end` (2,) [m], with its standard errors.
 
-    The variance (5, 5) is that of the curve, counted in `scale`.
+    `which` is 0 for the half before the joint, 1 for that behind it; `variance` (5, 5) is the covariance of the
+    parameters of the curve, in units of `scale` (5,).
     """
     towards = turned(np.array([np.cos(curve[2]), np.sin(curve[2])]))
     circle = replace(arc, middle=curve[:2] + towards / curve[3 + which], radius=float(1.0 / abs(curve[3 + which])))
@@ -73,14 +77,16 @@ def _half(curve: Array, which: int, arc: ArcMirror, end: Array, variance: Array,
     reach = 0.25 * half.length
     places = half.center + np.array([[0.0], [-reach], [reach]]) * half.tangents
 
-    def told(curve: Array) -> Array:
-        """Offset [m], angle [rad] and curvature [1/m] in the middle of the half."""
+    def in_middle(curve: Array) -> Array:
+        """Offset [m], angle [rad] and curvature [1/m] of a curve in the middle of the half."""
         here, before, behind = beside(curve, places)
         return np.array([here, (behind - before) / (2.0 * reach), curve[3 + which]])
 
-    slopes = _slopes(told, curve, scale)
-    offset, angle, bend = np.sqrt(np.maximum(np.diag(slopes @ variance @ slopes.T), 0.0))
-    return replace(half, offset_error=float(offset), angle_error=float(np.degrees(angle)), curvature_error=float(bend))
+    slopes = _slopes(in_middle, curve, scale)
+    offset, angle, curvature = np.sqrt(np.maximum(np.diag(slopes @ variance @ slopes.T), 0.0))
+    return replace(
+        half, offset_error=float(offset), angle_error=float(np.degrees(angle)), curvature_error=float(curvature)
+    )
 
 
 def beside(curve: Array, points: Array) -> Array:
@@ -88,13 +94,13 @@ def beside(curve: Array, points: Array) -> Array:
     offset = points - curve[:2]
     along = np.array([np.cos(curve[2]), np.sin(curve[2])])
     place, height = offset @ along, offset @ turned(along)
-    bend = np.where(place < 0.0, curve[3], curve[4])
-    # 1 / k less the distance from the middle of the circle, for curvatures down to k = 0.
-    away = np.hypot(1.0 - bend * height, bend * place)
-    return np.asarray((2.0 * height - bend * (height**2 + place**2)) / (1.0 + away))
+    curvature = np.where(place < 0.0, curve[3], curve[4])
+    # ``1 / k`` minus the distance from the center of the circle, in a form that holds down to the curvature k = 0.
+    away = np.hypot(1.0 - curvature * height, curvature * place)
+    return np.asarray((2.0 * height - curvature * (height**2 + place**2)) / (1.0 + away))
 
 
 def _slopes(function: Callable[[Array], Array], curve: Array, scale: Array) -> Array:
-    """How a function (n,) of a curve changes with each of its numbers, counted in `scale`, (n, 5)."""
+    """Derivatives (n, 5) of a function (n,) of a curve by each of its parameters, in units of `scale` (5,)."""
     steps = STEP * np.diag(scale)
     return np.stack([(function(curve + step) - function(curve - step)) / (2.0 * STEP) for step in steps], axis=1)

@@ -53,7 +53,7 @@ def find_planes(echoes: Echoes, view: VolumeView, *, minimum_length: float, test
 class _Planes(Search[PlaneMirror]):
     """The search for flat sheets of echoes.
 
-    The limit `sagitta` is half of that of lines: a sheet of a hundred cells shows a bulge twice as well as a row of
+    The limit `sagitta` is about half that of lines: a sheet of a hundred cells shows a bulge twice as well as a row of
     ten.
     """
 
@@ -75,7 +75,7 @@ class _Planes(Search[PlaneMirror]):
         return mirror.fill >= SMALLEST_FILL
 
     def refined(self, mirror: PlaneMirror) -> PlaneMirror | None:
-        """The mirror, fitted to the volume and moved to the wall's face; None if the centroids do not lie in a plane."""
+        """The mirror, fitted to the volume and moved to the face of the wall; None if no plane fits the centroids."""
         view = self.view
         mirror, deviation = refined(mirror, view, *PROFILE)
         if not np.isfinite(deviation):

@@ -1,8 +1,8 @@
 """Step 2 in space, for curved mirrors: sheets of echoes that follow a cylinder or a sphere.
 
-Two echoes of a neighbourhood and the directions in which their surroundings face propose a cylinder and a sphere, all
-echoes vote, and the best proposal grows to the unbroken sheet about it, as for planes (`growing`). What is seen
-behind it tells whether it is a mirror, or a round object.
+The normal of the surface at each echo is estimated from the echoes around it. Two neighbouring echoes and their normals
+propose a cylinder and a sphere. As for planes (`growing`), all echoes vote, and the best proposal grows to an unbroken
+sheet of echoes. Whether it is a mirror or a round object is decided later, by the echoes that are seen behind it.
 """
 
 from __future__ import annotations
@@ -27,56 +27,61 @@ from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
 PROPOSALS = 300
-"""Pairs of echoes that propose a surface, each of either kind."""
+"""Number of pairs of echoes that propose surfaces; each pair proposes a cylinder and a sphere."""
 
 NEAR_CELLS = 1.5
-"""Echoes that propose a surface lie so many resolution cells apart, or more: closer ones say nothing of its curve."""
+"""Least distance, in resolution cells, between two echoes that propose a surface: closer ones say nothing of its
+curvature."""
 
 NEIGHBOURS = 24
-"""Echoes around each that tell in which direction the surface faces: of beams half a cell apart those of two cells."""
+"""Number of echoes around each one from which the normal there is estimated: with beams half a cell apart, those within
+two cells."""
 
 TURNED = np.cos(np.radians(25.0))
-"""An echo votes for a surface if its surroundings face as that does within this angle: speckle and range cells tilt
-them."""
+"""Cosine of the largest angle between the normal at an echo and that of a surface for which it votes: speckle and range
+cells tilt the normal."""
 
 SMALLEST_TURN = np.radians(10.0)
-"""Two echoes that face within this angle of each other propose no surface: their own errors are a few degrees."""
+"""Least angle [rad] between the normals at two echoes that propose a surface: they err by a few degrees."""
 
 SHORTEST_CELLS = 3.5
-"""Least width and height, in resolution cells: of a sphere whose radius is two cells the radar sees some four."""
+"""Least width and height, in resolution cells: the radar sees some four cells of a sphere whose radius is two cells."""
 
 LARGEST_DEVIATION, MOST_OFF = 0.6, 0.05
-"""Deviation of a sheet's echoes from the surface, relative to that of power in the resolution cell: pillars and balls
-show 0.32 to 0.45, for an echo is the mean of its cell, bodies 0.7 and more. And share of its beams whose brightest echo
-lies off it: of pillars and balls 0.01 at most, of bodies 0.09 and more."""
+"""Largest standard deviation of a sheet's echoes from the surface, relative to that of power in the resolution cell. It
+is 0.32 to 0.45 for pillars and balls, because an echo is the mean of its cell, and 0.7 and more for bodies. And largest
+share of its beams whose brightest echo lies off the surface: 0.01 at most for pillars and balls, 0.09 and more for
+bodies."""
 
 GLINT = 10.0 ** (12.0 / 20.0)
-"""A surface smooth enough to be a mirror returns a glint from where it faces the radar, brighter than the median of its
-face by more than that: the brightest of a thousand speckles exceeds it by 10 dB, and a pillar's glint by 30."""
+"""Least amplitude of the glint of a mirror, relative to the median of its face: a surface that is smooth enough for a
+mirror returns a glint from where it faces the radar. The brightest of a thousand speckles exceeds the median by 10 dB,
+the glint of a pillar by 30 dB."""
 
 GRAZING = 0.3
-"""Cosine to the line of sight, 72 degrees, below which an echo says little of the surface: the beam sees past it."""
+"""Cosine of the largest angle of incidence, 72 degrees: beyond it an echo says little of the surface, because the beam
+reaches past it."""
 
 FEWEST, MISSES, MOST, ROUNDS, FITS = 30, 6, 8, 4, 6
-"""Echoes that make a sheet; proposals in a row that are none before the search ends; sheets that are found; rounds of
-growth, and steps of each fit."""
+"""Least number of echoes of a sheet; number of failed proposals in a row that is tolerated; largest number of sheets
+that are found; rounds of growth; and steps of each fit."""
 
 
 def find_rounds(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
-    """Round sheets among the visible of some echoes that are seen by one way; those with the most votes first."""
+    """Cylinders and spheres among visible echoes that are all seen by way of the same mirrors, most votes first."""
     return _Rounds(echoes.take(echoes.visible), view).find()
 
 
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
-    """The surface of the same kind with the least weighted squared distances to points (n, 3), from a first one on.
+    """The surface of the same kind that fits points (n, 3) best, by weighted least squares from a first surface on.
 
-    Gauss and Newton's steps, with Cauchy weights against what stands elsewhere (see `fit.trusted`). Returns trust
-    (n,), and the derivatives (n, p) of the distances by what was fitted: the middle, in the plane across the axis, the
-    radius, and for a cylinder the tilt of its axis, along both directions of that plane.
+    The fit makes Gauss-Newton steps, with Cauchy weights against outliers (see `fit.trusted`). Returns also these
+    weights (n,), and the derivatives (n, p) of the distances by the fitted parameters: the middle, in the plane across
+    the axis, the radius, and for a cylinder the tilt of its axis along both directions of that plane.
     """
     trust, design = weight, np.empty((len(points), 0))
     cylinder = bool(shape.axis.any())
-    if cylinder:  # the middle of the axis beside the points, about which it is tilted
+    if cylinder:  # its axis is tilted about the point beside the mean of the points
         shape = replace(shape, middle=shape.middle + np.average(shape.along(points), weights=weight) * shape.axis)
     for _ in range(FITS):
         base = shape.base
@@ -99,21 +104,21 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
 
 @dataclass
 class _Rounds:
-    """The search among echoes that are seen by one way."""
+    """The search for round sheets among echoes that are all seen by way of the same mirrors."""
 
     echoes: Echoes
     view: VolumeView
 
     def find(self) -> list[RoundMirror]:
-        """Sheets, from the one with the most votes on."""
+        """All sheets, that with the most votes first."""
         if len(self.echoes) < FEWEST:
             return []
         echoes, view = self.echoes, self.view
         usual = np.median(echoes.amplitude)
         self.weight = np.minimum(echoes.amplitude / usual, CLIP)
         self.random = np.random.default_rng(0)
-        self.normal, self.even = self._facing()
-        free, missed, found = self.even.copy(), 0, list[RoundMirror]()
+        self.normal, self.reliable = self._normals()
+        free, missed, found = self.reliable.copy(), 0, list[RoundMirror]()
         while np.count_nonzero(free) >= FEWEST and missed <= MISSES and len(found) < MOST:
             shape = self._proposed(np.flatnonzero(free))
             if shape is None:
@@ -128,8 +133,11 @@ class _Rounds:
             free[member] = False
         return found
 
-    def _facing(self) -> tuple[Array, Mask]:
-        """In which direction the surroundings of each echo face, (n, 3), and where they are even enough to tell."""
+    def _normals(self) -> tuple[Array, Mask]:
+        """Unit normals of the surface at each echo, towards the radar, (n, 3), and where they are reliable, (n,).
+
+        The normal is that of the plane through the neighbours of the echo. It is reliable if these lie in a flat sheet.
+        """
         points, view = self.echoes.position, self.view
         _, near = cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))
         offset = points[near] - points[near].mean(axis=1, keepdims=True)
@@ -138,12 +146,12 @@ class _Rounds:
         sight = unit(points - view.radar)
         normal *= -np.sign(np.sum(normal * sight, axis=1))[:, None]
         cell = np.asarray(view.cell(self.echoes.range))
-        # Of a sheet, neighbours reach as far in two directions; single echoes and threads tell nothing.
-        even = (size[:, 0] < 0.25 * size[:, 1]) & (size[:, 2] < (4.0 * cell) ** 2)
-        return normal, even
+        # The neighbours in a sheet spread along two directions; single echoes and thin strips tell no normal.
+        reliable = (size[:, 0] < 0.25 * size[:, 1]) & (size[:, 2] < (4.0 * cell) ** 2)
+        return normal, reliable
 
     def _proposed(self, free: Index) -> RoundSurface | None:
-        """The surface near most echoes, by their weight."""
+        """The proposed surface with the most votes of `free` echoes, by their weight; None if there is none."""
         judge = drawn(free)
         points, weight, normal = self.echoes.position[judge], self.weight[judge], self.normal[judge]
         cell = float(np.median(self.view.cell(self.echoes.range[judge])))
@@ -151,12 +159,12 @@ class _Rounds:
         distance = cdist(points[seeds], points)
         near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
         other = np.argmax(near * self.random.random(near.shape), axis=1)
-        sound = near[np.arange(seeds.size), other] & (
+        valid = near[np.arange(seeds.size), other] & (
             np.sum(normal[seeds] * normal[other], axis=1) < np.cos(SMALLEST_TURN)
         )
         best, most = None, 0.0
         limit = 0.5 * self.view.extent_each(points, normal)
-        for a, b in zip(seeds[sound], other[sound], strict=True):
+        for a, b in zip(seeds[valid], other[valid], strict=True):
             for axis in (unit(np.cross(normal[a], normal[b])), np.zeros(3)):
                 shape = _through(points[a], normal[a], points[b], normal[b], axis)
                 if shape is None or not SMALLEST_CELLS * cell < shape.radius < LARGEST_CELLS * cell:
@@ -168,11 +176,14 @@ class _Rounds:
 
     @staticmethod
     def _on(shape: RoundSurface, points: Array, normal: Array, limit: Array) -> Mask:
-        """Which points lie on a surface to so far beside it, (n,) [m], and face as it does."""
+        """Which points (n, 3) lie less than `limit` (n,) [m] beside a surface, and have normals (n, 3) as it has."""
         return (np.abs(shape.beside(points)) < limit) & (np.sum(shape.outward(points) * normal, axis=1) > TURNED)
 
     def _grown(self, shape: RoundSurface, free: Mask) -> tuple[RoundMirror | None, Index]:
-        """The mirror that a proposal grows to, None if it is none; and the echoes to take out of the search."""
+        """Grow a proposed surface to a mirror, from the echoes that are still `free`.
+
+        Returns the mirror, None if it fails a test; and the numbers of the echoes to take out of the search.
+        """
         echoes, view = self.echoes, self.view
         points, member = echoes.position, np.flatnonzero(free)
         mirror = RoundMirror(np.empty((0, 3)), np.zeros(len(view.sight), bool), shape, view.radar, view.beam)
@@ -190,15 +201,17 @@ class _Rounds:
             weight = self.weight[member] / across**2
             kinds = [shape] if i else [shape, *_other_kind(shape, points[member], self.normal[member])]
             fits = [fitted(kind, points[member], weight) for kind in kinds]
-            left = [float(np.sum(t * s.beside(points[member]) ** 2) / np.sum(t)) for s, t, _ in fits]
-            shape, trust, design = fits[int(np.argmin(left))]
+            residual = [float(np.sum(t * s.beside(points[member]) ** 2) / np.sum(t)) for s, t, _ in fits]
+            shape, trust, design = fits[int(np.argmin(residual))]
             largest = LARGEST_CELLS * np.median(view.cell(echoes.range[member]))
             if not 0.0 < shape.radius < largest:
                 return None, member
         return self._judged(replace(mirror, shape=shape).shown(view, mirror.beams), member, trust, design), member
 
     def _patch(self, mirror: RoundMirror, near: Index) -> tuple[RoundMirror, Index]:
-        """The largest connected set of beams that show the surface, its small gaps closed."""
+        """The part of the mirror in the largest connected set of beams that show it, its small gaps closed; and the
+        numbers of the echoes there.
+        """
         beam = self.echoes.direction[near]
         beams = largest_sheet(beam, self.view.shape, thinnest=1).ravel()
         if not beams.any():
@@ -206,10 +219,13 @@ class _Rounds:
         return mirror.shown(self.view, beams), near[beams[beam]]
 
     def _judged(self, mirror: RoundMirror, member: Index, trust: Array, design: Array) -> RoundMirror | None:
-        """The mirror with its errors, as far as it is seen; None if it is no round sheet."""
+        """The mirror with its standard errors, in all beams that show it; None if it is no round sheet.
+
+        Echoes `member` were fitted with the weights `trust` (n,) and the derivatives `design` (n, p), see `fitted`.
+        """
         view, echoes, shape = self.view, self.echoes, mirror.shape
         cell = view.cell_at(mirror.center)
-        # What is seen of it across its axis, or in its larger extent.
+        # The visible extent across the axis of a cylinder, the larger extent of a sphere; and its bulge.
         across = shape.across(mirror.outline - mirror.center) if shape.axis.any() else mirror.outline - mirror.center
         half = min(0.5 * float(np.ptp(across @ mirror.tangents.T, axis=0).max()), shape.radius)
         bulge = shape.radius - np.sqrt(shape.radius**2 - half**2)
@@ -220,10 +236,10 @@ class _Rounds:
         footprint = DEVIATION * view.extent_each(points, shape.outward(points))
         if (
             SIGMA_PER_MEDIAN * float(np.median(np.abs(beside) / footprint)) > LARGEST_DEVIATION
-            or self._off(mirror) > MOST_OFF
+            or self._share_off(mirror) > MOST_OFF
         ):
             return None
-        # Echoes of one resolution cell stray together.
+        # Echoes within a resolution cell stray together, and count as one.
         share = len(member) / max(view.cell_numbers(points).max() + 1.0, 1.0)
         bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
         variance = bread * float(np.sum(trust * beside**2)) / max(len(member) / share - design.shape[1], 1.0)
@@ -243,18 +259,18 @@ class _Rounds:
             fill=mirror.filled(view, on_it),
             strength=float(np.median(on_it.amplitude)),
         )
-        sure = mirror.curvature > SIGNIFICANT * mirror.curvature_error and self._shines(mirror)
-        return self._whole(mirror) if sure and mirror.fill >= SMALLEST_FILL else None
+        certain = mirror.curvature > SIGNIFICANT * mirror.curvature_error and self._has_glint(mirror)
+        return self._extended(mirror) if certain and mirror.fill >= SMALLEST_FILL else None
 
-    def _off(self, mirror: RoundMirror) -> float:
-        """Share of the beams with echoes in which the brightest one lies beside the surface."""
+    def _share_off(self, mirror: RoundMirror) -> float:
+        """Share of the mirror's beams with echoes in which the brightest echo does not lie on the surface."""
         echoes = self.echoes.take(mirror.beams[self.echoes.direction])
         points = echoes.position[strongest_of(echoes.direction, echoes.amplitude)]
         across = self.view.extent_each(points, mirror.shape.outward(points))
         return float(np.mean(np.abs(mirror.shape.beside(points)) > NEAR * across))
 
-    def _shines(self, mirror: RoundMirror) -> bool:
-        """Whether it returns a glint, where the place that faces the radar is in view."""
+    def _has_glint(self, mirror: RoundMirror) -> bool:
+        """Whether the mirror returns a glint; True if the point that faces the radar is out of view."""
         view, echoes = self.view, self.echoes
         place = mirror.shape.nearest(view.radar)
         range_, direction, inside = view.locate(place)
@@ -263,8 +279,8 @@ class _Rounds:
         near = np.linalg.norm(echoes.position - place, axis=1) <= view.cell(range_)
         return bool(echoes.amplitude[near].max(initial=0.0) >= GLINT * mirror.strength)
 
-    def _whole(self, mirror: RoundMirror) -> RoundMirror:
-        """The mirror with the beams beside it in which its own echoes stand, however obliquely they meet it."""
+    def _extended(self, mirror: RoundMirror) -> RoundMirror:
+        """The mirror, extended over neighbouring beams that hold its own echoes, however obliquely they meet it."""
         echoes, view = self.echoes, self.view
         everywhere = mirror.shown(view, np.ones(len(view.sight), bool))
         _, _, across = everywhere.near(view, echoes)
@@ -275,9 +291,9 @@ class _Rounds:
 
 
 def _through(a: Array, facing_a: Array, b: Array, facing_b: Array, axis: Array) -> RoundSurface | None:
-    """The sphere, or the cylinder about an axis, on which two places lie and face so; None if none bulges.
+    """The sphere, or the cylinder with that axis, through points a and b (3,) with normals there; None if not convex.
 
-    From ``a - R n_a = b - R n_b``, in the plane across the axis: ``R = (a - b).(n_a - n_b) / |n_a - n_b|^2``.
+    In the plane across the axis, ``a - R n_a = b - R n_b``. So ``R = (a - b).(n_a - n_b) / |n_a - n_b|^2``.
     """
     turn = facing_a - facing_b
     radius = float((a - b) @ turn / (turn @ turn))
@@ -287,7 +303,7 @@ def _through(a: Array, facing_a: Array, b: Array, facing_b: Array, axis: Array) 
 
 
 def _other_kind(shape: RoundSurface, points: Array, normal: Array) -> list[RoundSurface]:
-    """A cylinder in the place of a sphere, or the reverse, through the same points (n, 3) with those normals."""
+    """A sphere instead of a cylinder, or the reverse, as a first guess for points (n, 3) with normals (n, 3)."""
     if shape.axis.any():
         return [replace(shape, middle=shape.middle + shape.along(points.mean(axis=0)) * shape.axis, axis=np.zeros(3))]
     spread = normal - normal.mean(axis=0)
