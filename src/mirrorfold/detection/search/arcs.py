@@ -1,8 +1,9 @@
 """Step 2 in the floor plan, for curved mirrors: unbroken rows of echoes along an arc.
 
-Three echoes of a neighbourhood propose a circle, all echoes vote, and the best proposal grows to the unbroken row
-about it, as for lines (`growing`). A row is curved if its curvature stands out of its own standard error and it bulges
-by more than a straight mirror may. What is seen behind it tells whether it is a mirror, or a round object.
+Three neighbouring echoes propose a circle. As for lines (`growing`), all echoes vote, and the best proposal grows to an
+unbroken row of echoes. The row is curved if its curvature is significant against its standard error, and it bulges by
+more than a straight mirror may. Whether it is a mirror or a round object is decided later, by the echoes that are seen
+behind it.
 """
 
 from __future__ import annotations
@@ -29,72 +30,79 @@ from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
 
 PROPOSALS = 600
-"""Circles that are proposed for each mirror."""
+"""Number of circles that are proposed for each arc."""
 
 NEAR_CELLS, REACH_CELLS = 2.0, 24.0
-"""Echoes that propose a circle lie so many resolution cells apart: closer ones say nothing of the curvature."""
+"""Least and largest distance, in resolution cells, between echoes that propose a circle: closer ones say nothing of its
+curvature."""
 
 PROPOSED_BULGE_CELLS = 0.25
-"""How far the middle one of three that propose a circle lies beside the line of the others, in resolution cells:
-through an S-shaped row most circles that pass near many echoes are nearly straight."""
+"""Least bulge, in resolution cells, of the three echoes that propose a circle: in an S-shaped row, most of the circles
+that pass near many echoes are nearly straight."""
 
 SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
-"""Radii, in resolution cells: what bulges on the scale of a cell is a point, and a larger circle is straight over any
-row that fits into a room."""
+"""Least and largest radius, in resolution cells: a smaller circle is a point, and a larger one is straight over any row
+that fits into a room."""
 
 SHORTEST_CELLS = 4.5
-"""Least length of an arc, in resolution cells: of a pillar whose radius is two cells the radar sees some five."""
+"""Least length of an arc, in resolution cells: the radar sees some five cells of a pillar whose radius is two cells."""
 
 SMALLEST_FILL = 0.7
-"""Share of its length that an arc's echoes must fill, between that of long and of short straight mirrors."""
+"""Least share of its length that an arc's echoes must fill, between those of long and of short straight mirrors."""
 
 NEAR = 0.35
-"""Echoes of a row lie within this part of the resolution cell across it: less than for lines, for the
-two halves of an S leave each other's circles bit by bit."""
+"""Largest distance of echoes from their row, as a share of the resolution cell across it. It is smaller than for lines,
+because the two halves of an S leave each other's circles gradually."""
 
 BULGE_CELLS = 0.3
-"""A row that bulges by less, in resolution cells, is a straight mirror; that is where straight ones end."""
+"""Least bulge of an arc, in resolution cells: the largest of a straight mirror."""
 
 SIGNIFICANT = 5.0
-"""Standard errors by which the curvature must differ from zero."""
+"""Least curvature, in its standard errors."""
 
 LEFT_OF_KINK = 0.8
-"""An arc leaves no more of the centres of power, as a sum of squares, than this share of what a straight line with one
-kink leaves: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
-1.1 for two walls of a full-wave one."""
+"""Largest sum of squared residuals of the centroids of power about an arc, relative to that about a straight line with
+one kink: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
+1.1 for two walls of a full-wave scene."""
 
 GRAZING = 0.12
-"""Cosine of the angle of incidence, 83 degrees, below which an arc is turned away from the radar."""
+"""Cosine of the largest angle of incidence, 83 degrees: beyond it an arc is turned away from the radar."""
 
 CLOSE_CELLS, SMOOTH_CELLS, EXTENDED_CELLS = 0.12, 2.0, 3.0
-"""An arc ends where the centres of power, averaged over so many resolution cells, stray from it by more than this share
-of the range cell, three times what speckle makes them stray; it may go on by so many cells from one fit to the next."""
+"""An arc ends where the centroids of power, averaged over `SMOOTH_CELLS` resolution cells, stray from it by more than
+`CLOSE_CELLS` range cells, three times what speckle makes them stray. From one fit to the next, it may grow by
+`EXTENDED_CELLS` cells at either end."""
 
 DARK = 0.1
-"""An arc ends where its mean amplitude falls below this share of its median."""
+"""An arc ends where the local mean of its amplitude falls below this share of its median."""
 
 FEWEST, PASSES = 6, 3
-"""Fewest echoes of an arc; and most searches, each among the echoes that lie on no arc yet."""
+"""Least number of echoes of an arc; and largest number of searches, each among the echoes that lie on no arc yet."""
 
 REFINEMENTS = 10
-"""Most fits of an arc, each to the part of its row that lay close to the fit before."""
+"""Largest number of fits of an arc, each to the part of its row that lies close to the fit before."""
 
 SAMPLES = 181
-"""Places along an arc at which its neighbours and its direction to the radar are looked at."""
+"""Number of places along an arc at which its distance from other arcs, and its angle to the radar, are computed."""
 
 MISSES, MOST_ARCS, ROUNDS = 30, 8, 4
-"""A search ends after so many proposals in a row that are no arcs, or with so many arcs; fits to the echoes of one."""
+"""Number of failed proposals in a row that is tolerated; largest number of arcs that are found; and number of fits of
+an arc to its echoes."""
 
 
 def find_arcs(view: ImageView, echoes: Echoes) -> list[ArcMirror]:
-    """Curved rows among the strong visible of some echoes that are seen by one way; those with the most votes first."""
+    """Arcs among visible echoes that are all seen by way of the same mirrors, those with the most votes first.
+
+    Strong echoes are evidence of an arc; faint ones continue it.
+    """
     return _Arcs(echoes.take(echoes.visible), view).find()
 
 
 def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
-    """The circle with the least weighted squared distances to points (n, 2), from a first one on.
+    """The circle that fits points (n, 2) best, by weighted least squares from a first circle on.
 
-    Cauchy weights keep out what stands elsewhere (see `fit.trusted`). Returns middle, radius and trust (n,).
+    Cauchy weights keep outliers from moving it (see `fit.trusted`). Returns its center, its radius and these weights
+    (n,).
     """
     trust = weight
     for _ in range(2 * ROUNDS):
@@ -110,7 +118,7 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
 
 
 def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
-    """Places (n, 2) along the chord of an arc and beside it, (n,) [m] each."""
+    """Positions of points (n, 2) along the chord of an arc, and their distances from it, (n,) [m] each."""
     chord = unit(arc.ends[1] - arc.ends[0])
     offset = points - arc.ends[0]
     return offset @ chord, offset @ turned(chord)
@@ -118,13 +126,13 @@ def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
 
 @dataclass
 class _Arcs:
-    """The search among echoes that are seen by one way."""
+    """The search for arcs among echoes that are all seen by way of the same mirrors."""
 
     echoes: Echoes
     view: ImageView
 
     def find(self) -> list[ArcMirror]:
-        """Arcs, from the one with the most votes on."""
+        """All arcs, that with the most votes first."""
         usual = np.median(self.echoes.amplitude[self.echoes.strong]) if self.echoes.strong.any() else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
         self.random = np.random.default_rng(0)
@@ -132,13 +140,13 @@ class _Arcs:
         for _ in range(PASSES):
             known = len(found)
             self._search(found)
-            found = self._parted(found)
+            found = self._cut_apart(found)
             if len(found) == known:
                 break
         return found
 
     def _search(self, found: list[ArcMirror]) -> None:
-        """Add arcs among the echoes that lie on none yet."""
+        """Add to `found` the arcs among the echoes that lie on none of them yet."""
         free, missed = self.echoes.strong & ~on_rows(found, self.view, self.echoes), 0
         while np.count_nonzero(free) >= FEWEST and missed <= MISSES and len(found) < MOST_ARCS:
             arc = self._proposed(np.flatnonzero(free))
@@ -148,7 +156,7 @@ class _Arcs:
             fitted = None if arc is None else self._refined(arc, free)
             if fitted is None:
                 missed += 1
-                # Its neighbours may still belong to an arc that this one crosses.
+                # Only the middle of the row is taken out: the rest may belong to an arc that this one crosses.
                 place, cell = self.echoes.position[member], np.asarray(self.view.cell(self.echoes.range[member]))
                 offset = np.linalg.norm(place - np.median(place, axis=0), axis=1)
                 free[member[offset <= np.maximum(2.0 * NEAR_CELLS * cell, offset.min())]] = False
@@ -157,9 +165,11 @@ class _Arcs:
             found.append(fitted)
             free &= ~on_rows([fitted], self.view, self.echoes)
 
-    def _parted(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
-        """Arcs that pass into each other, cut in the middle of what they share and fitted to what is left of each, or
-        together where they are one smooth curve.
+    def _cut_apart(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
+        """The arcs, with those cut that pass into each other.
+
+        Two such arcs are cut in the middle of the part that they share. Then each is fitted to its own part; or both
+        together, if they are the halves of one smooth curve.
         """
         for i, j in combinations(range(len(arcs)), 2):
             cell = self.view.cell_at(arcs[i].center)
@@ -179,13 +189,13 @@ class _Arcs:
         return arcs
 
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
-        """Two arcs as the halves of one smooth curve; None if they are none, or no arcs any more."""
+        """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
         first, second = self._centres(one), self._centres(other)
         halves = None if first is None or second is None else joined((one, other), (first, second), self.view)
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
-        """The arc on the circle that fits best to the centres of power, as long as before; None if it is no arc."""
+        """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
         ends = arc.ends
         for _ in range(ROUNDS):
             measured = self._centres(arc)
@@ -203,7 +213,7 @@ class _Arcs:
         return self._with_errors(arc, points, trust)
 
     def _arc(self, middle: Array, radius: float, points: Array) -> ArcMirror:
-        """The arc of a circle about points that lie on one side of it."""
+        """The part of a circle over which points (n, 2) lie, which are all on one side of it."""
         towards = np.mean((points - middle) / np.linalg.norm(points - middle, axis=1)[:, None], axis=0)
         whole = ArcMirror(
             middle=middle,
@@ -216,7 +226,10 @@ class _Arcs:
         return whole.part(float(along.min()), float(along.max()))
 
     def _proposed(self, free: Index) -> ArcMirror | None:
-        """The circle near most echoes of a neighbourhood, by their weight."""
+        """The proposed circle with the most votes of `free` echoes nearby, by their weight; None if there is none.
+
+        It is returned as the arc over which these echoes lie.
+        """
         judge = drawn(free)
         points, weight = self.echoes.position[judge], self.weight[judge]
         cell = float(np.median(self.view.cell(self.echoes.range[judge])))
@@ -225,23 +238,26 @@ class _Arcs:
         near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
         a, b = (np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(2))
         middle, radius = circle_through(points[seeds], points[a], points[b])
-        sound = near[np.arange(seeds.size), a] & near[np.arange(seeds.size), b] & np.isfinite(radius)
-        sound &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
+        valid = near[np.arange(seeds.size), a] & near[np.arange(seeds.size), b] & np.isfinite(radius)
+        valid &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
         chord = np.linalg.norm(points[a] - points[b], axis=1)
         chord = np.maximum(chord, np.maximum(distance[np.arange(seeds.size), a], distance[np.arange(seeds.size), b]))
-        sound &= np.linalg.norm(points[a] - points[b], axis=1) > NEAR_CELLS * cell
-        # A chord c bulges by c^2 / (8 R); one that is longer than R by c / 8 or more.
-        sound &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
-        if not sound.any():
+        valid &= np.linalg.norm(points[a] - points[b], axis=1) > NEAR_CELLS * cell
+        # An arc with the chord c bulges by ``c^2 / (8 R)``; one whose chord is longer than R by at least ``c / 8``.
+        valid &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
+        if not valid.any():
             return None
-        middle, radius, seeds = middle[sound], radius[sound], seeds[sound]
+        middle, radius, seeds = middle[valid], radius[valid], seeds[valid]
         beside = cdist(middle, points) - radius[:, None]
-        on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[sound] < 2.0 * REACH_CELLS * cell)
+        on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[valid] < 2.0 * REACH_CELLS * cell)
         best = int(np.argmax(on_it @ weight))
         return self._arc(middle[best], float(radius[best]), points[on_it[best]])
 
     def _grown(self, arc: ArcMirror, free: Mask) -> tuple[ArcMirror | None, Index]:
-        """The arc with the heaviest unbroken row about it, and the echoes of that row."""
+        """Grow a proposed arc to the unbroken row of echoes near it that has the most weight.
+
+        Returns the arc, None if it is implausible; and the numbers of the echoes of the row.
+        """
         member = np.flatnonzero(free)
         points = self.echoes.position
         for _ in range(ROUNDS):
@@ -260,23 +276,23 @@ class _Arcs:
         return (arc if self._plausible(arc) else None), member
 
     def _across(self, arc: ArcMirror, points: Array) -> Array:
-        """Width of the cell at points, across the arc [m]."""
+        """Width of the resolution cell across the arc [m], at points (n, 2), (n,)."""
         return self.view.extent_each(points, arc.outward(arc.along(points)))
 
     def _row(self, arc: ArcMirror, points: Array, weight: Array) -> Index:
-        """The heaviest unbroken row of points along an arc."""
+        """Numbers of the points (n, 2) along an arc in the unbroken row that has the most weight."""
         cell = np.asarray(self.view.cell(np.linalg.norm(points - self.view.radar, axis=1)))
         return heaviest_row(arc.along(points), cell, weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:
-        """Whether its radius, length and bulge are large enough, and it is less than three quarters of a circle."""
+        """Whether radius, length and bulge of an arc are in their limits, and it is less than 3/4 of a circle."""
         cell = self.view.cell_at(arc.center)
         bulge = arc.radius * (1.0 - np.cos(0.5 * min(arc.span, np.pi)))
         sizes = SMALLEST_CELLS * cell <= arc.radius <= LARGEST_CELLS * cell and arc.length >= SHORTEST_CELLS * cell
         return bool(sizes and bulge >= BULGE_CELLS * cell and arc.span < 1.5 * np.pi)
 
     def _facing(self, arc: ArcMirror) -> ArcMirror | None:
-        """The part of an arc that is turned towards the radar."""
+        """The longest part of an arc that is turned towards the radar; None if there is none."""
         along = np.linspace(0.0, arc.length, SAMPLES)
         sight = arc.at(along) - self.view.radar
         cosine = -np.sum(sight * arc.outward(along), axis=1) / np.linalg.norm(sight, axis=1)
@@ -284,8 +300,8 @@ class _Arcs:
         return None if run is None else arc.part(*along[run][[0, -1]].tolist())
 
     def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
-        """The arc fitted to the centres of power across it, as far as its row goes on; None if it is no arc."""
-        arc = self._as_long(arc, free)
+        """The arc, continued as far as its row goes on, and fitted to the centroids of power; None if it is no arc."""
+        arc = self._continued(arc, free)
         for _ in range(REFINEMENTS):
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
@@ -295,12 +311,12 @@ class _Arcs:
                 return None
             points, weight = measured
             middle, radius, trust = fitted_circle(points, weight, facing.middle, facing.radius)
-            # A circle that has become straight, or bulges to the other side, is no arc of this row.
+            # If the circle becomes straight, or bulges to the other side, the row is no arc.
             largest = LARGEST_CELLS * self.view.cell_at(facing.center)
             if not 0.0 < radius < largest or (middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
                 return None
             before = facing.ends
-            arc = self._close(replace(facing, middle=middle, radius=radius), before)
+            arc = self._part_on_row(replace(facing, middle=middle, radius=radius), before)
             if np.linalg.norm(arc.ends - before, axis=1).max() < 0.1 * self.view.range_cell:
                 break
         arc = self._with_errors(arc, points, trust)
@@ -315,14 +331,15 @@ class _Arcs:
         return arc if arc.fill >= SMALLEST_FILL else None
 
     def _centres(self, arc: ArcMirror) -> tuple[Array, Array] | None:
-        """Centres of power across an arc (n, 2), and their weights; None where there are too few."""
+        """Centroids of power across an arc (n, 2), and their weights (n,); None where there are too few."""
         points, weight = centres(arc, self.view, *LOBE)
         return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
 
-    def _close(self, circle: ArcMirror, ends: Array) -> ArcMirror:
-        """The part of a circle, between about these ends, along which the centres of power stay close to it.
+    def _part_on_row(self, circle: ArcMirror, ends: Array) -> ArcMirror:
+        """The longest part of a circle, between about these `ends`, along which the centroids of power stay close to
+        it.
 
-        An S-shaped row leaves the circle of either half at its joint.
+        So an S-shaped row is cut at its joint, where it leaves the circle of either half.
         """
         first, last = np.sort(circle.along(ends))
         margin = EXTENDED_CELLS * self.view.cell_at(circle.center)
@@ -335,14 +352,14 @@ class _Arcs:
         along = wider.along(points)
         window = max(1, round(SMOOTH_CELLS * self.view.cell_at(circle.center) / max(np.median(np.diff(along)), 1e-9)))
         beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
-        # Beyond the end of a row there is no power to speak of.
+        # Beyond the end of a row there is hardly any power.
         bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)
         near = (np.abs(beside) <= CLOSE_CELLS * self.view.range_cell) & (bright >= DARK * np.median(bright))
         run = longest_run(near)
         return circle.part(first, last) if run is None else wider.part(*along[run][[0, -1]].tolist())
 
-    def _as_long(self, arc: ArcMirror, free: Mask) -> ArcMirror:
-        """The arc as far as its row of echoes goes on along its circle, faint ones included."""
+    def _continued(self, arc: ArcMirror, free: Mask) -> ArcMirror:
+        """The arc, continued along its circle as far as its row of echoes goes on, faint ones included."""
         points = self.echoes.position[free | ~self.echoes.strong]
         near = points[np.abs(arc.beside(points)) <= NEAR * self._across(arc, points)]
         if not len(near):
@@ -355,7 +372,7 @@ class _Arcs:
         return whole.part(min(float(row.min()), float(own.min())), max(float(row.max()), float(own.max())))
 
     def _with_errors(self, arc: ArcMirror, points: Array, trust: Array) -> ArcMirror:
-        """The arc with standard errors of its offset, direction and curvature, from how its blocks differ."""
+        """The arc with the standard errors of its offset, direction and curvature, from how much its blocks differ."""
         along, beside = arc.along(points) - 0.5 * arc.length, arc.beside(points)
         design = np.column_stack([np.ones_like(along), along, 0.5 * along**2])
         variance = np.diag(block_covariance(design, beside, trust, along[:, None], arc.independent(self.view)))
