@@ -40,7 +40,7 @@ def flat(points: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def cell_side(along: Array, independent: float) -> float:
-    """Side [m] of one of so many `independent` cells, into which the extent of positions (n, d - 1) [m] is divided."""
+    """Side [m] of a cell, if the extent of positions (n, d - 1) [m] along a mirror holds `independent` such cells."""
     return float((np.prod(np.ptp(along, axis=0)) / independent) ** (1.0 / along.shape[1]))
 
 
@@ -84,7 +84,7 @@ class Fit(NamedTuple):
 def robust(points: Array, weight: Array, independent: float) -> Fit:
     """The line or plane through points (n, d), with Cauchy weights, which keep outliers from moving it.
 
-    Only so many of the points are `independent`, because neighbours share a resolution cell and its speckle.
+    `independent` is the number of independent points: neighbours share a resolution cell and its speckle.
     """
     trust = weight
     for _ in range(ROUNDS):

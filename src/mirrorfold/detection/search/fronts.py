@@ -1,10 +1,10 @@
 """Step 2, after the fit: where the face of a wall lies within the depth over which its echoes are spread.
 
 A wall is taken for a slab. It scatters on its face; inside, where waves decay; and at its back, which is dimmed by all
-that lies before it. The shares of the three, and the thickness, are not known. So many slabs are tried, each with its
-face at many depths. Each predicts a profile of power across the wall, blurred by the resolution cell, and the better it
-agrees with that of the image, the likelier it is. The position of the face is the mean of all that are tried, weighted
-with their likelihood, and its standard error is their standard deviation.
+that lies before it. The shares of the three, and the thickness, are not known. Therefore many slabs are tried, each
+with its face at many depths. Each predicts a profile of power across the wall, blurred by the resolution cell, and the
+better it agrees with that of the image, the likelier it is. The position of the face is the mean of all that are tried,
+weighted with their likelihood, and its standard error is their standard deviation.
 
 The logarithm of the mean power of N independent speckles has the error ``1 / sqrt(N)`` (Goodman, Speckle Phenomena in
 Optics, 2007). At neighbouring depths, as far apart as the cell is wide, these errors are nearly the same; farther than
@@ -27,8 +27,8 @@ STEP = 0.1
 """Step of depths, in standard deviations of the cell across the wall; much finer than the profile resolves."""
 
 EVERY = 5
-"""Profiles are compared at every so many-th step: at half a standard deviation, which shows all that the cell
-resolves."""
+"""Number of steps between the depths at which profiles are compared: half a standard deviation, which shows all that
+the cell resolves."""
 
 LOBE = 6.0
 """Half-length of the profile of the cell itself, in its standard deviations."""
@@ -65,8 +65,8 @@ ENOUGH = 200
 used at which the cell is narrowest across the wall, because these resolve its depth best."""
 
 FEWEST = 10
-"""Least number of independent speckles that tell what a wall scatters from inside. With fewer, whose error is a third,
-the wall is taken to scatter on its face alone, but all slabs add to the standard error."""
+"""Least number of independent speckles with which a wall can be found to scatter from inside. With fewer, whose error
+is a third, the wall is taken to scatter on its face alone, but all slabs add to its standard error."""
 
 BLOCK_CELLS = 6.0
 """Profiles are averaged over blocks of so many cells. Then the blocks are averaged, each relative to its own power, so
@@ -184,8 +184,8 @@ def _best_resolved(across: Array, along: Array, side: float, independent: float)
 def _mean_profile(power: Array, along: Array, side: float) -> tuple[Array, Array]:
     """Mean profile (depths,) of profiles (n, depths) at positions `along` a wall, normalised to a peak of one.
 
-    All blocks of the wall have the same power; outliers among them have less weight. Also the variance of that mean,
-    (depths,), from how much the blocks differ.
+    Each block of the wall is normalised to the same power, and outliers among the blocks have less weight. Also the
+    variance of that mean, (depths,), from how much the blocks differ.
     """
     block = blocks(along, side, BLOCK_CELLS, fewest=3)
     count = np.bincount(block)
@@ -230,8 +230,7 @@ def _incidence(mirror: Mirror, view: View, places: Array) -> tuple[Array, Array]
 
 
 def _face_decorrelation(mirror: Mirror, view: View, places: Array) -> float:
-    """How fast the speckle of a face changes with depth, because the cell lies askew to it: the mean of ``k / (1 -
-    k)``.
+    """How fast the speckle of a face changes with depth, because the cell lies askew to it: the mean k / (1 - k).
 
     k is the squared correlation of the extents of a Gaussian cell along the normal and along the wall. Over a depth z,
     the speckle of a face has the correlation ``exp(-(k / (1 - k)) (z / s)^2 / 4)``, with s the standard deviation of

@@ -94,7 +94,7 @@ class View(ABC):
 
     @abstractmethod
     def beam_power(self, aside: Array) -> Array:
-        """Relative power of an echo that stands so many widths `aside` of a line of sight, in units of `cross_cell`."""
+        """Power of an echo beside a line of sight, at the distance `aside` in units of `cross_cell`, over one on it."""
 
     @abstractmethod
     def object_depth(self, range_: Array) -> Array:
