@@ -185,7 +185,7 @@ class ArcMirror(Mirror):
         return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes beside the arc, up to a cell beyond its ends, twice; and the width of the cell across it [m]."""
+        """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""
         outward = self.outward(self.along(echoes.position))
         across = view.extent_each(echoes.position, outward)
         beyond = view.extent_each(echoes.position, turned(outward))

@@ -96,7 +96,7 @@ class LineMirror(Mirror):
         return np.where((along >= -self.hem[0]) & (along <= self.length + self.hem[1]), range_, np.inf)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes beside the mirror, up to a cell beyond its ends, twice; and the width of the cell across it [m]."""
+        """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""
         along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
         return beside, beside.copy(), across

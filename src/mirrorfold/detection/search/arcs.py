@@ -336,8 +336,7 @@ class _Arcs:
         return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
 
     def _part_on_row(self, circle: ArcMirror, ends: Array) -> ArcMirror:
-        """The longest part of a circle, between about these `ends`, along which the centroids of power stay close to
-        it.
+        """The longest part of a circle, between about these `ends`, to which the centroids of power stay close.
 
         So an S-shaped row is cut at its joint, where it leaves the circle of either half.
         """
