@@ -48,52 +48,57 @@ def simulate(
 ) -> xr.Dataset:
     """Simulate the sweep of a scene.
 
-    A three-dimensional scene is seen by a raster scanner; its sweep is S11 of every beam. In a two-dimensional one
-    every source radiates the field ``exp(-j k d) / sqrt(d)``, the far field of a line source without its constant
-    factor, and a sample of the sweep is the field scattered to the receiver; the direct wave from transmitter to
-    receiver is left out. The full-wave solver takes the line source itself, ``sqrt(pi k / 2) exp(-j pi / 4)
-    H0^(2)(k d)``, which has that far field, so that the sweeps of both solvers have one scale. An endless smooth
-    mirror thus returns ``R exp(-j k d) / sqrt(d)``, with d the length of the path over the mirror and R its reflection
-    coefficient.
+    In a three-dimensional scene the radar is a raster scanner, and the sweep holds S11 of every beam. In a
+    two-dimensional scene every transmitter radiates the field ``exp(-j k d) / sqrt(d)`` at the distance d, the far
+    field of a line source without its constant factor. A sample of the sweep is the scattered field at the receiver;
+    the direct wave from transmitter to receiver is left out. The full-wave solver uses the exact field of a line
+    source, ``sqrt(pi k / 2) exp(-j pi / 4) H0^(2)(k d)``, which has the same far field, so that the sweeps of both
+    solvers have the same scale. For example, an infinitely long smooth mirror returns ``R exp(-j k d) / sqrt(d)``, with
+    d the length of the path by way of the mirror and R its reflection coefficient.
 
     Parameters
     ----------
     scene : Scene, Scene3D, path or dict
         A scene, the path of a scene file, or the content of one; see `parse_scene`.
     solver : {"rays", "fullwave"}, default "rays"
-        Hybrid of frozen diffuse scatterers and specular image paths; or the integral equations of perfect conductors
-        and dielectric walls, with all multiple scattering, diffraction and shadowing.
+        "rays": geometrical optics, with specular paths by way of mirrors and diffuse scatterers at fixed random places.
+        "fullwave": integral equations of perfect conductors and dielectric walls, which include all multiple
+        scattering, diffraction and shadowing.
     bounces : int, default 3
-        Rays alone. Largest number of mirrors between an antenna and what scatters, on each way. Purely specular
-        returns, which go there and come back, are followed over twice as many.
+        Rays only. Largest number of mirrors between an antenna and a scatterer, on the way out and again on the way
+        back. In two dimensions, purely specular returns, which need no scatterer, are followed over twice as many.
     seed : int, default 0
-        Of the diffuse scatterers or of the random profiles, and of the noise.
+        Seed of the diffuse scatterers (rays) or of the random profiles of rough surfaces (full-wave), and of the noise.
     snr_db : float [dB], optional
         Mean power of the samples over the power of the added noise, per sample; no noise by default. Where the
         scene returns nothing, the noise has the mean power one.
     force : bool, default False
-        Rays in three dimensions alone. Go on where returns wrap around or the scan is too coarse for the beam.
+        Rays in three dimensions only. Continue even if returns wrap around or the scan is too coarse for the beam.
     tolerance : float, default 1e-3
-        Full-wave alone, like all that follow. Relative error of the samples, in the mean square.
+        Full-wave only. Relative root-mean-square error of the samples.
     direct : bool, default False
-        Add the direct wave from transmitter to receiver, but for pairs at one place, where it is infinite.
+        Full-wave only. Add the direct wave from transmitter to receiver, except for pairs at the same place, where it
+        is infinite.
     check_residual : bool, default False
-        Measure how well the whole system of equations is solved at mid-band, by a product with the full matrix on
-        random strengths of the transmitters; stored in the attribute `residual`.
+        Full-wave only. Measure how well the solution fulfils the full system of equations at mid-band, for random
+        strengths of the transmitters; stored in the attribute `residual`.
     workers : int, default 1
-        Processes that share the frequencies. With more than one, a script needs ``if __name__ == "__main__":``.
+        Full-wave only. Number of processes that share the frequencies. With more than one, a script needs
+        ``if __name__ == "__main__":``.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers share the frequencies instead.
+        Full-wave only. Address of a Dask scheduler, whose workers share the frequencies instead.
     checkpoint : path, optional
-        Folder that keeps the results by frequency, to resume from; remove it when the sweep is saved.
+        Full-wave only. Folder that keeps the result of each frequency, to resume from; remove it when the sweep is
+        saved.
     resume : bool, default False
-        Go on with the results in that folder, to the same bytes that an uninterrupted sweep would hold.
+        Full-wave only. Continue from the results in that folder; the sweep is the same, byte for byte, as without the
+        interruption.
     memory_limit : float [B], optional
-        Rays alone. Memory that the process may hold in all: in two dimensions the scatterers are taken in tiles where
-        they must, and the sweep is the same to rounding; what does not fit either is refused before the work. By
-        default what is free.
+        Rays only. Total memory that the process may hold; by default what is free. In two dimensions the scatterers are
+        processed in tiles if necessary, which changes the sweep by rounding only. A simulation that does not fit in
+        tiles either is refused before it starts.
     progress : callable, optional
-        Called as ``progress(done, total)`` while frequencies or beams are done.
+        Called as ``progress(done, total)`` as frequencies, or beams of a raster scan, are finished.
 
     Returns
     -------
@@ -238,26 +243,29 @@ def simulate(
 
 
 def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
-    """The polarizations that a scene is seen in, one after the other."""
+    """The polarizations to simulate, one after the other: two for a scene with polarization "both"."""
     return POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
 
 
 def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """What counts one of several equal parts of the work."""
+    """The progress callback for part `number` (from 0) of several equal parts of the work."""
     if progress is None or parts == 1:
         return progress
     return lambda done, total: progress(number * total + done, parts * total)
 
 
 def _folder(checkpoint: Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
-    """Where the results of one polarization are kept: in a folder of its own where there are two."""
+    """Folder for the results of one polarization: the checkpoint itself, or a folder in it if there are two."""
     if checkpoint is None:
         return None
     return checkpoint if len(of) == 1 else checkpoint / one
 
 
 def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:
-    """Refuse options that the solver does not know; each is given with whether it was chosen."""
+    """Refuse options that belong to the other solver.
+
+    Each dict maps the name of an option to whether the user changed it from its default.
+    """
     ignored = of_fullwave if solver == "rays" else of_rays
     for name, chosen in ignored.items():
         if chosen:
@@ -275,19 +283,19 @@ def estimate(
     workers: int = 1,
     memory_limit: float | None = None,
 ) -> FullWaveEstimate | ScanEstimate | RayEstimate:
-    """What a simulation would take, without doing it.
+    """Time, memory and size of a simulation, estimated without running it.
 
     Returns
     -------
     FullWaveEstimate, ScanEstimate or RayEstimate
-        Facts to read as attributes or as items: `frequencies` and `memory_gb`; and `beams`, `echoes`,
-        `longest_return_m`, `needed_frequencies`, `seconds` of a raster scan, `unknowns`, `minutes`, `disk_gb` of full
-        waves, or `scatterers`, `paths`, `tiles`, `parts_gb` of rays in two dimensions.
+        Facts to read as attributes or as items. All have `frequencies` and `memory_gb`. A raster scan also has `beams`,
+        `echoes`, `longest_return_m`, `needed_frequencies` and `seconds`; the full-wave solver `unknowns`, `minutes` and
+        `disk_gb`; rays in two dimensions `scatterers`, `paths`, `tiles` and `parts_gb`.
 
     Raises
     ------
     InputError
-        If the scene cannot be simulated, or does not fit below the limit.
+        If the scene cannot be simulated, or does not fit into the memory limit.
     """
     scene = as_scene(scene)
     check_extent(scene)

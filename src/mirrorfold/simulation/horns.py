@@ -1,9 +1,10 @@
-"""Antennas with an aperture, as point sources side by side.
+"""Horn antennas, simulated as rows of point sources.
 
-A horn of width w radiates like its aperture field, ``cos(pi x / w)`` in the H-plane, which point sources at most half
-a wavelength apart sample (Balanis, Antenna Theory, 4th ed., section 13.3). Neighbouring horns of an array overlap on
-one lattice of sources, so that hardly more have to be simulated than there are antennas, by any solver and with the
-pattern in every path, reflected or not. The pattern is that of the cosine to within a tenth of its peak.
+A horn of width w radiates like its aperture field, ``cos(pi x / w)`` in the H-plane (Balanis, Antenna Theory, 4th ed.,
+section 13.3). That field is sampled by point sources at most half a wavelength apart. All horns of an array share one
+lattice of point sources: any solver simulates the lattice, and the samples of each horn are a weighted sum of those of
+its sources. So the pattern acts in every path, reflected or not, and where the pitch is half a wavelength there are
+hardly more sources than antennas. The pattern is that of the cosine to within a tenth of its peak.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from mirrorfold.scenes.arrays import LinearArray
 from mirrorfold.scenes.floor_plan import Scene
 
 HALF_WAVE_TOLERANCE = 0.01
-"""Share of half a wavelength by which sources may stand further apart: a beam's replica stays at the horizon."""
+"""Share of half a wavelength by which the spacing of the sources may exceed it: the grating lobe stays at endfire."""
 
 Complex64 = NDArray[np.complex64]
 
 
 def point_sources(scene: Scene) -> tuple[Scene, Callable[[Complex64], Complex64]]:
-    """The same scene seen by point sources, and what makes of their samples those of the antennas.
+    """The scene with point sources in place of horns, and the function that sums their samples to those of the horns.
 
     Parameters
     ----------
@@ -52,7 +53,10 @@ def point_sources(scene: Scene) -> tuple[Scene, Callable[[Complex64], Complex64]
 
 
 def _lattice(array: LinearArray, wavelength: float) -> tuple[LinearArray, NDArray[np.float32]]:
-    """Point sources for all horns of an array, and each horn's weights of them, (antennas, sources), of sum one."""
+    """Lattice of point sources for all horns of an array, and the weights of each horn, (antennas, sources).
+
+    The weights of a horn sum to one.
+    """
     if array.horn is None:
         return replace(array, rx=None), np.eye(len(array.present), dtype=np.float32)
     finer = int(np.ceil(array.pitch / (0.5 * wavelength) - HALF_WAVE_TOLERANCE))

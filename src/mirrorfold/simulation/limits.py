@@ -1,4 +1,4 @@
-"""Scenes that no simulation should begin with: numbers in another unit, and more samples than the memory holds."""
+"""Checks before a simulation: scenes with numbers in a wrong unit, and sweeps too large for the memory, are refused."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ if TYPE_CHECKING:
 
 REACH_IN_AMBIGUOUS_RANGES = 10.0
 REACH_IN_WAVELENGTHS = 1e5
-"""A surface farther away than both lies in another unit, or is out of reach of the radar's power and steps."""
+"""Largest plausible distance of a surface: this many ambiguous ranges, or this many wavelengths at the top of the band,
+whichever is longer. A surface farther away was given in a wrong unit, or is out of reach of the radar."""
 
 COPIES = 3.0
-"""Arrays of the size of the sweep that a simulation holds at once."""
+"""Number of arrays of the size of the sweep that a simulation holds at once."""
 
 COARSE = 1e12
-"""Chords [m] so long that outlines are given by their fewest corners."""
+"""Chord length [m] longer than any outline: each surface is then returned as its fewest corners."""
 
 
 def check_extent(scene: Scene | Scene3D) -> None:
-    """Refuse a scene whose lengths or frequencies are in another unit, or whose sweep does not fit into the memory.
+    """Refuse a scene whose lengths or frequencies are in a wrong unit, or whose sweep does not fit into the memory.
 
     Raises
     ------
     InputError
-        With the numbers, and what was probably meant.
+        The message states the numbers, and what was probably meant.
     """
     _check_samples(scene)
     _check_frequencies(scene)
@@ -58,7 +59,7 @@ def _check_samples(scene: Scene | Scene3D) -> None:
 
 
 def _check_frequencies(scene: Scene | Scene3D) -> None:
-    """Refuse a band that is too low for the array, and an array that is too coarse for the band."""
+    """Refuse a band whose wavelength is too long for the array, and a pitch that is too long for the wavelength."""
     if isinstance(scene, Scene):
         places = scene.array.tx_position, scene.array.rx_position
         length, step = extent(*places), min((one for one in map(pitch, places) if one), default=0.0)
@@ -73,7 +74,7 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
         )
     if not isinstance(scene, Scene):
         return
-    # A sparse array may be as coarse; but no array is longer than the way to all that it looks at.
+    # The pitch of a sparse array may be that large; but no array is longer than the distance to all surfaces it sees.
     other = length_unit(step, speed_of_light / scene.band.stop) if length > _farthest(scene) else None
     if other is not None:
         raise InputError(
@@ -83,7 +84,7 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
 
 
 def _check_surfaces(scene: Scene | Scene3D) -> None:
-    """Refuse surfaces that are out of all reach."""
+    """Refuse surfaces farther away than the largest plausible distance."""
     ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
     limit = max(REACH_IN_AMBIGUOUS_RANGES * ambiguous, REACH_IN_WAVELENGTHS * speed_of_light / scene.band.stop)
     for index, surface in enumerate(scene.surface):
@@ -98,19 +99,19 @@ def _check_surfaces(scene: Scene | Scene3D) -> None:
 
 
 def _farthest(scene: Scene | Scene3D) -> float:
-    """Distance [m] of the farthest surface, zero where there is none."""
+    """Distance [m] from the radar to the farthest point of all surfaces, zero where there is none."""
     return max((_distance(scene, surface) for surface in scene.surface), default=0.0)
 
 
 def _distance(scene: Scene | Scene3D, surface: Any) -> float:
-    """How far away [m] a surface reaches."""
+    """Distance [m] from the radar to the farthest corner of a surface; see `_corners`."""
     origin = scene.array.tx_position.mean(axis=0) if isinstance(scene, Scene) else np.asarray(scene.scanner.origin)
     corners = _corners(surface)
     return float(np.linalg.norm(corners - origin[: corners.shape[1]], axis=1).max())
 
 
 def _corners(surface: Any) -> Array:
-    """Some corners or the middle of a surface, (n, 2) or (n, 3) [m]."""
+    """Corners of a surface, or its middle where it has none, (n, 2) or (n, 3) [m]."""
     if hasattr(surface, "pieces"):
         return np.concatenate(surface.pieces(COARSE))
     if hasattr(surface, "on"):  # a patch lies on another surface

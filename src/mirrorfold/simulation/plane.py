@@ -1,4 +1,4 @@
-"""The plane of a two-dimensional scene."""
+"""The plane z = 0 of a two-dimensional scene, in which all antennas must lie."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mirrorfold.errors import InputError
 
 
 def in_plane(position: Array) -> Array:
-    """Antenna positions (n, 2) [m] in the plane of a two-dimensional scene.
+    """Positions x and y (n, 2) [m] of antennas at positions (n, 3) [m] of a two-dimensional scene.
 
     Raises
     ------
     InputError
-        If one stands outside it.
+        If an antenna is outside the plane z = 0.
     """
     if np.any(position[:, 2] != 0.0):
         raise InputError(

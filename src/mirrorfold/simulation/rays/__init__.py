@@ -1,1 +1,1 @@
-"""Simulation by rays in the floor plan: frozen scatterers, and the specular paths to each of them."""
+"""Simulation by rays in the floor plan: diffuse scatterers at fixed places, and the specular paths to each of them."""

@@ -1,8 +1,8 @@
-"""Sequences of mirrors with arcs among them, and the paths over them.
+"""Chains of mirrors with arcs among them, and the paths over them.
 
-An arc is two mirrors: the outer side, which spreads the waves, and the inner one, which may focus them. To find the
-paths to a point, a fan of rays is cast over the whole sequence from some of the antennas; where the point lies between
-two neighbouring rays there is a path, which Newton's method makes exact for every antenna (`fermat`).
+An arc counts as two mirrors: its outer side, which spreads the waves, and its inner side, which may focus them. To find
+the paths to a point, a fan of rays is traced over the whole chain from some of the antennas. Where the point lies
+between two neighbouring rays there is a path. Newton's method then makes the path exact for every antenna (`fermat`).
 """
 
 from __future__ import annotations
@@ -33,38 +33,38 @@ from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import ChainPaths, Points
 
 FAN = 128
-"""Rays of a fan over a whole arc."""
+"""Number of rays of a fan over a whole arc."""
 
 NARROW = 33
-"""Rays over the part of an arc from which the next one is met."""
+"""Number of rays over the part of an arc from which rays meet the next arc."""
 
 APART = 32
-"""A fan is cast from one in so many antennas: neighbours half a wavelength apart differ by some mm in where they see
-a mirror, and Newton's method leads from one to the next."""
+"""Fans are cast from every 32nd antenna: the places at which neighbouring antennas, half a wavelength apart, see a
+mirror differ by some mm only, so that Newton's method converges from the paths of one antenna to those of another."""
 
 MOST = 4
-"""Paths over one sequence between an antenna and a point, at most."""
+"""Largest number of paths over one chain between an antenna and a point."""
 
 FOLD = 1.094
-"""Where two paths meet at a caustic, their sum is Airy's integral at zero: ``2 Gamma(4/3) cos(pi/6) / sqrt(2)`` each,
-times ``(6 / (k |L'''|))^(1/3)``."""
+"""Where two paths merge at a caustic, their sum is Airy's integral at zero: each contributes ``2 Gamma(4/3) cos(pi/6) /
+sqrt(2)``, this factor, times ``(6 / (k |L'''|))^(1/3)``, with the third derivative L''' of the path length."""
 
 Face = tuple[int, int]
-"""A mirror: its number among the obstacles of an `Outline`, and its side, 0 if it is flat, +1 outer, -1 inner."""
+"""A mirror: its number among the obstacles of an `Outline`, and its side: 0 flat, +1 outer, -1 inner side of an arc."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedPaths(ChainPaths):
-    """The paths over one sequence with arcs.
+    """The paths over one chain with arcs.
 
     Attributes
     ----------
     spreading : (paths,) array [m]
-        Width of the pencil of rays for each radian at the antenna.
+        Width ``|q|`` of the pencil of rays at the point, per radian at the antenna.
     caustics : (paths,) array
-        How many of them lie on the way.
-    legs, extent, bend : (paths,) arrays
-        Of the last arc, see `fermat`: they limit the field at a caustic.
+        Number of caustics on each path.
+    legs, extent, bend : (paths,) arrays [m^2], [m], [1/m^2]
+        Properties of the last arc, see `FACTS` in `fermat`: they limit the field at a caustic.
     """
 
     spreading: Array
@@ -74,10 +74,11 @@ class CurvedPaths(ChainPaths):
     bend: Array
 
     def spread(self, wavelength: Array) -> Array:
-        """Amplitude at wavelengths (f, 1) [m], with the phase gained at caustics, (f, paths).
+        """Complex amplitude at wavelengths (f, 1) [m], with the phase gained at caustics, (f, paths).
 
-        By geometrical optics ``1 / sqrt(|q|)``; but no more than a stretch of the last arc gives that adds up in phase:
-        all of it, or at the meeting of two paths as much as Airy's integral says.
+        It is ``1 / sqrt(|q|)`` by geometrical optics, which diverges at a caustic. It is limited to the amplitude that
+        the last arc returns where it adds up in phase: over its whole length, or, where two paths merge, over the
+        length that Airy's integral gives, whichever is shorter.
         """
         with np.errstate(divide="ignore"):
             zone = FOLD * np.cbrt(6.0 * wavelength / (2.0 * np.pi * self.bend))
@@ -102,7 +103,7 @@ class CurvedChain:
 
     @property
     def facets(self) -> tuple[int, ...]:
-        """The mirrors' numbers among the obstacles of the outline."""
+        """Numbers of the mirrors among the obstacles of the outline."""
         return tuple(number for number, _ in self.faces)
 
     @property
@@ -111,14 +112,19 @@ class CurvedChain:
         return len(self.antennas)
 
     def of(self, antennas: NDArray[np.intp]) -> CurvedChain:
-        """The same from some of the antennas."""
+        """The same chain from some of the antennas only."""
         return replace(self, antennas=self.antennas[antennas])
 
     @cached_property
     def unfolding(
         self,
     ) -> tuple[Isometry, Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array, Array]:
-        """What the kernels need of the mirrors, and before it the map that unfolds all behind the last of them."""
+        """The isometry that unfolds the space behind the last mirror, and the mirrors as the kernels take them.
+
+        After the isometry: the table of arcs; `arc_slot`, the places of the arcs in the chain; `leg` and `flat_slot`,
+        the legs on which the flat mirrors are crossed and their places in the chain; `unfolded` and `flat`, the ends of
+        the flat mirrors, unfolded and true, (f, 2, 2) [m].
+        """
         flat_count = len(self.world.facets)
         unfold = Isometry.identity()
         arcs: list[list[float]] = []
@@ -140,10 +146,11 @@ class CurvedChain:
         return (unfold, np.array(arcs), *index, np.array(unfolded).reshape(-1, 2, 2), np.array(flat).reshape(-1, 2, 2))  # type: ignore[return-value]
 
 
-def _shoot(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array, Array]:
-    """Rays from an antenna to angles (m,) on the first arc and on over all of them.
+def _trace_rays(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array, Array]:
+    """Trace rays from an antenna to the angles (m,) on the first arc, and on over all k arcs.
 
-    Returns the angles (m, k), NaN from where a ray misses, and place and heading (m, 2) of the last one that is met.
+    Returns the angles (m, k) at which each ray meets the arcs, NaN from the first arc that it misses on, and the place
+    and the reflected direction (m, 2) at the last arc that it meets.
     """
     angles = np.full((angle.size, len(arcs)), np.nan)
     place = np.tile(antenna, (angle.size, 1))
@@ -162,7 +169,7 @@ def _shoot(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array, Arr
                 on &= distance > 0.0
                 met = (offset + distance[:, None] * heading) @ linear
                 at = np.arctan2(met[:, 1], met[:, 0])
-                # Some way beyond the ends, so that the last ray within has a neighbour.
+                # The arc is prolonged by 5 % of its span at either end, so that the outermost rays have neighbours.
                 on &= (at - first + 0.05 * span) % (2.0 * np.pi) <= 1.1 * span
         normal = np.stack([np.cos(at), np.sin(at)], axis=1) @ linear.T
         reached = center + radius * normal
@@ -179,19 +186,20 @@ def _shoot(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array, Arr
 
 
 def _fan(antenna: Array, arcs: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]] | None:
-    """A fan of rays over all arcs: angles (m, k), places and headings (m, 2), and which ray has the next as neighbour.
+    """A fan of rays from an antenna over all k arcs; None if no ray reaches the last arc.
 
-    The part of the first arc from which the next one is met is sought again and again, each time in finer steps. None
-    where no ray gets through.
+    Returns the angles (m, k), the places on the last arc and the directions behind it (m, 2), and the mask (m,) of rays
+    whose neighbour is the next ray. For each arc after the first, the fan is narrowed to the parts of the first arc
+    from which rays meet that arc, in finer steps.
     """
-    runs = _lit(antenna, arcs[0])
+    intervals = _lit_intervals(antenna, arcs[0])
     for level in range(1, len(arcs)):
-        runs = _meeting(antenna, arcs, level, runs)
-        if not runs:
+        intervals = _intervals_meeting(antenna, arcs, level, intervals)
+        if not intervals:
             return None
     parts = []
-    for run in runs:
-        angles, place, heading = _shoot(antenna, arcs, run)
+    for interval in intervals:
+        angles, place, heading = _trace_rays(antenna, arcs, interval)
         through = np.isfinite(angles[:, -1])
         joined = np.append(through[:-1] & through[1:], False)
         parts.append((angles[through], place[through], heading[through], joined[through]))
@@ -199,59 +207,62 @@ def _fan(antenna: Array, arcs: Array) -> tuple[Array, Array, Array, NDArray[np.b
     return (angles, place, heading, joined) if len(place) else None
 
 
-def _spread(begin: float, end: float, count: int) -> Array:
-    """Angles from one to another, closer together at the ends, where rays may graze an arc and turn fast."""
+def _dense_at_ends(begin: float, end: float, count: int) -> Array:
+    """Angles from `begin` to `end`, denser at both ends, where rays may graze an arc and change direction quickly."""
     return np.asarray(begin + 0.5 * (end - begin) * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, count))))
 
 
-def _lit(antenna: Array, arc: Array) -> list[Array]:
-    """The angles of an arc, and some beyond its ends, at which rays from an antenna meet its side."""
+def _lit_intervals(antenna: Array, arc: Array) -> list[Array]:
+    """Intervals of the angle on an arc, each as sampled angles, in which rays from an antenna meet the reflecting side.
+
+    An arc that is no whole circle is prolonged by 5 % of its span at either end.
+    """
     offset, linear, (radius, first, span, side) = antenna - arc[:2], arc[2:6].reshape(2, 2), arc[6:10]
     margin = 0.0 if span >= 2.0 * np.pi else 0.05 * span
     begin, end = first - margin, first + span + margin
     away = float(np.linalg.norm(offset))
     if side < 0.0:
-        return [_spread(begin, end, FAN)]
+        return [_dense_at_ends(begin, end, FAN)]
     if away <= radius:
         return []
     towards = offset @ linear
     middle, half = float(np.arctan2(towards[1], towards[0])), float(np.arccos(radius / away))
     turns = middle + 2.0 * np.pi * np.arange(-2, 3)
-    runs = [(max(begin, turn - half), min(end, turn + half)) for turn in turns]
-    return [_spread(low, high, FAN) for low, high in runs if high > low]
+    intervals = [(max(begin, turn - half), min(end, turn + half)) for turn in turns]
+    return [_dense_at_ends(low, high, FAN) for low, high in intervals if high > low]
 
 
-def _meeting(antenna: Array, arcs: Array, level: int, runs: list[Array]) -> list[Array]:
-    """The parts of runs of angles on the first arc from which rays meet the arc of that level."""
+def _intervals_meeting(antenna: Array, arcs: Array, level: int, intervals: list[Array]) -> list[Array]:
+    """The parts of intervals of the angle on the first arc from which rays meet arc number `level`."""
     center, radius = arcs[level, :2], arcs[level, 6]
     for _ in range(2):
         narrower = []
-        for run in runs:
-            angles, place, heading = _shoot(antenna, arcs[:level], run)
+        for interval in intervals:
+            angles, place, heading = _trace_rays(antenna, arcs[:level], interval)
             offset = center - place
             aside = cross2(heading, offset) / radius
             ahead = (np.isfinite(angles[:, -1])) & (np.sum(heading * offset, axis=1) > -radius)
             pairs = np.flatnonzero(ahead[:-1] & ahead[1:])
             low, high = aside[pairs], aside[pairs + 1]
             with np.errstate(divide="ignore", invalid="ignore"):
-                # Where, between two rays, the distance from the center passes the radius on either side.
+                # Fractions between two rays at which the ray's distance from the center equals the radius, either side.
                 edges = np.sort(np.clip((np.array([[-1.0], [1.0]]) - low) / (high - low), 0.0, 1.0), axis=0)
             edges = np.where(np.abs(high - low) > 0.0, edges, np.where(np.abs(low) < 1.0, [[0.0], [1.0]], 0.0))
             hit = edges[1] > edges[0]
             pairs, (begin, end) = pairs[hit], edges[:, hit]
             if not pairs.size:
                 continue
-            step = run[pairs + 1] - run[pairs]
-            begin, end = run[pairs] + begin * step, run[pairs] + end * step
+            step = interval[pairs + 1] - interval[pairs]
+            begin, end = interval[pairs] + begin * step, interval[pairs] + end * step
             breaks = np.flatnonzero((np.diff(pairs) > 1) | (begin[1:] > end[:-1] + 1e-3 * step[1:])) + 1
             for some_begin, some_end in zip(np.split(begin, breaks), np.split(end, breaks), strict=True):
-                narrower.append(_spread(some_begin[0], some_end[-1], NARROW))
-        runs = narrower
-    return runs
+                narrower.append(_dense_at_ends(some_begin[0], some_end[-1], NARROW))
+        intervals = narrower
+    return intervals
 
 
 def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
-    """All paths from the antennas over a sequence with arcs to the points; sorted by antenna, then by point.
+    """All paths from the antennas over a chain with arcs to the points; sorted by antenna, then by point.
 
     Parameters
     ----------
@@ -261,7 +272,7 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
     Raises
     ------
     InputError
-        If all rays of an antenna meet at a point, so that no single one is the way there.
+        If an arc focuses all rays of an antenna onto one point, which no single path then leads to.
     """
     unfold, arcs, *index, unfolded, flat = chain.unfolding
     target = unfold(points.position)

@@ -1,13 +1,13 @@
-"""Edge waves: what the ends of straight mirrors add to the specular returns, so that these do not stop at once.
+"""Edge waves: diffraction at the ends of straight mirrors, so that specular returns fade instead of stopping abruptly.
 
-Seen by physical optics, a mirror that ends returns the stationary-phase value of an endless one times a Fresnel
-integral for each end (Born and Wolf, Principles of Optics, section 8.7). With the detour ``D`` of the path over
-the end against the specular one, and ``v = sqrt(4 D / lambda)``, the integral is the step of geometrical optics less
-or plus a wave from the end,
+In physical optics, a mirror of finite length returns the stationary-phase value of an infinite mirror times a Fresnel
+integral for each end (Born and Wolf, Principles of Optics, section 8.7). Let ``D`` be the length of the path over the
+end minus that of the specular path, and ``v = sqrt(4 D / lambda)``. The integral is the unit step of geometrical optics
+minus (specular point on the mirror) or plus (beyond its end) the wave from the end,
 
     G(v) = exp(j pi v^2 / 2) (1 + j) / 2 * integral from v to infinity of exp(-j pi t^2 / 2) dt,
 
-a half on the edge of the beam and ``1 / (sqrt(2) pi v)`` far from it.
+whose magnitude is 1/2 on the edge of the beam and ``1 / (sqrt(2) pi v)`` far from it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mirrorfold.simulation.rays.outline import TOUCH, Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, trace
 
 INSET = 1e-3
-"""Distance [m] from its end at which a mirror has to be lit: about the wavelength."""
+"""Distance [m] from the end of a mirror at which antennas must see the mirror for an edge wave: about a wavelength."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,22 +35,23 @@ class EdgeWaves:
     Attributes
     ----------
     chain : Chain
-        Of the transmitters' side.
+        From the transmitters to the mirror.
     facet : int
-        The mirror that ends.
+        Number of the mirror.
     edge : (2,) array [m]
-        Its end.
+        The end of the mirror.
     tx, rx : (waves,) int arrays
+        Numbers of the transmitter and of the receiver of each wave.
     length : (waves,) array [m]
-        Of the path over the end.
+        Length of the path from transmitter over the end to receiver.
     specular : (waves,) array [m]
-        Of the specular path, which may miss the mirror.
+        Length of the specular path over the line of the mirror; its specular point may lie beyond the end.
     sign : (waves,) array
-        -1 where the specular point lies on the mirror's side of the end, +1 beyond it.
+        -1 where the specular point lies on the mirror's side of the end, +1 beyond the end.
     tx_cosine, rx_cosine : (bounces, waves) arrays
-        Of the angles of incidence on the mirrors of the chain.
+        Cosines of the angles of incidence on the mirrors of the chain, on the way out and back.
     end_cosine : (waves,) array
-        Of the angle of incidence on the mirror that ends, for the specular path.
+        Cosine of the angle of incidence of the specular path on the mirror.
     """
 
     chain: Chain
@@ -67,12 +68,12 @@ class EdgeWaves:
 
 
 def edge_waves(tx_chains: Sequence[Chain], rx_chains: Sequence[Chain], world: Outline) -> Iterator[EdgeWaves]:
-    """The edge waves of all ends of mirrors, there and back over the same chain.
+    """The edge waves of all ends of mirrors, out and back over the same chain.
 
     Parameters
     ----------
     tx_chains, rx_chains : sequences of Chain
-        From the transmitters and from the receivers.
+        Chains from the transmitters and from the receivers.
     world : Outline
     """
     from_receivers = {chain.facets: chain for chain in rx_chains}
@@ -99,7 +100,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
     tx, rx = (i.ravel() for i in np.indices((there.antenna.size, back.antenna.size)))
     source, target = tx_chain.images[-1][there.antenna[tx]], rx_chain.images[-1][back.antenna[rx]]
     above, beyond = signed_distance(source, edge, normal), signed_distance(target, edge, normal)
-    # A mirror joined at an inner angle goes on as a corner, which has no edge.
+    # Where another mirror joins at an angle that faces the antenna, the two form a corner, which has no edge wave.
     joined = _inner_side(facet, edge, normal, world)
     keep = (above * beyond > TOUCH**2) & (np.sign(above) != joined)
     tx, rx, source, target, above, beyond = (a[keep] for a in (tx, rx, source, target, above, beyond))
@@ -123,7 +124,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
 
 
 def _inner_side(facet: int, edge: Array, normal: Array, world: Outline) -> float:
-    """The side (sign along `normal`) to which another mirror goes on from the same point; 0 for none."""
+    """Side of the mirror (sign along `normal`) on which another mirror continues from the same point; 0 for none."""
     for index, ends in enumerate(world.facets):
         at_edge = np.linalg.norm(ends - edge, axis=-1) < TOUCH
         if index != facet and at_edge.any():

@@ -1,15 +1,16 @@
-"""Paths over curved mirrors by Fermat's principle: the places on the arcs at which the length is stationary.
+"""Paths over curved mirrors by Fermat's principle: the points on the arcs at which the path length is stationary.
 
-A sequence of mirrors is *unfolded*: all that follows a flat mirror is reflected in it, so that the path crosses it
-straight, and only the arcs bend the path. With the unfolded places ``x_k`` on arcs at the angles ``t_k`` the length is
-``L = sum of |x_k - x_(k-1)|``; its derivatives by neighbouring angles alone depend on each other, and Newton's method
-takes one tridiagonal system a step. A path counts where it is reflected at every arc instead of passing through it,
-crosses every flat mirror, and no obstacle shadows a leg of it.
+A chain of mirrors is *unfolded*: everything behind a flat mirror is reflected in that mirror, so that the path crosses
+it straight, and only the arcs bend the path. With the unfolded points ``x_k`` on the arcs at the angles ``t_k``, the
+path length is ``L = sum of |x_k - x_(k-1)|``. Each derivative of L depends only on its own angle and the two
+neighbouring ones, so that every step of Newton's method solves one tridiagonal system. A stationary path is valid if it
+is reflected at every arc instead of passing through it, crosses every flat mirror, and no obstacle blocks a leg of it.
 
-The width of a thin pencil of rays, ``q`` [m] for each radian at the antenna, grows by ``s q'`` over the distance s, and
-a mirror of radius R (positive where it bulges towards the waves), met at the angle of incidence i, bends it by
-``q' += 2 q / (R cos i)`` (Balanis, Advanced Engineering Electromagnetics, 2nd ed., ch. 13). The amplitude is
-``1 / sqrt(|q|)``; at each zero of q, a caustic, the wave gains a quarter turn, +j for ``exp(+jwt)``.
+The width of a thin pencil of rays, ``q`` [m] per radian of angle at the antenna, grows by ``s q'`` over the distance s.
+A mirror of radius R (positive if it is convex towards the waves), met at the angle of incidence i, changes its
+divergence, ``q' += 2 q / (R cos i)`` (Balanis, Advanced Engineering Electromagnetics, 2nd ed., ch. 13). The amplitude
+is ``1 / sqrt(|q|)``. At each zero of q, a caustic, the phase advances by a quarter turn: the factor +j for
+``exp(+jwt)``.
 """
 
 from __future__ import annotations
@@ -22,29 +23,31 @@ from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, shadowed
 
 X, Y, M00, M01, M10, M11, RADIUS, FIRST, SPAN, SIDE, REAL_X, REAL_Y = range(12)
-"""Columns of the table of arcs: unfolded center [m], the linear part of the unfolding, radius [m], first angle and span
-[rad], +1 for the outer side and -1 for the inner one, and the true center [m]."""
+"""Columns of the table of arcs: unfolded center x, y [m], the matrix of the unfolding, radius [m], first angle and
+angular span [rad], the side that reflects (+1 outer, -1 inner), and the true center x, y [m]."""
 
 STEPS, LARGEST_STEP, EXACT = 16, 0.3, 1e-10
-"""Steps of Newton's method, the largest of them and the last one [rad]; the length is exact to second order in that."""
+"""Newton's method: largest number of steps, longest step [rad], and step below which it ends [rad]. The error of the
+path length is of second order in the last step."""
 
 SAME = 1e-6
-"""Angles [rad] so close belong to one path."""
+"""Solutions whose first angles differ by less than this [rad] are the same path."""
 
 TURN = 1e-3
-"""Angle [rad] over which the third derivative of a length is taken by differences."""
+"""Step [rad] of the finite difference that gives the third derivative of a path length."""
 
 LENGTH, SPREADING, CAUSTICS, LEGS, EXTENT, BEND, END_COSINE, FACTS = range(8)
-"""What is found of each path: its length [m]; ``|q|`` [m]; the number of caustics on its way; of its last arc, ``q s /
-cos(i)^2`` with the remaining way s [m^2], the length of that arc [m], and the third derivative of the path's length
-along it, over cos(i) [1/m^2]; and the cosine at the point."""
+"""Columns of the table of paths: length [m]; ``|q|`` [m] at the point; number of caustics on the path; of the last arc,
+``|q| s / cos(i)^2`` with the remaining distance s to the point [m^2], the length of the arc [m], and the magnitude of
+the third derivative of the path length along the arc [1/m^2], zero on an outer side; cosine of the angle to the normal
+at the point."""
 
 
 @njit(error_model="numpy", nogil=True)
 def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: Array, work: Array) -> bool:
-    """Take angles (k,) to those of the stationary path a - arcs - p nearby, p unfolded; False where there is none.
+    """Move the angles (k,) to those of the nearby stationary path from antenna a over the arcs to the unfolded point p.
 
-    `work` (5, k + 2) is scratch memory.
+    Returns False if Newton's method finds no such path. `work` (5, k + 2) is scratch memory.
     """
     k = arcs.shape[0]
     x, y, gradient, diagonal, off = work
@@ -57,7 +60,7 @@ def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: A
         for i in range(k):
             radius = arcs[i, RADIUS]
             nx, ny = (x[i + 1] - arcs[i, X]) / radius, (y[i + 1] - arcs[i, Y]) / radius
-            # The tangent in the direction of growing angles turns with the handedness of the unfolding.
+            # An odd number of reflections mirrors the arc: the tangent towards growing angles then turns round.
             hand = arcs[i, M00] * arcs[i, M11] - arcs[i, M01] * arcs[i, M10]
             tx, ty = -ny * hand, nx * hand
             bx, by = x[i + 1] - x[i], y[i + 1] - y[i]
@@ -96,7 +99,10 @@ def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: A
 
 @njit(error_model="numpy", nogil=True)
 def _second(vx: float, vy: float, px: float, py: float, sign: float, arc: Array, angle: float) -> float:
-    """Second derivative, along the arc, of the length v - arc - p; `sign` is -1 for waves that converge towards v."""
+    """Second derivative, along the arc, of the path length from v by the arc's point at `angle` to p, [1/m].
+
+    v is the point from which the waves diverge (`sign` +1), or to which they converge (`sign` -1).
+    """
     cos, sin = np.cos(angle), np.sin(angle)
     nx, ny = arc[M00] * cos + arc[M01] * sin, arc[M10] * cos + arc[M11] * sin
     x, y = arc[X] + arc[RADIUS] * nx, arc[Y] + arc[RADIUS] * ny
@@ -129,10 +135,12 @@ def walk(
     cosines: Array,
     facts: Array,
 ) -> bool:
-    """Whether the path with these angles is one; fills the cosines on all mirrors, and the facts about it.
+    """Whether the path with these angles is valid; fills in the cosines on all mirrors, and the `facts` about the path.
 
-    The `target` is the unfolded point p. Facets (f, 2, 2) are crossed on the given legs, in their order; `flat` are the
-    true ones. `facets` and `obstacles` are those of the `Outline`.
+    The path runs from antenna a over the arcs (k,) to the point p, whose unfolded position is `target`. Flat mirrors
+    (f, 2, 2) are crossed on the legs `leg` (f,), in order: `unfolded` are their unfolded positions, `flat` their true
+    ones. `arc_slot` and `flat_slot` are the places of the arcs and of the flat mirrors in the chain. `facets` and
+    `obstacles` are the facets and the arcs of the `Outline`.
     """
     k = arcs.shape[0]
     ux, uy, rx, ry = ax, ay, ax, ay
@@ -181,7 +189,7 @@ def walk(
             other = arcs[level + 1]
             next_x = other[X] + other[RADIUS] * (other[M00] * cos + other[M01] * sin) - vx
             next_y = other[Y] + other[RADIUS] * (other[M10] * cos + other[M11] * sin) - vy
-        # Straight through the arc the length is stationary, too.
+        # A path straight through the arc has stationary length, too, but is no reflection.
         if incidence <= 0.0 or (next_x * nx + next_y * ny) * side <= 0.0:
             return False
         real_x, real_y = (
@@ -195,7 +203,7 @@ def walk(
         if level == k - 1:
             legs, extent, last_cos = abs(q), radius * arcs[level, SPAN], incidence
             if side < 0.0:
-                # The waves that arrive diverge from a point, or converge to it, as far away as their radius.
+                # Incident waves diverge from a point, or converge to one, at the distance of their radius of curvature.
                 curve = q / growth
                 wx, wy = vx - curve * dx / distance, vy - curve * dy / distance
                 sign = 1.0 if curve > 0.0 else -1.0
@@ -226,9 +234,12 @@ def starts(
     found: Array,
     count: NDArray[np.int64],
 ) -> None:
-    """Where a fan of rays passes points (p, 2): interpolated angles `found` (p, most, k), `count` (p,) of them.
+    """Approximate paths from an antenna to points (p, 2), interpolated between the rays of a fan.
 
-    The rays leave their last arcs at `place` (m, 2) with `heading` (m, 2); neighbours are `joined` (m,) to the next.
+    Fills `found` (p, most, k) with the angles on the k arcs, and `count` (p,) with the number of paths to each point.
+    Ray i of the fan has the angles `angle` (m, k), leaves the last arc at `place` (m, 2) in the direction `heading`
+    (m, 2), and has ray i + 1 as its neighbour where `joined` (m,). A path lies where a point is on the left of one ray
+    and on the right of its neighbour.
     """
     most, rays = found.shape[1], angle.shape[0]
     miss, ahead = np.empty(rays), np.empty(rays)
@@ -245,7 +256,7 @@ def starts(
                     _between(angle, i, miss[i - 1] / (miss[i - 1] - miss[i]), found[p, count[p]])
                     count[p] += 1
                 continue
-            # Near a caustic two paths pass between the same two rays: the parabola through three misses tells.
+            # Near a caustic two paths lie between the same two rays: roots of the parabola through three misses.
             if i + 1 == rays or not joined[i] or count[p] + 1 >= most:
                 continue
             low, middle, high = miss[i - 1], miss[i], miss[i + 1]
@@ -263,7 +274,7 @@ def starts(
 
 @njit(error_model="numpy", nogil=True)
 def _between(angle: Array, i: int, share: float, out: Array) -> None:
-    """The angles a share of the way from ray i - 1 to ray i."""
+    """Interpolate the angles at the fraction `share` between ray i - 1 and ray i; the result is written to `out`."""
     for j in range(angle.shape[1]):
         turn = (angle[i, j] - angle[i - 1, j] + np.pi) % (2.0 * np.pi) - np.pi
         out[j] = angle[i - 1, j] + share * turn
@@ -294,10 +305,10 @@ def trace_points(
     first: int,
     last: int,
 ) -> None:
-    """Fill columns `first` to `last` of the (n, p, most) tables of the paths.
+    """Find the paths to points `first` to `last`, and fill them into the (n, p, most) tables `seen`, `cosine`, `facts`.
 
-    Newton's method starts from the paths of the antennas `below` and `above` (n,) each, for which fans were cast:
-    ``start`` (fans, p, most, k), of which there are `count` (fans, p).
+    For each antenna, Newton's method starts from the approximate paths of the nearest antennas on either side for which
+    fans were cast, the fans `below` and `above` (n,): ``start`` (fans, p, most, k), `count` (fans, p) of them.
     """
     k = arcs.shape[0]
     angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty(seen.shape[2])

@@ -1,11 +1,11 @@
 """Glints: specular returns of arcs and circles, in line of sight and seen over chains of mirrors.
 
-With the images of both antennas at the distances d1 and d2 from the specular point and the angle of incidence t on a
-curve of radius a, geometrical optics gives the amplitude ``1 / sqrt(q)``, ``q = d1 + d2 + 2 d1 d2 / (a cos t)`` on the
-convex side and with a minus sign on the concave one (Kouyoumjian and Pathak, Proc. IEEE 62, 1974). Where q is
-negative the ray has passed a caustic and leads in phase by a quarter turn, the factor +j for ``exp(+jwt)``. Near a
-caustic q vanishes, but the field stays below what physical optics gives when the whole arc
-adds in phase, ``sqrt(k / (2 pi)) cos t W / sqrt(d1 d2)`` for an arc of length W, which is taken as the limit.
+Let the images of transmitter and receiver be at the distances d1 and d2 from the specular point, and t the angle of
+incidence on an arc of radius a. Geometrical optics gives the amplitude ``1 / sqrt(q)`` with ``q = d1 + d2 + 2 d1 d2 /
+(a cos t)`` on the convex side, and ``q = d1 + d2 - 2 d1 d2 / (a cos t)`` on the concave side (Kouyoumjian and Pathak,
+Proc. IEEE 62, 1974). If q is negative, the ray has passed a caustic, and its phase is advanced by a quarter turn: the
+factor +j for ``exp(+jwt)``. Near a caustic q vanishes. The amplitude is therefore limited to that of physical optics
+when the whole arc adds up in phase, ``sqrt(k / (2 pi)) cos t W / sqrt(d1 d2)`` for an arc of length W.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
 
 NODES = 64
-"""Points on an arc between which the slope of the path length is searched for changes of sign."""
+"""Number of intervals on an arc: in each of them a change of sign of the slope of the path length is looked for."""
 
 STEPS, FLAT = 60, 1e-12
-"""Steps of false position in such an interval, at most, and the slope at which they end: seven or eight will do. What
-is left of the slope is an error of the length of second order."""
+"""Method of false position: largest number of steps in such an interval, and slope at which it ends. Seven or eight
+steps usually suffice. The remaining slope causes an error of the path length of second order only."""
 
 MOST = 4
-"""Specular points that a circle has for two given ends, at most: Alhazen's problem is of fourth degree."""
+"""Largest number of specular points on a circle between two given points: Alhazen's problem is of fourth degree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +39,19 @@ class Glints:
     Attributes
     ----------
     tx, rx : (glints,) arrays of int
+        Numbers of transmitter and receiver.
     length : (glints,) array [m]
-        Of the whole path.
+        Length of the whole path.
     share : (glints,) array
-        1, or less for a path along the edge of a beam.
+        Share of the amplitude: 1, or less for a path along the edge of a beam.
     spreading : (glints,) array [m]
         The q of geometrical optics; negative behind a caustic.
     legs : (glints,) array [m^2]
         The product d1 d2.
     end_cosine : (glints,) array
-        Of the angle of incidence on the arc.
+        Cosine of the angle of incidence on the arc.
     tx_cosine, rx_cosine : (bounces, glints) arrays
-        Of the angles of incidence on the mirrors of the chains.
+        Cosines of the angles of incidence on the mirrors of the two chains.
     place : (glints, 2) array [m]
         The specular point.
     """
@@ -75,14 +76,14 @@ def sees_arc(chain: Chain, arc: Array, world: Outline) -> bool:
 
 
 def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glints:
-    """All glints of an arc with the transmitters over one chain and the receivers over another.
+    """All glints of an arc that the transmitters see over one chain and the receivers over another, or the same.
 
     Parameters
     ----------
     arc : (5,) array
         As in `Outline`.
     tx_chain, rx_chain : Chain
-        Each from the antennas to the arc.
+        Chains from the antennas to the arc.
     world : Outline
     """
     shape = (tx_chain.images.shape[1], rx_chain.images.shape[1], MOST)
@@ -133,10 +134,10 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
 
 
 def _slopes(arc: Array, angles: Array, ends: Array) -> Array:
-    """Derivative of the distance to each end (n, 2) along the arc, at angles (m,), (n, m)."""
+    """Derivatives (n, m), along the arc, of the distances to the points `ends` (n, 2), at angles (m,) of the arc."""
     normal = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     if arc[4] >= 2.0 * np.pi:
-        normal[-1] = normal[0]  # the last node of a circle is its first: rounding must not lose a root there
+        normal[-1] = normal[0]  # the last node of a circle is its first one: rounding must not lose a root there
     apart = arc[:2] + arc[2] * normal - ends[:, None]
     slope = normal[:, 0] * apart[..., 1] - normal[:, 1] * apart[..., 0]
     return np.asarray(slope / np.maximum(np.linalg.norm(apart, axis=-1), np.finfo(float).tiny))
@@ -144,7 +145,7 @@ def _slopes(arc: Array, angles: Array, ends: Array) -> Array:
 
 @njit(error_model="numpy", nogil=True)
 def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, by: float) -> float:
-    """Derivative of the path length a - point - b along the arc."""
+    """Derivative, along the arc, of the path length from a over a point of the arc to b."""
     x, y = arc[0] + arc[2] * cos, arc[1] + arc[2] * sin
     to_a = np.sqrt((x - ax) ** 2 + (y - ay) ** 2)
     to_b = np.sqrt((x - bx) ** 2 + (y - by) ** 2)
@@ -155,10 +156,10 @@ def _slope(cos: float, sin: float, arc: Array, ax: float, ay: float, bx: float, 
 def _root(
     low: float, high: float, below: float, above: float, arc: Array, ax: float, ay: float, bx: float, by: float
 ) -> float:
-    """The angle at which the slope is zero, between two at which it is `below` and `above`, of different signs.
+    """The angle between `low` and `high` at which the slope is zero; at these two it is `below` and `above`.
 
-    By false position; an end that stays is given half its weight (the Illinois method: Dowell and Jarratt, BIT 11, 168,
-    1971).
+    `below` and `above` have different signs. Method of false position, in which the value at an end that stays is
+    halved (the Illinois method: Dowell and Jarratt, BIT 11, 168, 1971).
     """
     stayed, root = 0, low
     for _ in range(STEPS):
@@ -201,7 +202,7 @@ def _glints(
     first: int,
     last: int,
 ) -> None:
-    """Fill rows `first` to `last` of the (tx, rx, MOST) tables of glints; the share stays 0 where there is none."""
+    """Fill rows `first` to `last` of the (tx, rx, MOST) tables of glints; the share stays 0 where there is no glint."""
     for n in range(first, last):
         ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
         for m in range(rx_images.shape[1]):
@@ -216,7 +217,7 @@ def _glints(
                 x, y = arc[0] + arc[2] * nx, arc[1] + arc[2] * ny
                 above_a = (ax - x) * nx + (ay - y) * ny
                 above_b = (bx - x) * nx + (by - y) * ny
-                # With the ends on different sides the way leads through the arc instead of being reflected.
+                # If the two images are on different sides, the path leads through the arc and is no reflection.
                 if above_a * above_b <= 0.0:
                     continue
                 share_a, to_a = follow(

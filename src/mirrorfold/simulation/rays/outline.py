@@ -1,6 +1,7 @@
 """The outlines of a scene as rays meet them: straight facets and circular arcs, opaque but for walls with a thickness.
 
-Arcs stay exact. As chords they would cost a test each, and a convex surface would shadow itself at every joint.
+Arcs are kept as exact arcs. Divided into chords, each chord would cost a test, and a convex surface would shadow itself
+at every joint.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 
 TOUCH = 1e-6
-"""Distance [m] within which the end of a ray lies on an outline instead of being shadowed by it: a thousandth of a
-wavelength at 300 GHz, and far above the rounding of coordinates."""
+"""An outline within this distance [m] of the end of a ray does not block the ray, as the end lies on the outline: a
+thousandth of a wavelength at 300 GHz, and far above the rounding of coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Facets and arcs; as obstacles they are counted through, the facets first.
+    """Facets and arcs. Together they are the obstacles, numbered with the facets first and the arcs after them.
 
     Attributes
     ----------
@@ -35,9 +36,9 @@ class Outline:
     arcs : (a, 5) array
         Center x, y [m], radius [m], first angle [rad] and angular span [rad], counter-clockwise.
     surface : (f + a,) array of int
-        Which surface of the scene each obstacle belongs to.
+        Number of the surface of the scene that each obstacle belongs to.
     slabs : tuple of int
-        Facets of half-transparent walls: mirrors that shadow nothing.
+        Numbers of the facets of half-transparent walls: they are mirrors, but block no ray.
     """
 
     facets: Array
@@ -47,7 +48,7 @@ class Outline:
 
     @cached_property
     def shades(self) -> Array:
-        """The facets as they shadow what is behind them, (f, 2, 2) [m]; NaN where they do not."""
+        """The facets that block rays, (f, 2, 2) [m]; NaN for those of half-transparent walls."""
         if not self.slabs:
             return self.facets
         shades = self.facets.copy()
@@ -61,7 +62,7 @@ def outline(scene: Scene) -> Outline:
     Raises
     ------
     InputError
-        If a surface has a shape that is neither straight nor circular, or lies on another one.
+        If a surface is neither straight nor circular, or coincides with a part of another surface.
     """
     facets: list[tuple[int, Array]] = []
     arcs: list[tuple[int, tuple[float, ...]]] = []
@@ -97,7 +98,11 @@ def outline(scene: Scene) -> Outline:
 
 
 def _first_overlap(pieces: list[tuple[int, Any]], overlap: Callable[[Array, Array], Array]) -> tuple[int, int] | None:
-    """Indices of two surfaces of which pieces lie on one another; None where there are none."""
+    """Numbers of the first two surfaces with pieces that overlap; None if there are none.
+
+    `pieces` are pairs of the number of a surface and the shape of one of its pieces; `overlap` compares one shape with
+    many.
+    """
     owner = np.array([index for index, _ in pieces], dtype=np.int64)
     shapes = np.array([shape for _, shape in pieces])
     for n in range(len(pieces) - 1):
@@ -108,7 +113,7 @@ def _first_overlap(pieces: list[tuple[int, Any]], overlap: Callable[[Array, Arra
 
 
 def _facets_overlap(facet: Array, others: Array) -> Array:
-    """Which of other facets (n, 2, 2) [m] share more than a point with a facet."""
+    """Mask (n,) of the other facets (n, 2, 2) [m] that share more than a point with a facet (2, 2) [m]."""
     length = np.linalg.norm(facet[1] - facet[0])
     along = (facet[1] - facet[0]) / length
     ways = others - facet[0]
@@ -118,7 +123,7 @@ def _facets_overlap(facet: Array, others: Array) -> Array:
 
 
 def _arcs_overlap(arc: Array, others: Array) -> Array:
-    """Which of other arcs (n, 5) share more than a point with an arc."""
+    """Mask (n,) of the other arcs (n, 5) that share more than a point with an arc (5,), both as in `Outline`."""
     later = (others[:, 3] - arc[3]) % (2.0 * np.pi)
     apart = TOUCH / arc[2]
     meet = (later < arc[4] - apart) | (later + others[:, 4] > 2.0 * np.pi + apart)
@@ -127,7 +132,7 @@ def _arcs_overlap(arc: Array, others: Array) -> Array:
 
 @njit(error_model="numpy", nogil=True)
 def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -> int:
-    """How often (0 or 1) the way p -> q crosses a facet, its ends included, touching at p or q left out."""
+    """How often (0 or 1) the segment p -> q crosses a facet, its ends included; touching at p or q is no crossing."""
     ax, ay = facet[0, 0], facet[0, 1]
     sx, sy = facet[1, 0] - ax, facet[1, 1] - ay
     dx, dy = qx - px, qy - py
@@ -144,7 +149,7 @@ def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -
 
 @njit(error_model="numpy", nogil=True)
 def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> int:
-    """How often (0, 1 or 2) the way p -> q crosses an arc, touching at p or q left out."""
+    """How often (0, 1 or 2) the segment p -> q crosses an arc; touching the arc at p or q is no crossing."""
     dx, dy = qx - px, qy - py
     ox, oy = px - arc[0], py - arc[1]
     radius = arc[2]
@@ -169,7 +174,7 @@ def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> in
 
 @njit(error_model="numpy", nogil=True)
 def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Array, through: int) -> bool:
-    """Whether an obstacle stands on the straight way p -> q.
+    """Whether an obstacle blocks the straight segment p -> q.
 
     Parameters
     ----------
@@ -177,8 +182,8 @@ def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Ar
     facets, arcs : (f, 2, 2) and (a, 5) arrays
         As in `Outline`.
     through : int
-        The obstacle that has to be crossed exactly once, because p lies inside the wall that it is the face of;
-        -1 for none.
+        Number of the obstacle that the segment has to cross exactly once, because p lies inside the wall whose face
+        this obstacle is; -1 for none.
     """
     for i in range(facets.shape[0]):
         if _crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == through else 0):

@@ -1,9 +1,9 @@
 """Chains of mirrors and the paths over them, by the method of images.
 
-A chain names the straight facets that a ray leaving an antenna meets, in their order. Each antenna has an image in
-the chain and a *window*: the part of the last facet that the images before it light. A point is seen over the
-chain where the straight line from the image passes the window and no obstacle shadows a leg of the folded path
-(Borish, J. Acoust. Soc. Am. 75, 1827, 1984).
+A chain lists the straight facets that reflect a ray from an antenna, in the order in which it meets them. Reflecting
+the antenna at each of these mirrors in turn gives its *image*. Its *window* is the part of the last mirror that rays
+over the earlier mirrors reach. A point is seen over the chain if the straight line from the image to the point passes
+through the window, and no obstacle blocks a leg of the folded path (Borish, J. Acoust. Soc. Am. 75, 1827, 1984).
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
 
 EDGE = 1e-9
-"""Distance [m] from the end of a window within which a path grazes it; above the rounding of coordinates."""
+"""Distance [m] from the end of a window within which a path counts as grazing that end; above the rounding of
+coordinates."""
 
 PROBES = 1024
-"""Points on the windows, of all antennas together, that decide whether anything of a mirror is seen. They are staggered
-from antenna to antenna: an array misses no gap wider than about a thousandth of its windows."""
+"""Number of sample points on the windows of all antennas together, which decide whether any part of a mirror is seen.
+They are staggered from antenna to antenna: no gap wider than about a thousandth of a window is missed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +35,14 @@ class Chain:
     Attributes
     ----------
     facets : tuple of int
-        Empty for the direct way.
+        Numbers of the mirrors among the facets of the `Outline`; empty for the line of sight.
     mirrors : (bounces, 2, 2) array [m]
         Start and end of these facets.
     images : (bounces + 1, n, 2) array [m]
-        The n antennas, their images in the first mirror, the images of these in the second ...
+        The n antennas, their images in the first mirror, the images of these in the second mirror, and so on.
     window : (n, 2, 2) array [m]
-        The lit part of the last mirror; NaN where there is none, and for the direct way.
+        Start and end of the part of the last mirror that each antenna reaches; NaN where an antenna reaches no part,
+        and for the line of sight.
     """
 
     facets: tuple[int, ...]
@@ -50,7 +52,7 @@ class Chain:
 
     @property
     def faces(self) -> tuple[tuple[int, int], ...]:
-        """The mirrors and their sides, 0 for a flat one."""
+        """Number and side of each mirror; the side is 0, as all mirrors of this chain are flat."""
         return tuple((facet, 0) for facet in self.facets)
 
     @property
@@ -59,21 +61,22 @@ class Chain:
         return int(self.images.shape[1])
 
     def of(self, antennas: NDArray[np.intp]) -> Chain:
-        """The same from some of the antennas."""
+        """The same chain from some of the antennas only."""
         return replace(self, images=self.images[:, antennas], window=self.window[antennas])
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """What paths lead to.
+    """The points at which paths end: scatterers, receivers, or samples of a mirror.
 
     Attributes
     ----------
     position : (p, 2) array [m]
     normal : (p, 2) array
-        Of the side from which the point is seen; zero where it is seen from all sides.
+        Unit normal of the side from which the point is seen; zero where it is seen from all sides.
     through : (p,) array of int
-        The obstacle in front of the point, which a path to it has to cross; -1 for none.
+        Number of the obstacle that a path has to cross to reach the point, as the face of the wall that the point lies
+        in; -1 for none.
     """
 
     position: Array
@@ -87,7 +90,9 @@ class Points:
 
 
 def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
-    """All chains of up to `bounces` mirrors of which any antenna sees something, the direct way first.
+    """All chains of up to `bounces` mirrors over which any antenna sees a part of the last mirror.
+
+    The line of sight, a chain without mirrors, comes first.
 
     Parameters
     ----------
@@ -100,8 +105,8 @@ def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
     list of Chain
         Sorted by their number of mirrors.
     """
-    nowhere = np.full((len(antennas), 2, 2), np.nan)
-    generation = [Chain((), np.empty((0, 2, 2)), antennas[None], nowhere)]
+    no_window = np.full((len(antennas), 2, 2), np.nan)
+    generation = [Chain((), np.empty((0, 2, 2)), antennas[None], no_window)]
     found = list(generation)
     for _ in range(bounces):
         longer = (_extend(chain, facet, world) for chain in generation for facet in range(len(world.facets)))
@@ -111,24 +116,24 @@ def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
 
 
 def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
-    """The chain with one more mirror, or None where no antenna sees that one over the chain."""
+    """The chain with one more mirror, or None if no antenna sees that mirror over the chain."""
     if chain.facets and chain.facets[-1] == facet:
         return None
     start, end = world.facets[facet]
     image = chain.images[-1]
     normal = segment_normal(start, end)
-    # An antenna in the mirror's own line sees it edge-on: it is no mirror then.
+    # An antenna on the line of the mirror sees the mirror edge-on: it reflects nothing then.
     lit = np.abs(signed_distance(image, start, normal)) > TOUCH
     first, last = np.zeros(len(image)), np.ones(len(image))
     if chain.facets:
-        first, last = _lit_part(start, end, image, chain.window)
+        first, last = _reached_part(start, end, image, chain.window)
     lit &= last > first
     if not lit.any():
         return None
     first, last = np.where(lit, first, 0.0), np.where(lit, last, 0.0)
     ends = start + np.stack([first, last], axis=1)[..., None] * (end - start)
     window = np.where(lit[:, None, None], ends, np.nan)
-    if not _any_seen(window, chain.images, chain.window, chain.mirrors, world.shades, world.arcs):
+    if not _seen_by_any(window, chain.images, chain.window, chain.mirrors, world.shades, world.arcs):
         return None
     return Chain(
         facets=(*chain.facets, facet),
@@ -138,11 +143,11 @@ def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
     )
 
 
-def _lit_part(start: Array, end: Array, image: Array, window: Array) -> tuple[Array, Array]:
-    """Which part of a facet, as fractions of its length, lies in the light cast from images through windows.
+def _reached_part(start: Array, end: Array, image: Array, window: Array) -> tuple[Array, Array]:
+    """The part of a facet that rays from images (n, 2) through windows (n, 2, 2) reach: its ends, (n,) each.
 
-    Obstacles are left out. The lit region is where three linear functions are positive: it lies between the two
-    rays along the window's ends, and beyond the window.
+    The ends are fractions of the facet's length; obstacles are ignored. The region that the rays reach lies between the
+    two rays through the ends of the window, and beyond the window: three linear functions are positive there.
     """
     a, b = window[:, 0], window[:, 1]
     turned = cross2(a - image, b - image) < 0.0
@@ -158,7 +163,7 @@ def _lit_part(start: Array, end: Array, image: Array, window: Array) -> tuple[Ar
             zero = at_start / (at_start - at_end)
         first = np.where(at_start < 0.0, np.where(at_end > 0.0, np.maximum(first, zero), np.inf), first)
         last = np.where((at_end < 0.0) & (at_start >= 0.0), np.minimum(last, zero), last)
-    # A facet in the window's own line is lit edge-on, which is not at all; neither is one by an empty window.
+    # Rays reach no part of a facet that lies on the line of the window, or whose window is empty.
     lit = np.maximum(*beyond) > TOUCH * np.linalg.norm(b - a, axis=-1)
     return first, np.where(lit, last, -np.inf)
 
@@ -176,14 +181,14 @@ def follow(
     arcs: Array,
     cosines: Array,
 ) -> tuple[float, float]:
-    """The share that arrives, and the length [m], of the path from an antenna over a chain to the point p.
+    """Share of the amplitude that arrives, and length [m], of the path from an antenna over a chain to the point p.
 
-    The share is 0 where p is not seen, and a half where the path just grazes the end of the window: the field on the
-    edge of a beam is half of that within. Every monostatic path in a dihedral corner meets its vertex,
-    where the two orders of reflection hold a half each.
+    The share is 0 where p is not seen. It is 1/2 where the path grazes the end of the window, since the field on the
+    edge of a beam is half of that inside. For example, every monostatic path in a dihedral corner passes its vertex,
+    and each of the two orders of reflection then contributes a half.
 
-    Walks the folded path back from p, each leg towards the next image. ``cosines[i]`` receives the cosine of the
-    angle of incidence on mirror i.
+    The folded path is followed back from p: each leg runs towards the next image, up to the mirror of that image.
+    ``cosines[i]`` receives the cosine of the angle of incidence on mirror i.
     """
     bounces = mirrors.shape[0]
     ix, iy = images[bounces, antenna, 0], images[bounces, antenna, 1]
@@ -195,7 +200,7 @@ def follow(
         sx, sy = window[antenna, 1, 0] - ax, window[antenna, 1, 1] - ay
         denominator = dx * sy - dy * sx
         along_ray = ((ax - px) * sy - (ay - py) * sx) / denominator
-        # A point on the mirror, or in front of it on the image's side, is not seen in it.
+        # A point on the last mirror, or on the same side of it as the image, is not seen in it.
         if not TOUCH < along_ray * length < length - TOUCH:
             return 0.0, length
         along_window = ((ax - px) * dy - (ay - py) * dx) / denominator
@@ -223,8 +228,8 @@ def follow(
 
 
 @njit(makes_arrays=True, error_model="numpy", nogil=True)
-def _any_seen(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
-    """Whether an antenna sees a point of its next window over the chain."""
+def _seen_by_any(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
+    """Whether any antenna sees a sample point of its window on the next mirror over the chain."""
     scratch = np.empty(mirrors.shape[0])
     antennas = next_window.shape[0]
     probes = PROBES // antennas + 1
@@ -232,7 +237,7 @@ def _any_seen(next_window: Array, images: Array, window: Array, mirrors: Array, 
         for n in range(antennas):
             if np.isnan(next_window[n, 0, 0]):
                 continue
-            # The ends come first: all monostatic paths in a corner meet its vertex.
+            # The ends of the window come first: all monostatic paths in a corner pass its vertex.
             u = probe + 2.0 if probe < 0 else (probe + (n + 0.5) / antennas) / probes
             x = next_window[n, 0, 0] + u * (next_window[n, 1, 0] - next_window[n, 0, 0])
             y = next_window[n, 0, 1] + u * (next_window[n, 1, 1] - next_window[n, 0, 1])
@@ -248,14 +253,14 @@ class ChainPaths:
     Attributes
     ----------
     antenna, point : (paths,) arrays of int
-        Where each path starts and ends.
+        Numbers of the antenna and of the point that each path connects.
     length : (paths,) array [m]
     share : (paths,) array
-        1, or a half for a path along the edge of a beam.
+        Share of the amplitude: 1, or 1/2 for a path along the edge of a beam.
     cosine : (bounces, paths) array
-        Of the angle of incidence on each mirror.
+        Cosine of the angle of incidence on each mirror.
     end_cosine : (paths,) array
-        Of the angle to the normal at the point.
+        Cosine of the angle between the path and the normal at the point.
     """
 
     antenna: NDArray[np.intp]
@@ -266,18 +271,19 @@ class ChainPaths:
     end_cosine: Array
 
     def spread(self, wavelength: Array) -> Array:
-        """Amplitude at any wavelength, (1, paths): flat mirrors leave waves as they are."""
+        """Amplitude ``share / sqrt(length)``, (1, paths), the same at every wavelength: flat mirrors do not focus."""
         return np.asarray(self.share / np.sqrt(self.length))[None]
 
 
 def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
-    """All paths from the antennas over the chain to the points.
+    """All unobstructed paths from the antennas over the chain to the points.
 
     Parameters
     ----------
     chain : Chain
     points : Points
     world : Outline
+        Mirrors and obstacles of the scene.
 
     Returns
     -------
@@ -324,12 +330,12 @@ def _trace(
     first: int,
     last: int,
 ) -> None:
-    """Fill rows `first` to `last` of the (n, p) tables of the paths; the share is left at 0 where there is none."""
+    """Fill rows `first` to `last` of the (n, p) tables of the paths; the share stays 0 where there is no path."""
     bounces = mirrors.shape[0]
     for n in range(first, last):
         for p in range(position.shape[0]):
             px, py = position[p, 0], position[p, 1]
-            # The last leg points from the last image, whatever the number of mirrors.
+            # The last leg arrives from the direction of the last image, whatever the number of mirrors.
             dx, dy = images[bounces, n, 0] - px, images[bounces, n, 1] - py
             facing = dx * normal[p, 0] + dy * normal[p, 1]
             if facing <= 0.0 and (normal[p, 0] != 0.0 or normal[p, 1] != 0.0):

@@ -1,4 +1,8 @@
-"""Paths as phasors that proceed from frequency to frequency, and the fields that they add up to."""
+"""Phasors of paths, stepped from frequency to frequency, and the fields that they add up to.
+
+An exponential for each path at each frequency would be slow. Instead the phasor of a path is multiplied, from one
+frequency to the next, by a complex factor that itself changes by a constant factor per step.
+"""
 
 from __future__ import annotations
 
@@ -15,29 +19,30 @@ from mirrorfold.common.types import Array, Complex
 from mirrorfold.scenes.arrays import Band
 
 TILE = 256
-"""Paths that are taken through a block at a time; their phasors stay in the first-level cache."""
+"""Number of paths that are taken through a block of frequencies at a time: their phasors fit the first-level cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Some paths, and their phasors as they proceed from one frequency to the next.
+    """Some paths, sorted by antenna, and the phasor of each at the next frequency.
 
-    Between the two ends of the band and its middle, where an amplitude a is evaluated, its logarithm is taken for a
-    parabola in frequency, which roughness makes it nearly. The phasor ``a exp(-j k d)`` then changes from frequency
-    to frequency by a factor that itself changes by a constant one.
+    The amplitude a of a path is evaluated at the two ends of the band and at its middle. In between, its logarithm is
+    interpolated by a parabola in frequency, which is nearly exact for the loss by roughness. From each frequency to the
+    next, the phasor ``a exp(-j k d)`` of a path of length d is then multiplied by a factor, `turn`, which is itself
+    multiplied by a constant, ``1 + bend``.
 
     Attributes
     ----------
     start : (n + 1,) array of int
-        Where the paths of each antenna begin.
+        Index of the first path of each antenna, and the number of paths at the end.
     point : (paths,) array of int
-        Column of the table of fields.
+        Column of each path's point in the table of fields.
     phasor : (paths,) complex array
-        At the next frequency.
+        Phasor at the next frequency.
     turn : (paths,) complex array
-        Factor from the next frequency to the one after it.
+        Factor that leads from the next frequency to the one after it.
     bend : (paths,) complex array
-        Relative change of that factor from step to step. It is small; complex64 keeps it exactly enough.
+        Relative change of that factor from step to step. It is small, so that complex64 is exact enough.
     """
 
     start: NDArray[np.int64]
@@ -56,7 +61,20 @@ class Paths:
         length: Array,
         amplitude: Complex,
     ) -> Paths:
-        """Paths sorted by antenna, with their (3, paths) amplitudes at the `_knots` of the band."""
+        """The phasors of paths at the first frequency of the band.
+
+        Parameters
+        ----------
+        band : Band
+        antennas : int
+            Number of antennas.
+        antenna, point : (paths,) arrays of int
+            Numbers of the antenna and of the point of each path; sorted by antenna.
+        length : (paths,) array [m]
+        amplitude : (3, paths) complex array
+            Amplitudes at the start, the middle and the end of the band, the `_knots` of `returns`. Paths with an
+            amplitude of zero are left out.
+        """
         keep = np.all(amplitude != 0.0, axis=0)
         low, middle, high = amplitude[:, keep]
         length = length[keep]
@@ -75,11 +93,11 @@ class Paths:
         )
 
     def proceed(self, field: NDArray[np.complex64]) -> None:
-        """Add the paths to the fields (frequencies, n, points), and go on to the frequency after these."""
+        """Add the phasors to the fields (frequencies, n, points), and step to the frequency after these."""
         in_shares(_proceed, field.shape[1], self.start, self.point, self.phasor, self.turn, self.bend, field)
 
     def renumbered(self, points: NDArray[np.int32]) -> Paths:
-        """The paths to the given points (sorted) alone, which become columns 0, 1, 2 ..."""
+        """The paths to some of the points only; these points, given in rising order, become columns 0, 1, 2 ..."""
         column = np.minimum(np.searchsorted(points, self.point), max(points.size - 1, 0)).astype(np.int32)
         keep = points[column] == self.point if points.size else np.zeros(self.point.size, dtype=bool)
         return Paths(
@@ -92,7 +110,7 @@ class Paths:
 
 
 def points_of(pieces: Sequence[Paths]) -> NDArray[np.int32]:
-    """The points to which any path leads, in rising order."""
+    """Numbers of the points that any path leads to, in rising order."""
     return np.unique(np.concatenate([np.unique(paths.point) for paths in pieces]))
 
 
@@ -115,10 +133,10 @@ def _proceed(
     first_antenna: int,
     last_antenna: int,
 ) -> None:
-    """Add the phasors to the field (frequencies, n, points), and take them from each frequency to the next.
+    """Add the phasors of some antennas to the field (frequencies, n, points), stepping them through the frequencies.
 
-    For the antennas n from the first up to, and without, the last. Real and imaginary parts lie in arrays of their own,
-    which processors multiply several at a time.
+    The antennas are `first_antenna` up to, but without, `last_antenna`. Real and imaginary parts are kept in separate
+    arrays, of which processors multiply several values at a time.
     """
     real, imag, turn_real, turn_imag, bend_real, bend_imag = np.empty((6, TILE))
     for n in range(first_antenna, last_antenna):

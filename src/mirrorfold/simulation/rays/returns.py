@@ -1,4 +1,9 @@
-"""The paths of each kind, with their amplitudes: to scatterers, and back over mirrors, edges and arcs."""
+"""Paths with their amplitudes, by kind: to diffuse scatterers, and specular returns over mirrors, edges and arcs.
+
+Every function traces the paths of one kind and multiplies, for each path, the coefficients of all mirrors and walls on
+the way with the spreading of the wave. The amplitudes are evaluated at three frequencies, the `_knots`; `Paths`
+interpolates between them. A half-transparent wall turns one path into several, one for each wave of its `Series`.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +33,12 @@ def _knots(band: Band) -> Array:
 
 
 def _traced(chain: Chain | CurvedChain, points: Points, world: Outline) -> ChainPaths:
-    """The paths over a chain of flat mirrors, or over a sequence with arcs."""
+    """The paths to points over a chain of flat mirrors, or over a chain with arcs."""
     return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, world)
 
 
 def _mirrors(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Series:
-    """What the mirrors of a chain reflect at the knots of the band."""
+    """Waves after reflection at the mirrors of a chain, at the knots; `cosine` (mirrors, paths) of the incidence."""
     surfaces = [scene.surface[world.surface[facet]] for facet in chain.facets]
     return mirrored(surfaces, _knots(scene.band), cosine, named(scene.polarization))
 
@@ -41,7 +46,7 @@ def _mirrors(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: A
 def _walls(
     scene: Scene, world: Outline, chain: Chain | CurvedChain, antenna: NDArray[np.intp], end: Array
 ) -> list[Series]:
-    """What passes through half-transparent walls on the way over a chain to places (paths, 2) [m]."""
+    """Waves that each half-transparent wall lets through, on paths from antennas over a chain to `end` (paths, 2)."""
     if isinstance(chain, CurvedChain) or not world.slabs:
         return []
     return [
@@ -53,13 +58,17 @@ def _walls(
 def diffuse_paths(
     scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rough: Scatterers
 ) -> list[Paths]:
-    """The paths from the antennas to the scatterers; each amplitude holds one way's share of the scattering."""
+    """The one-way paths from the antennas to the scatterers.
+
+    The scattering strength is a product of a factor for the way in and one for the way out; each amplitude holds the
+    factor of its own way, see `scatterers`.
+    """
     found = []
     for chain in seen_over:
         paths = _traced(chain, rough.points, world)
         walls = _walls(scene, world, chain, paths.antenna, rough.points.position[paths.point])
         law_of_path = rough.law[paths.point]
-        # A half-transparent wall scatters at its face, half its thickness before the outline.
+        # A half-transparent wall scatters at its face, which lies half its thickness in front of the outline.
         before = np.array([0.5 * (thickness_of(law.surface) or 0.0) for law in rough.laws])
         ahead = before[law_of_path] * paths.end_cosine if before.any() else 0.0
         for amplitude, extra in all_of(_mirrors(scene, world, chain, paths.cosine), *walls):
@@ -92,7 +101,7 @@ def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | Cur
 
 
 def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
-    """The waves from the ends of all mirrors, there and back over the same chain."""
+    """The waves diffracted at the ends of all mirrors, out and back over the same chain."""
     found = []
     back = {chain.facets: chain for chain in to_rx}
     for waves in edge_waves(to_tx, to_rx, world):
@@ -115,7 +124,7 @@ def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Se
 
 
 def glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
-    """The glints of all arcs, with every chain that sees an arc on either way."""
+    """The glints of all arcs, for every pair of a chain on the way out and a chain on the way back that see the arc."""
     found = []
     for index, arc in enumerate(world.arcs):
         surface = scene.surface[world.surface[len(world.facets) + index]]
@@ -143,7 +152,10 @@ def glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: S
 
 
 def _glint_spreading(glint: Glints, *, arc_length: float, frequency: Array) -> Complex:
-    """Spreading of glints with its limit at caustics and the phase gained there, shape (frequencies, glints)."""
+    """Spreading factor of glints, limited near caustics, with the phase gained there, shape (frequencies, glints).
+
+    See `glints` for the formulas.
+    """
     with np.errstate(divide="ignore"):
         optics = 1.0 / np.sqrt(np.abs(glint.spreading))
     aperture = np.sqrt(frequency / speed_of_light) * glint.end_cosine * arc_length / np.sqrt(glint.legs)

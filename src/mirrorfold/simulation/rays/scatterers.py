@@ -1,19 +1,21 @@
-"""Diffuse scatterers, frozen at random places on every rough surface and inside every wall with a depth.
+"""Diffuse scatterers at fixed random places on every rough surface, and inside every wall with a `volume_depth`.
 
-A scatterer turns the field E that meets it into the wave ``sigma E exp(-j k d) / sqrt(d)``. Its mean strength is
+A scatterer turns the incident field E into the wave ``sigma E exp(-j k d) / sqrt(d)`` at the distance d. Its mean
+strength, for the angle of incidence ti and the scattering angle ts, both from the normal, is
 
 ``|sigma|^2 = l cos(ti) Q(ti) cos(ts) Q(ts) / (2 C)``,  ``C = integral of Q cos over [0, pi/2]``,
 
-with l the length of outline it stands for and Q(t) the share of the power arriving at angle t that is scattered.
-The law is symmetric in both angles, hence reciprocal; it is a product, so that each way contributes a factor of its
-own; and it conserves energy at every angle of incidence: the power scattered into the half circle is
-``l cos(ti) Q(ti)``. Where Q does not depend on the angle it is Lambert's law, ``l Q cos(ti) cos(ts) / 2``; for slight
-roughness of short correlation it is the first-order perturbation result, proportional to ``cos(ti)^2 cos(ts)^2``
-(Rice, Comm. Pure Appl. Math. 4, 1951).
+with l the length of outline that the scatterer represents, and Q(t) the scattered share of the power incident at angle
+t. This law is symmetric in both angles, hence reciprocal. It is a product of one factor for the way in and one for the
+way out. It conserves energy at every angle of incidence: the power scattered into the half circle is ``l cos(ti)
+Q(ti)``. If Q does not depend on the angle, it is Lambert's law, ``l Q cos(ti) cos(ts) / 2``; for slight roughness of
+short correlation length it is the first-order perturbation result, proportional to ``cos(ti)^2 cos(ts)^2`` (Rice, Comm.
+Pure Appl. Math. 4, 1951).
 
-*The surface* scatters what its roughness takes from the specular beam, ``Q = |R|^2 (1 - rho^2)``. *The inside* of a
-wall scatters back the share `VOLUME_SHARE` of the power that enters, ``1 - |R|^2``. Waves cross the inside straight
-and as fast as in air: depths are those which a radar image shows.
+*A rough face* scatters the power that its roughness takes from the specular beam, ``Q = |R|^2 (1 - rho^2)``, with
+Fresnel's coefficient R and the coherent factor rho. *The inside* of a wall scatters back the share `VOLUME_SHARE` of
+the power that enters, ``1 - |R|^2``. In the model, waves cross the inside straight and as fast as in air: the depths of
+its scatterers are therefore those that a radar image shows.
 """
 
 from __future__ import annotations
@@ -36,43 +38,43 @@ from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Points
 
 VOLUME_SHARE = 0.1
-"""Share of the power entering a wall that its inside scatters back: a porous board such as drywall then returns
-several times more from its inside than a surface of 50 um rms height does at 0.3 THz."""
+"""Share of the power entering a wall that its inside scatters back. With this value, a porous board such as drywall
+returns several times more from its inside than from a face of 50 um rms height at 0.3 THz."""
 
 ANGLES, ANGLE_WEIGHTS = np.polynomial.legendre.leggauss(64)
-"""Quadrature over the angle of incidence, on [-1, 1]; the integrands are smooth."""
+"""Nodes and weights of the Gauss-Legendre quadrature over the angle, on [-1, 1]; the integrands are smooth."""
 
 
 class Faced(Protocol):
-    """Any surface with a face, in a floor plan or in space."""
+    """Any surface with a material and a roughness, in a floor plan or in space."""
 
     @property
     def material(self) -> str | Substance:
-        """What it is made of."""
+        """Material of the surface: a name, or permittivity and conductivity."""
         ...
 
     @property
     def roughness(self) -> Roughness | None:
-        """Of its face."""
+        """Roughness of the face; None for a smooth one."""
         ...
 
 
 def specular_coefficient(
     surface: Faced, frequency: ArrayLike, cosine: ArrayLike, polarization: Polarization = "TE"
 ) -> NDArray[np.complex128]:
-    """Fresnel's coefficient times what roughness leaves of it.
+    """Amplitude reflection coefficient of a surface: Fresnel's coefficient times the coherent factor of its roughness.
 
     Parameters
     ----------
     surface : Surface
     frequency : (...) array [Hz]
     cosine : (...) array
-        Of the angle of incidence.
+        Cosine of the angle of incidence.
     polarization : {"TE", "TM"}
 
     Returns
     -------
-    (...) complex array, broadcast from both.
+    (...) complex array, broadcast from frequency and cosine.
     """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     coefficient = material(surface.material).reflection(frequency, angle, polarization)
@@ -80,12 +82,12 @@ def specular_coefficient(
 
 
 def named(polarization: str) -> Polarization:
-    """That of one simulation; of a scene with both, each is simulated by itself."""
+    """The polarization of a scene as the literal "TE" or "TM"; scenes with "both" are split before they get here."""
     return "TM" if polarization == "TM" else "TE"
 
 
 def _coherent(surface: Faced, frequency: ArrayLike, angle: ArrayLike) -> Array:
-    """What roughness leaves of the specular amplitude of a surface; 1 for a smooth one."""
+    """Factor by which roughness reduces the specular amplitude of a surface, broadcast (...) array; 1 if smooth."""
     if surface.roughness is None:
         return np.ones(np.broadcast_shapes(np.shape(frequency), np.shape(angle)))
     return coherent_factor(
@@ -98,13 +100,13 @@ def _coherent(surface: Faced, frequency: ArrayLike, angle: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class DiffuseLaw:
-    """How strongly a surface, or the inside of a wall, scatters.
+    """How strongly the face of a surface, or the inside of a wall, scatters; the formulas stand above.
 
     Attributes
     ----------
     surface : Surface
     inside : bool
-        Of the wall instead of on its face.
+        True for the inside of the wall, False for its face.
     polarization : {"TE", "TM"}
     """
 
@@ -113,7 +115,7 @@ class DiffuseLaw:
     polarization: Polarization = "TE"
 
     def share(self, frequency: ArrayLike, angle: ArrayLike) -> Array:
-        """Q, the share of the power arriving at `angle` [rad] that is scattered, (...) array."""
+        """Q, the scattered share of the power that is incident at `angle` [rad], (...) array."""
         made_of = material(self.surface.material)
         reflected = np.abs(made_of.reflection(frequency, angle, self.polarization)) ** 2
         if self.inside:
@@ -121,16 +123,17 @@ class DiffuseLaw:
         return np.asarray(reflected * (1.0 - _coherent(self.surface, frequency, angle) ** 2))
 
     def factor(self, frequency: Array, cosine: Array) -> Array:
-        """The share of one way in ``|sigma|`` for unit length, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``.
+        """Factor of one way in ``|sigma|`` for unit length of outline, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``.
 
         Parameters
         ----------
         frequency : (f, 1) array [Hz]
         cosine : (p,) array
+            Cosine of the angle t between the path and the normal.
 
         Returns
         -------
-        (f, p) array [m^(1/4)]
+        (f, p) array, dimensionless
         """
         nodes = 0.25 * np.pi * (ANGLES + 1.0)
         total = 0.25 * np.pi * (self.share(frequency, nodes) * np.cos(nodes)) @ ANGLE_WEIGHTS
@@ -140,16 +143,17 @@ class DiffuseLaw:
 
 @dataclass(frozen=True, eq=False)
 class Scatterers:
-    """Where the scatterers are and what they do.
+    """Positions, random strengths and scattering laws of all scatterers.
 
     Attributes
     ----------
     points : Points
-        A rough surface has separate scatterers for its two sides, since nothing passes through it.
+        Positions and normals. A rough surface has separate scatterers for its two sides, since nothing passes through
+        it.
     weight : (s,) complex array [m^(1/4)]
-        What each scatterer contributes to one way besides the factor of its law; squared, it is a complex
-        Gaussian number whose mean power is the length of outline that the scatterer stands for. A resolution
-        cell shows fully developed speckle this way, however few scatterers it holds.
+        Random amplitude of each scatterer for one way, apart from the factor of its law. The square of it is a complex
+        Gaussian number whose mean power is the length of outline that the scatterer represents. So a resolution cell
+        shows fully developed speckle, however few scatterers it holds.
     law : (s,) array of int
         Index into `laws`.
     laws : tuple of DiffuseLaw
@@ -164,7 +168,7 @@ class Scatterers:
         return self.weight.size
 
     def tiles(self, count: int) -> Iterator[Scatterers]:
-        """All of them in so many tiles of nearly equal size, one after the other."""
+        """The scatterers in `count` tiles of nearly equal size, one after the other."""
         ends = np.linspace(0, len(self), count + 1).astype(int)
         for first, last in pairwise(ends):
             some = slice(first, last)
@@ -179,9 +183,9 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
     ----------
     scene : Scene
     world : Outline
-        Of the same scene.
+        Outline of the same scene.
     spacing : float [m]
-        Largest mean distance of neighbours along the outline; the mean power does not depend on it.
+        Largest mean distance of neighbouring scatterers along the outline; the mean power does not depend on it.
     seed : int
 
     Raises
@@ -193,7 +197,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
     parts: list[tuple[Array, Array, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64]]] = []
     for obstacle, index in enumerate(world.surface):
         surface = scene.surface[index]
-        # One generator for each obstacle: what another surface is made of leaves the speckle of this one alone.
+        # One random generator per obstacle: a change of another surface does not change the speckle of this one.
         generator = np.random.default_rng([seed, obstacle])
         for law in _laws(surface, scene):
             laws.append(law)
@@ -203,7 +207,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
                 if law.inside:
                     reach = surface.volume_depth
                     if obstacle >= len(world.facets) and side > 0.0:
-                        # Behind the convex side of an arc the wall cannot be deeper than its center.
+                        # Behind the convex side of an arc the wall cannot extend deeper than the center of the arc.
                         reach = min(reach, world.arcs[obstacle - len(world.facets), 2])
                     depth = scattering_depth(surface.volume_profile, reach, generator.uniform(size=len(foot)))
                 gaussian = generator.standard_normal((len(foot), 2)) @ np.array([1.0, 1.0j]) * np.sqrt(0.5)
@@ -223,7 +227,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
 
 
 def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
-    """The ways in which a surface scatters: on its face, inside, both or not at all."""
+    """The laws by which a surface scatters: on its face, inside, both, or none for a smooth surface."""
     laws, polarization = [], named(scene.polarization)
     if surface.roughness is not None and surface.roughness.rms_height > 0.0:
         laws.append(DiffuseLaw(surface, False, polarization))
@@ -241,7 +245,11 @@ def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
 def _along(
     world: Outline, obstacle: int, side: float, spacing: float, generator: np.random.Generator
 ) -> tuple[Array, Array, float]:
-    """Points on an obstacle, one at a random place in each of equal cells; their normals, and the cells' length."""
+    """Points on one side of an obstacle, one at a random place in each of n equal cells.
+
+    Returns the points (n, 2) [m], their unit normals (n, 2), and the length of a cell [m]. `side` is +1 for the left
+    side of a facet or the convex side of an arc, -1 for the other side.
+    """
     if obstacle < len(world.facets):
         start, end = world.facets[obstacle]
         length = float(np.linalg.norm(end - start))

@@ -1,18 +1,19 @@
-"""Ray simulation in two dimensions: specular paths of geometrical optics and frozen diffuse scatterers.
+"""Ray simulation in two dimensions: specular paths of geometrical optics, and diffuse scatterers at fixed places.
 
-The field of every antenna at every scatterer is the sum over the direct ray and the paths over all chains of
-mirrors, ``A[n, s] = sum over paths of prod(R rho) exp(-j k d) / sqrt(d)`` times the scatterer's factor. By reciprocity
-the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per frequency, which holds all mixed paths
-(there over one chain, back over another). To it come the purely specular returns: mirrors and corners by chains of
-images, arcs and circles by their glints, and the waves from the ends of mirrors, with which a return fades instead of
-stopping at once.
+The field of every antenna at every scatterer is the sum over the direct ray and the paths over all chains of mirrors,
+``A[n, s] = sum over paths of prod(R rho) exp(-j k d) / sqrt(d)``, times the factor of the scatterer for one way. By
+reciprocity the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per frequency. It contains all
+mixed paths, which go out over one chain and back over another. The purely specular returns are added: mirrors and
+corners by chains of images, arcs and circles by their glints, and edge waves from the ends of mirrors, which make a
+specular return fade instead of stopping abruptly.
 
-Walls with a thickness reflect and let through (`slabs`); everything else is opaque.
+Walls with a thickness reflect and transmit (`slabs`); everything else is opaque.
 
-Arcs are mirrors, too: on each way there may be two mirrors with an arc among them, and any number of flat ones.
+Arcs are mirrors, too. Chains on each way are of flat mirrors only, up to the number of bounces, or of at most two
+mirrors with an arc among them.
 
-What is left out: edge waves of arcs, of shadows, and of a mirror after another has reflected the wave; light that
-scatters diffusely twice; longer chains with arcs, and those that lead through a wall.
+Not simulated: edge waves of arcs and of shadows, and those that go out over one chain and back over another; paths that
+are scattered diffusely twice; longer chains with arcs, and those that lead through a wall.
 """
 
 from __future__ import annotations
@@ -41,25 +42,25 @@ def scattered_field(
     memory_limit: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.complex64]:
-    """What each receiver measures of each transmitter, for sources with the field ``exp(-j k d) / sqrt(d)``.
+    """The scattered field at each receiver for each transmitter, whose own field is ``exp(-j k d) / sqrt(d)``.
 
-    Where the memory does not hold the paths to all scatterers at once, these are taken in tiles, whose shares of the
-    sweep add up; sums in another order differ by rounding.
+    If the memory does not hold the paths to all scatterers at once, the scatterers are processed in tiles, and the
+    sweeps of the tiles are added. The result then differs by rounding.
 
     Parameters
     ----------
     scene : Scene
     bounces : int
-        Largest number of mirrors between an antenna and what scatters; twice as many in purely specular returns.
+        Largest number of mirrors between an antenna and a scatterer; twice as many in purely specular returns.
     seed : int
     spacing : float [m], optional
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
     edges : bool
-        Whether the ends of mirrors radiate; without, specular returns are those of geometrical optics.
+        Whether edge waves from the ends of mirrors are added; if not, specular returns are those of geometrical optics.
     curved : bool
-        Whether arcs are mirrors on the way to something else; without, they scatter and glint alone.
+        Whether arcs reflect waves on to other surfaces; if not, they only scatter and glint themselves.
     memory_limit : float [B], optional
-        Of all that this process may hold; by default what is free.
+        Total memory that this process may hold; by default what is free.
     progress : callable, optional
         Called as ``progress(done, total)`` after every block of frequencies.
 
@@ -70,7 +71,7 @@ def scattered_field(
     Raises
     ------
     InputError
-        If the scene is not a two-dimensional one of surfaces that rays can follow, or not even a tile fits.
+        If the scene is not two-dimensional, has surfaces that rays cannot follow, or does not fit even in tiles.
     """
     lit = light(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges, curved=curved)
     count, field_bytes = tiles_that_fit(lit, memory_limit)
@@ -78,7 +79,7 @@ def scattered_field(
     s = np.zeros(shape, dtype=np.complex64)
     count_up = counted(progress, count * shape[0])
     for number, tile in enumerate(lit.rough.tiles(count)):
-        # Specular returns go with the last tile, when they need no more room than the paths of any other.
+        # Specular paths are made for the last tile only: made earlier, they would take memory from every tile.
         specular = specular_paths(lit) if number == count - 1 else []
         _add(s, lit, tile, specular, field_bytes, count_up)
     return s
@@ -92,10 +93,10 @@ def _add(
     field_bytes: float,
     progress: Callable[[int], None],
 ) -> None:
-    """Add what some scatterers, and some specular paths, return to a sweep, in blocks of frequencies."""
+    """Add the returns of some scatterers and of some specular paths to the sweep `s`, in blocks of frequencies."""
     from_tx = diffuse_paths(lit.scene, lit.world, lit.over_tx, rough)
     from_rx = from_tx if lit.same_array else diffuse_paths(lit.scene, lit.world, lit.over_rx, rough)
-    # A scatterer counts where both ways reach it.
+    # Only scatterers that both a transmitter and a receiver see contribute.
     used = np.intersect1d(points_of(from_tx), points_of(from_rx)).astype(np.int32)
     for pieces in (from_tx,) if lit.same_array else (from_tx, from_rx):
         for index in range(len(pieces)):  # one by one, so that no two copies of all of them exist

@@ -1,6 +1,7 @@
-"""What a simulation by rays takes of the memory, and in how many tiles of scatterers it has to be made.
+"""Memory of a simulation by rays, and the number of tiles of scatterers in which it fits.
 
-Paths are counted before they are traced: from a few transmitters, which are taken to see as much as the others.
+The number of paths is estimated before all are traced: those of a few transmitters are counted, and the others are
+assumed to have as many.
 """
 
 from __future__ import annotations
@@ -31,70 +32,73 @@ from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers
 from mirrorfold.simulation.rays.ways import LONGEST, Ways, there_and_back, ways
 
 LONGEST_BLOCK = 16
-"""Frequencies whose fields are computed in one go."""
+"""Largest number of frequencies in a block: the fields of all its frequencies are computed together."""
 
 BLOCK_BYTES = 200e6
-"""Size of the fields of a block, above which it is made shorter."""
+"""Largest size of the fields of a block [B]; larger blocks are shortened."""
 
 FIELD_SHARE = 0.25
-"""Of the room for paths and fields, that the fields may take of it where it is short."""
+"""Share of the memory for paths and fields that the fields may take if memory is short."""
 
 WAVES = 8
-"""That a half-transparent wall makes of one, of those that count."""
+"""Number of waves above the threshold `LEAST` of `slabs` that a half-transparent wall makes of one, at most."""
 
 COUNTED = 5
-"""Transmitters, evenly chosen, whose paths are counted beforehand."""
+"""Number of transmitters, evenly chosen, whose paths are counted beforehand."""
 
 PATH_BYTES = 44.0
-"""Of a path: phasor, turn, bend, and the number of its scatterer."""
+"""Memory of a path [B]: phasor, turn, bend, and the number of its scatterer."""
 
 TRACED_BYTES = 24.0
-"""Of each pair of an antenna and a point while a chain is traced: share, length and angle at the end ..."""
+"""Memory per pair of an antenna and a point while a chain is traced [B]: share, length and cosine at the point ..."""
 
 MIRROR_BYTES = 8.0
-"""... and an angle for each mirror."""
+"""... and in addition the cosine at each mirror of the chain [B]."""
 
 CURVED_BYTES = 2.0 * (1.0 + 8.0 * (FACTS + LONGEST))
-"""Of each pair of an antenna and a point while a sequence with an arc is traced: room for two paths, each of which is
-known or not, with angles and facts."""
+"""Memory per pair of an antenna and a point while a chain with an arc is traced [B]: two paths, each with a flag that
+says whether it exists, its facts, and the cosines at its mirrors."""
 
 FOUND_BYTES = 56.0
-"""Of each path of a chain while it is copied from these tables: its ends twice, length, share and angle at the end."""
+"""Memory per path of a chain while it is copied from these tables [B]: both ends twice, length, share and cosine at the
+point."""
 
 WORKED_BYTES = 232.0
-"""Of each path of a chain while its amplitudes, at three frequencies, become phasors: 40 of its geometry, 48 of the
-amplitudes, 48 of those that are not zero, and six complex numbers in double precision."""
+"""Memory per path of a chain while phasors are made of its amplitudes at three frequencies [B]: 40 for the geometry, 48
+for the amplitudes, 48 for those that are not zero, and six complex numbers in double precision."""
 
 MOST_TILES = 256
-"""In so many tiles the fields of a block, not the paths, take the memory."""
+"""Largest number of tiles: with as many, the fields of a block take most of the memory, no longer the paths."""
 
 ROOM_SHARE = 0.8
-"""Of the memory that is left, for a tile: what is freed of one is not all there for the next."""
+"""Share of the free memory that a tile may take: not all that one tile frees is available to the next."""
 
 REMEDY = "give fewer elements, frequencies, surfaces or bounces, close other programs, or raise the limit"
 
 
 @dataclass(frozen=True, eq=False)
 class Lit:
-    """A scene and what its antennas see: all that paths are traced from.
+    """A scene with its scatterers and with the chains over which its antennas see: all that is needed to trace paths.
 
     Attributes
     ----------
     scene : Scene
     world : Outline
     tx, rx : (n, 2) arrays [m]
+        Positions of transmitters and receivers.
     tx_chains : list of Chain
-        From the transmitters over up to twice as many mirrors as are asked for.
+        Chains from the transmitters over up to ``2 bounces`` flat mirrors, for specular returns.
     bounces : int
     to_tx, to_rx : list of Chain
-        Over up to that many; the same list for one array.
+        Chains from the transmitters, and from the receivers, over up to `bounces` flat mirrors; the same list if both
+        stand at the same places.
     tx_ways, rx_ways : Ways
-        What the antennas see over few mirrors with arcs among them; the same for one array.
+        Chains with arcs among their few mirrors; the same object if both stand at the same places.
     over_arcs : list of CurvedChain
-        From the transmitters over two arcs or more, and back to the receivers.
+        Chains from the transmitters to the receivers with two reflections at arcs or more.
     rough : Scatterers
     edges : bool
-        Whether the ends of mirrors radiate.
+        Whether the ends of mirrors radiate edge waves.
     """
 
     scene: Scene
@@ -118,27 +122,27 @@ class Lit:
 
     @property
     def over_tx(self) -> list[Chain | CurvedChain]:
-        """Sequences over which the transmitters see scatterers."""
+        """Chains over which the transmitters see scatterers."""
         return [*self.to_tx, *self.tx_ways.chains]
 
     @property
     def over_rx(self) -> list[Chain | CurvedChain]:
-        """Those over which the receivers do."""
+        """Chains over which the receivers see scatterers."""
         return [*self.to_rx, *self.rx_ways.chains]
 
     @property
     def antennas(self) -> int:
-        """Whose fields at the scatterers are needed."""
+        """Number of antennas whose fields at the scatterers are computed: shared places count once."""
         return len(self.tx) + (0 if self.same_array else len(self.rx))
 
     def block(self, columns: int, nbytes: float) -> int:
-        """Frequencies whose fields at so many scatterers are held at once, in so many bytes."""
+        """Number of frequencies of a block whose fields at `columns` scatterers fit into `nbytes`."""
         each = 8 * (self.antennas * columns + len(self.tx) * len(self.rx))
         return int(np.clip(nbytes // each, 1, min(LONGEST_BLOCK, self.scene.band.points)))
 
     @cached_property
     def counts(self) -> Counts:
-        """How many paths there will be."""
+        """Estimated numbers of paths, from those of a few transmitters."""
         some = np.unique(np.linspace(0, len(self.tx) - 1, min(COUNTED, len(self.tx))).astype(int))
         few = replace(
             self,
@@ -161,7 +165,7 @@ class Lit:
 
     @property
     def most(self) -> Counts:
-        """How many paths there would be if every antenna saw everything over every chain."""
+        """Numbers of paths if every antenna saw every point over every chain: an upper bound."""
         pairs, arcs, ends = len(self.tx) * len(self.rx), len(self.world.arcs), 2 * len(self.world.facets)
         each = MOST if self.tx_ways.chains or self.over_arcs else 1  # paths over one sequence
         each *= WAVES ** len(self.world.slabs)
@@ -179,8 +183,18 @@ class Lit:
 
 @dataclass(frozen=True)
 class Counts:
-    """Numbers of paths: to scatterers from all antennas, of these over the one chain with most; the same of specular
-    returns; and how many scatterers are seen.
+    """Numbers of paths.
+
+    Attributes
+    ----------
+    diffuse : float
+        Paths from all antennas to scatterers.
+    largest : float
+        The part of them that leads over one chain, for the chain with most paths.
+    specular, largest_specular : float
+        The same for specular returns.
+    used : int
+        Number of scatterers that are seen.
     """
 
     diffuse: float
@@ -191,7 +205,7 @@ class Counts:
 
 
 class RayEstimate(Record):
-    """What a simulation by rays would take."""
+    """Size and memory of a simulation by rays, estimated beforehand."""
 
     kind: Literal["estimate"]
     scatterers: int
@@ -208,12 +222,12 @@ class RayEstimate(Record):
 def light(
     scene: Scene, *, bounces: int, seed: int, spacing: float | None = None, edges: bool = True, curved: bool = True
 ) -> Lit:
-    """A scene with its chains of mirrors and its scatterers; see `scattered_field`.
+    """Find the chains of mirrors of a scene and draw its scatterers; parameters as in `scattered_field`.
 
     Raises
     ------
     InputError
-        If the scene is not a two-dimensional one of surfaces that rays can follow.
+        If the scene is not two-dimensional, or has surfaces that rays cannot follow.
     """
     tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
     world = outline(scene)
@@ -230,19 +244,19 @@ def light(
 
 
 def specular_paths(lit: Lit) -> list[Paths]:
-    """The paths of all purely specular returns."""
+    """The paths of all purely specular returns: over mirrors, glints of arcs, and edge waves."""
     scene, world = lit.scene, lit.world
     found = mirror_returns(scene, world, [*lit.tx_chains[1:], *lit.over_arcs], lit.rx)
     found += glint_returns(scene, world, lit.to_tx, lit.to_rx)
     if lit.edges:
-        # There, over the mirror that ends, and back: one mirror more than twice the chain.
+        # A chain out, the mirror with the end, the chain back: one mirror more than twice the length of the chain.
         shorter = ([c for c in to if len(c.facets) < lit.bounces] for to in (lit.to_tx, lit.to_rx))
         found += edge_returns(scene, world, *shorter)
     return found
 
 
 def tiled_parts(lit: Lit, tiles: int, field_bytes: float = BLOCK_BYTES, counts: Counts | None = None) -> Parts:
-    """What a simulation in so many tiles holds at once where it holds most, by name [bytes]."""
+    """What a simulation in `tiles` tiles keeps in memory at the moment of largest demand, by name [B]."""
     counts, pairs = counts or lit.counts, float(len(lit.tx) * len(lit.rx))
     held = {"sweep": 8.0 * pairs * lit.scene.band.points}
     to_scatterers = {"paths to scatterers": PATH_BYTES * counts.diffuse / tiles}
@@ -268,16 +282,16 @@ def tiled_parts(lit: Lit, tiles: int, field_bytes: float = BLOCK_BYTES, counts: 
 
 
 def tiles_that_fit(lit: Lit, limit: float | None) -> tuple[int, float]:
-    """The fewest tiles that fit into the memory, and what the fields of a block may take [bytes].
+    """The fewest tiles that fit into the memory, and the size that the fields of a block may have [B].
 
     Raises
     ------
     InputError
-        If no number of tiles does.
+        If no number of tiles up to `MOST_TILES` fits.
     """
     room = ROOM_SHARE * room_below(limit)
     if not log.isEnabledFor(INFO) and total(tiled_parts(lit, 1, counts=lit.most)) <= room:
-        return 1, BLOCK_BYTES  # and nothing has to be counted
+        return 1, BLOCK_BYTES  # the upper bound fits already, so that no paths have to be counted
     counted = f"scene {lit.scene.name!r}: {len(lit.tx)} x {len(lit.rx)} antennas and {len(lit.rough)} scatterers"
     for power in range(int(np.log2(MOST_TILES)) + 1):
         tiles = 2**power
@@ -296,7 +310,7 @@ def tiles_that_fit(lit: Lit, limit: float | None) -> tuple[int, float]:
 
 
 def estimate_rays(scene: Scene, *, bounces: int, seed: int, memory_limit: float | None = None) -> RayEstimate:
-    """What a simulation would take, without doing it.
+    """Size and memory of a simulation by rays, estimated without running it.
 
     Raises
     ------

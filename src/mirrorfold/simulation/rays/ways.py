@@ -1,4 +1,7 @@
-"""Which sequences of mirrors, with arcs among them, lead anywhere."""
+"""Which chains of mirrors with arcs among them lead anywhere.
+
+Chains grow by one mirror at a time: a mirror is appended if an antenna sees one of its sample points over the chain.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +16,21 @@ from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, Points, trace
 
 LONGEST = 2
-"""Mirrors on one way, if an arc is among them. Each arc weakens the waves by more than a flat mirror does."""
+"""Largest number of mirrors on one way if an arc is among them: each arc weakens the waves by more than a flat mirror
+does."""
 
 PROBES = 64
-"""Points of a mirror that tell whether it is seen."""
+"""Number of sample points on a mirror; it counts as seen if an antenna sees one of them."""
 
 
 def faces_of(world: Outline) -> list[Face]:
-    """All mirrors: facets, and both sides of arcs."""
+    """All mirrors of the outline: facets, and both sides of each arc."""
     flat, arcs = len(world.facets), len(world.arcs)
     return [*((i, 0) for i in range(flat)), *((flat + i, side) for i in range(arcs) for side in (1, -1))]
 
 
 def _probes(face: Face, world: Outline) -> Points:
-    """Points on a mirror, with their normals on its side."""
+    """Sample points on a mirror; those on an arc with the normals of its reflecting side."""
     number, side = face
     along = (np.arange(PROBES) + 0.5) / PROBES
     if number < len(world.facets):
@@ -39,7 +43,7 @@ def _probes(face: Face, world: Outline) -> Points:
 
 
 def sees(chain: Chain | CurvedChain, face: Face, world: Outline) -> bool:
-    """Whether the first, the middle or the last antenna sees a probe of a mirror over a chain."""
+    """Whether the first, the middle or the last antenna sees a sample point of a mirror over a chain."""
     few = np.unique([0, chain.count // 2, chain.count - 1])
     if isinstance(chain, CurvedChain):
         return trace_curved(chain.of(few), _probes(face, world)).length.size > 0
@@ -48,14 +52,14 @@ def sees(chain: Chain | CurvedChain, face: Face, world: Outline) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """All that a set of antennas sees over sequences of few mirrors.
+    """The mirrors that a set of antennas sees over chains of at most `LONGEST` mirrors.
 
     Attributes
     ----------
     chains : list of CurvedChain
-        Those with an arc among them.
+        The chains with an arc among their mirrors.
     seen : dict
-        For every sequence of at most `LONGEST` mirrors, flat ones included, the mirrors that it shows.
+        For every chain, also of flat mirrors only, the set of mirrors that are seen over it.
     """
 
     chains: list[CurvedChain]
@@ -63,15 +67,20 @@ class Ways:
 
 
 def ways(antennas: Array, world: Outline, flat: Sequence[Chain], bounces: int) -> Ways:
-    """What antennas (n, 2) [m] see over at most `bounces` mirrors, with arcs among them.
+    """The mirrors that antennas see over chains of at most `bounces`, and at most `LONGEST`, mirrors.
 
     Parameters
     ----------
     antennas : (n, 2) array [m]
     world : Outline
     flat : sequence of Chain
-        Chains of flat mirrors alone, the direct way among them.
+        Chains of flat mirrors only, the line of sight among them.
     bounces : int
+
+    Returns
+    -------
+    Ways
+        Empty for an outline without arcs.
     """
     found = Ways([], {})
     longest = min(LONGEST, bounces)
@@ -83,7 +92,7 @@ def ways(antennas: Array, world: Outline, flat: Sequence[Chain], bounces: int) -
         longer: list[Chain | CurvedChain] = []
         for chain in generation:
             way = chain.faces
-            # A flat mirror, and the outer side of an arc, never show themselves.
+            # A flat mirror, or the outer side of an arc, never reflects a wave onto itself.
             last = way[-1] if way and way[-1][1] >= 0 else None
             found.seen[way] = {face for face in faces if face != last and sees(chain, face, world)}
             if isinstance(chain, CurvedChain):
@@ -99,13 +108,13 @@ def ways(antennas: Array, world: Outline, flat: Sequence[Chain], bounces: int) -
 
 
 def there_and_back(from_tx: Ways, from_rx: Ways, tx: Array, world: Outline) -> Iterator[CurvedChain]:
-    """Sequences with two arcs or more, from the transmitters to a mirror that both sides see, and back.
+    """Chains from the transmitters by way of a mirror that both sides see to the receivers, with two arcs or more.
 
-    One arc alone, with flat mirrors on either side, is a glint (`glints`).
+    A chain with a single reflection at an arc, and flat mirrors before and after it, is a glint (`glints`).
     """
     for there, shown in from_tx.seen.items():
         for back, also in from_rx.seen.items():
-            if len(there) - len(back) not in (0, 1):  # each sequence is met once
+            if len(there) - len(back) not in (0, 1):  # so that each chain is found once
                 continue
             for face in sorted(shown & also):
                 way = (*there, face, *back[::-1])
