@@ -9,7 +9,7 @@ from mirrorfold.common.types import Array, Index
 from mirrorfold.errors import InputError
 
 BATCH = 1 << 17
-"""Rays that are cast at once: their single-precision copies then stay in the cache."""
+"""Number of rays that are cast at a time: their single-precision copies then fit the cache."""
 
 NOT_INSTALLED = (
     "three-dimensional scenes need the packages trimesh, embreex and scikit-image; install 'mirrorfold[mesh]'"
@@ -46,20 +46,21 @@ class Caster:
     def first_hit(
         self, origin: Array, direction: Array, *, start_at: float = 0.0, end_at: float = np.inf
     ) -> tuple[Index, Array]:
-        """What rays meet first.
+        """The first triangle that each ray meets.
 
         Parameters
         ----------
         origin, direction : (n, 3) arrays [m]
         start_at, end_at : float
-            Part of each ray that is followed, in units of its direction's length.
+            Begin and end of the part of each ray that is followed, in units of the length of its direction.
 
         Returns
         -------
         face : (n,) array of int
-            -1 where nothing is met.
+            Number of the triangle; -1 where a ray meets nothing.
         along : (n,) array
-            Where, in units of the direction's length; infinite where nothing is met.
+            Distance of the meeting point from the origin, in units of the length of the direction; infinite where a ray
+            meets nothing.
         """
         face, along = np.full(len(origin), -1, dtype=np.int64), np.full(len(origin), np.inf)
         if self._empty:
@@ -76,7 +77,7 @@ class Caster:
         return face, along
 
     def blocked(self, origin: Array, target: Array, *, slack: float) -> NDArray[np.bool_]:
-        """Whether anything stands between origins and targets (n, 3), but for `slack` [m] at either end."""
+        """Whether a triangle lies between each origin and its target, (n, 3) [m], more than `slack` [m] from both."""
         result = np.zeros(len(origin), dtype=bool)
         if self._empty:
             return result

@@ -1,7 +1,8 @@
-"""Chains of plane mirrors: which a fan of rays can reach, and which scatterers are seen through each.
+"""Chains of plane mirrors: which chains a fan of rays finds, and which scatterers are seen over each of them.
 
-The radar pivots about one point, so what it can see does not depend on where its beam points: each scatterer is walked
-back once by every chain that may show it.
+The beam of the scanner pivots about one point, so that what is visible does not depend on where the beam points. Each
+scatterer is therefore tested once per chain: the path is followed back from the scatterer over the mirrors to the
+scanner.
 """
 
 from __future__ import annotations
@@ -28,27 +29,28 @@ from mirrorfold.simulation.raster.speckle import specular_amplitude
 from mirrorfold.simulation.rays.scatterers import named
 
 WEAKEST_CHAIN = 1e-4
-"""Chains that take more than 80 dB from an echo, there and back, are left out."""
+"""Least share of the power that the mirrors of a chain must reflect, one way. Chains that take more than 40 dB one way,
+80 dB from an echo out and back, are left out."""
 
 SLACK = 2e-4
-"""Rays may touch surfaces within this distance [m] of their ends, many times the ray caster's precision."""
+"""A surface within this distance [m] of an end of a ray does not block it: many times the ray caster's precision."""
 
 
 @dataclass(frozen=True, eq=False)
 class TracedScene:
-    """Everything that rays can meet.
+    """All surfaces of a scene that rays can meet.
 
     Attributes
     ----------
     caster : Caster
-        Of all triangles.
+        Ray caster of all triangles.
     quads : list of Quad
-        All flat faces: what can be a mirror.
+        All flat faces: those that can be mirrors.
     first_quad : (f,) array of int
-        For every triangle the number of its quad, -1 for curved surfaces. The two sides of a panel share its
-        triangles; the number is that of the first one.
+        For every triangle the number of its quad, -1 on curved surfaces. The two faces of a panel share its triangles,
+        which have the number of the first face.
     sheets : list of Sheet
-        Panels that waves pass through; they have no triangles, and block nothing.
+        Half-transparent panels; they have no triangles, and block no rays of the caster.
     """
 
     caster: Caster
@@ -57,7 +59,7 @@ class TracedScene:
     sheets: list[Sheet]
 
     def blocked(self, origin: Array, target: Array) -> Mask:
-        """Whether anything, sheets included, stands between origins and targets (n, 3) [m]."""
+        """Whether anything, half-transparent panels included, lies between origins and targets (n, 3) [m], (n,)."""
         blocked = self.caster.blocked(origin, target, slack=SLACK)
         for sheet in self.sheets:
             blocked[sheet.met(origin, target)[0]] = True
@@ -65,7 +67,7 @@ class TracedScene:
 
 
 def traced_scene(scene: Scene3D, solids: list[Solid]) -> TracedScene:
-    """All surfaces together."""
+    """Collect the triangles, flat faces and half-transparent panels of all solids."""
     quads: list[Quad] = []
     sheets: list[Sheet] = []
     vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
@@ -93,7 +95,9 @@ def traced_scene(scene: Scene3D, solids: list[Solid]) -> TracedScene:
 def find_chains(
     scene: Scene3D, traced: TracedScene, origin: Array, directions: Array, *, bounces: int, frequency: float
 ) -> list[tuple[int, ...]]:
-    """Chains of mirrors that rays from the radar follow, shortest first; the empty one is the line of sight.
+    """Chains of mirrors that rays from the scanner follow, shortest first; the empty chain is the line of sight.
+
+    A ray of the fan is reflected at each flat face that it meets, and appends it to its chain.
 
     Parameters
     ----------
@@ -103,9 +107,9 @@ def find_chains(
     directions : (n, 3) array
         The fan: unit vectors.
     bounces : int
-        Length of the longest chain.
+        Largest number of mirrors in a chain.
     frequency : float [Hz]
-        At which losses are taken.
+        Frequency at which the losses of the mirrors are computed.
     """
     chains: list[tuple[int, ...]] = [()]
     if not traced.quads:
@@ -120,7 +124,7 @@ def find_chains(
             break
         arriving = directions[met]
         cosine = -np.einsum("nd,nd->n", arriving, normals[quad])
-        # Behind the first side of a panel is its second one.
+        # A panel met from behind reflects with its second face, which has the next number.
         quad, cosine = np.where(cosine < 0.0, quad + 1, quad), np.abs(cosine)
         left = amplitude[met]
         for number in np.unique(quad):
@@ -139,9 +143,10 @@ def find_chains(
 
 
 def _met(traced: TracedScene, start: Array, directions: Array) -> tuple[Index, Index, Array]:
-    """What rays (n, 3) meet that may be a mirror: which ray, the number of the first quad, and how far away [m].
+    """Flat faces that rays (n, 3) meet: the first opaque one, and every sheet in front of it.
 
-    A ray meets every sheet before the first opaque face.
+    Returns, for each meeting, the number of the ray, the number of the quad (that of the first face for an opaque
+    panel), and the distance from the start [m].
     """
     face, along = traced.caster.first_hit(start, directions, start_at=SLACK)
     opaque = np.flatnonzero(face >= 0)
@@ -169,25 +174,29 @@ def walk_back(
     *,
     frequency: float,
 ) -> tuple[Mask, list[Wave]]:
-    """Which points a chain shows, and what its mirrors leave of the amplitude one way.
+    """Which points are seen over a chain, and the waves that arrive there, one way.
+
+    The path is followed back from each point: to the last mirror in the direction of its image of the scanner, and so
+    on to the scanner itself.
 
     Parameters
     ----------
     scene : Scene3D
     traced : TracedScene
     origin : (3,) array [m]
+        The scanner.
     chain : tuple of int
-        Numbers of quads, from the radar on.
+        Numbers of quads, in the order in which a ray from the scanner meets them.
     points : (n, 3) array [m]
-        On surfaces that face the radar's image in the chain.
+        Points of surfaces that face the image of the scanner in the chain.
     frequency : float [Hz]
 
     Returns
     -------
     seen : (n,) bool array
     waves : list of Wave
-        Their amplitudes are products of the coefficients on the way, meaningless where not seen. There is one, unless
-        the way meets a panel that lets waves through.
+        Their amplitudes are products of the coefficients on the way; meaningless for points that are not seen. There is
+        a single wave unless the path meets half-transparent panels.
     """
     images, turns = [origin], [np.eye(3)]
     for number in chain:
@@ -205,7 +214,7 @@ def walk_back(
         normal = quad.normal
         to_image = (image - quad.center) @ normal
         height = (target - quad.center) @ normal
-        # The target is in front of the mirror and the image behind it.
+        # The target must be in front of the mirror, and the image behind it.
         front = (height > SLACK) & (to_image < 0.0)
         along = height / np.where(front, height - to_image, 1.0)
         bounce = target + along[:, None] * (image - target)

@@ -1,9 +1,10 @@
-"""What a raster scanner hears: the mirror images of all scatterers, with amplitude and distance, once for all beams.
+"""The echoes of a raster scan: mirror images of all scatterers, with amplitude and distance, once for all beams.
 
-By way of a chain of plane mirrors a scatterer is seen at its mirror image, straight ahead. Faces that a beam meets at a
-right angle, directly or by way of mirrors, send back a glint. What cylinders and spheres show is spread, see
-`mirrorfold.simulation.raster.rounds`; they are seen directly, and show what stands before them alone. Transmission and
-reception by two different chains is left out: a narrow beam holds both only next to a mirror.
+A scatterer that is seen by way of a chain of plane mirrors gives an echo at its mirror image, straight ahead of the
+scanner. A plane face that a beam meets at a right angle, directly or by way of mirrors, sends back a specular echo, a
+glint. Cylinders and spheres are mirrors, too, which spread the beam, see `mirrorfold.simulation.raster.rounds`; only
+chains of one round mirror and nothing else are simulated. Mixed paths, out by one chain and back by another, are left
+out: a narrow beam contains both only next to a mirror.
 """
 
 from __future__ import annotations
@@ -26,41 +27,43 @@ from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze,
 from mirrorfold.simulation.rays.scatterers import named
 
 BEAM_EDGE = 2.2
-"""Echoes further from a beam's axis than this many beam radii are left out: 84 dB below its middle."""
+"""Distance from the axis of a beam, in beam radii, beyond which echoes are left out: 84 dB below the axis."""
 
 SMALLEST_COSINE = 0.02
-"""Surfaces seen more obliquely than this, 89 degrees, return nothing."""
+"""Least cosine of the angle to the normal, 89 degrees, at which a surface returns anything."""
 
 SMALLEST_GLINT = 0.02
-"""Ways shorter than this [m] lead through faces that touch the scanner."""
+"""Shortest path of a glint [m]: shorter ones belong to faces that touch the scanner."""
 
 SAME_WAY = 1e-3
-"""A way comes back by the direction that it left in to within this angle [rad], a fraction of any beam."""
+"""Largest angle [rad] between the directions in which a glint's path leaves and returns: a fraction of any beam."""
 
 PENCIL = 1e-3
-"""Radius of the pencil of rays that a glint needs [m]."""
+"""Radius [m] of the pencil of rays that must all find the path of a glint."""
 
 FAN = 81
-"""Rays of the fan that finds the chains, along each angle: 0.4 degrees apart in a field of 30."""
+"""Number of rays, along each angle, of the fan that finds the chains: 0.4 degrees apart in a field of 30 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Echoes3D:
-    """Mirror images of scatterers.
+    """Echoes at the mirror images of scatterers, or of the scanner itself (glints).
 
     Attributes
     ----------
     position : (n, 3) array [m]
-        From the scanner, unfolded.
+        Place of each echo relative to the scanner, in the unfolded view: the mirror image.
     range : (n,) array [m]
+        Distance of each echo from the scanner.
     amplitude : (n,) complex array [m^2]
-        Without the beam's intensity [1/m^2].
+        Contribution to S11 over the intensity of the beam [1/m^2].
     bounces : (n,) array of int
+        Number of mirrors on the way.
     width, narrow : (n,) arrays [m]
-        Radii at which a beam's response to each falls to ``exp(-2)``, along `across` and square to it: the beam's own
-        for scatterers, but where round mirrors spread the beam.
+        Distances from a beam's axis at which the response of the beam to each echo falls to ``exp(-2)``, along `across`
+        and orthogonal to it. For scatterers both are the radius of the beam, unless a round mirror spreads the beam.
     across : (n, 3) array
-        Unit vectors square to the line of sight.
+        Unit vectors orthogonal to the line of sight; zero where both radii are equal.
     """
 
     position: Array
@@ -74,35 +77,36 @@ class Echoes3D:
     @classmethod
     def even(cls, position: Array, range_: Array, amplitude: NDArray[np.complex128], bounces: NDArray[np.int64],
              width: Array) -> Echoes3D:  # fmt: skip
-        """Echoes to which beams respond alike in all directions."""
+        """Echoes to which the response of a beam falls off equally in all directions."""
         return cls(position, range_, amplitude, bounces, width, width, np.zeros(position.shape))
 
     @classmethod
     def joined(cls, parts: Sequence[Echoes3D]) -> Echoes3D:
-        """Echoes, one after the other."""
+        """The echoes of several parts in one object."""
         return cls(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls)))
 
 
 def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0) -> tuple[Echoes3D, dict[str, int]]:
-    """Every scatterer by way of every chain of mirrors that shows it to the scanner.
+    """All echoes of a scene: every scatterer by way of every chain of mirrors that shows it, and the glints.
 
     Parameters
     ----------
     scene : Scene3D
     bounces : int
-        Largest number of mirrors on the way.
+        Largest number of mirrors of a chain.
     seed : int
+        Seed of the scatterers.
     density : float
-        Of scatterers, relative to the default.
+        Scatterers per area, relative to the default.
 
     Returns
     -------
     Echoes3D
     dict
-        `scatterers` and `chains`: how many there are.
+        Numbers of `scatterers` and of `chains`.
     """
     parts = solids(scene)
-    empty = _nothing()
+    empty = _no_echoes()
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
     traced = traced_scene(scene, parts)
@@ -112,28 +116,28 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     fan = [np.linspace(a[0] - _margin(scene), a[-1] + _margin(scene), FAN) for a in scene.scanner.angles]
     directions = beam_direction(fan[0][:, None], fan[1]).reshape(-1, 3)
     chains = find_chains(scene, traced, origin, directions, bounces=bounces, frequency=frequency)
-    found = [_through(scene, traced, speckle, chain, frequency) for chain in chains]
+    found = [_over_chain(scene, traced, speckle, chain, frequency) for chain in chains]
     found += [_glint(scene, traced, chain, frequency) for chain in chains if chain]
     for face in round_faces(scene, frequency) if bounces else ():
-        found += [_in_round(scene, traced, speckle, face, frequency), _round_glint(scene, traced, face, frequency)]
+        found += [_over_round(scene, traced, speckle, face, frequency), _round_glint(scene, traced, face, frequency)]
     return Echoes3D.joined(found), {"scatterers": len(speckle.depth), "chains": len(chains)}
 
 
-def _nothing() -> Echoes3D:
+def _no_echoes() -> Echoes3D:
     """No echoes."""
     return Echoes3D.even(np.empty((0, 3)), np.empty(0), np.empty(0, complex), np.empty(0, np.int64), np.empty(0))
 
 
 def _margin(scene: Scene3D) -> float:
-    """How far beyond the scanned directions the beam reaches in its far field [degree]."""
+    """Angle [degree] beyond the scanned directions that the outermost beams still reach in their far field."""
     wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
     return float(np.degrees(BEAM_EDGE * wavelength / (np.pi * scene.scanner.spot_radius)))
 
 
-def _through(
+def _over_chain(
     scene: Scene3D, traced: TracedScene, speckle: Speckle, chain: tuple[int, ...], frequency: float
 ) -> Echoes3D:
-    """The scatterers seen through one chain."""
+    """Echoes of the scatterers that are seen by way of one chain of plane mirrors."""
     origin = np.array(scene.scanner.origin)
     to_image = image_frame(traced.quads, chain)
     virtual = to_image.inverse(origin)
@@ -144,13 +148,13 @@ def _through(
     facing = facing[_in_view(scene, to_image(speckle.foot[facing]) - origin)]
     seen, waves = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
     facing, cosine = facing[seen], cosine[facing[seen]]
-    # Waves cross the inside of a wall straight and as fast as in air: depths are those which a radar image shows.
+    # In the model, waves cross the inside of a wall straight and as fast as in air: depths are as a radar image shows.
     inward = -speckle.depth[facing] / cosine
     place = speckle.foot[facing] + inward[:, None] * sight[facing] / distance[facing, None]
     scattered = _scattered(scene, speckle, facing, cosine, frequency)
     position = to_image(place) - origin
     range_ = np.linalg.norm(position, axis=1)
-    parts = [_nothing()]
+    parts = [_no_echoes()]
     for wave in there_and_back([one.take(seen) for one in waves]):
         here = np.flatnonzero(np.abs(wave.amplitude) > 0.0)
         far = range_[here] + wave.extra[here]
@@ -164,7 +168,10 @@ def _through(
 def _scattered(
     scene: Scene3D, speckle: Speckle, which: Index, cosine: Array, frequency: float
 ) -> NDArray[np.complex128]:
-    """Amplitude of scatterers that are seen under those cosines to their normals, without mirrors, (n,) [m^2]."""
+    """Amplitude [m^2] of the scatterers `which` (n,) over the intensity of the beam, without losses at mirrors.
+
+    `cosine` (n,) is that of the angle between each scatterer's normal and its ray.
+    """
     share = np.zeros(len(which))
     owner, inside = speckle.owner[which], speckle.depth[which] > 0.0
     for index in np.unique(owner):
@@ -174,8 +181,8 @@ def _scattered(
     return speed_of_light / frequency * speckle.strength[which] * cosine * np.sqrt(share / np.pi)
 
 
-def _in_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: RoundFace, frequency: float) -> Echoes3D:
-    """The scatterers that a round face shows."""
+def _over_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: RoundFace, frequency: float) -> Echoes3D:
+    """Echoes of the scatterers that are seen in a round face."""
     origin = np.array(scene.scanner.origin)
     seen, places, mirrors = shown_in(
         scene, traced, face, speckle.foot, speckle.normal, frequency=frequency, smallest_cosine=SMALLEST_COSINE
@@ -196,15 +203,19 @@ def _in_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: Round
 
 
 def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency: float) -> Echoes3D:
-    """The scanner's own mirror image in a round face: as `_glint`, with ``beta = j k (1 / r1 + 1 / R)`` across it."""
+    """Glint of a round face: the echo of the scanner's own mirror image in it.
+
+    As `_glint`, but with ``beta = j k (1 / r1 + 1 / R)`` across a face of radius R at the distance r1. There is no
+    glint if no beam meets the face at a right angle, or anything stands in between.
+    """
     origin = np.array(scene.scanner.origin)
     place = facing_place(face, origin)
     if place is None or not _in_view(scene, place[None] - origin)[0]:
-        return _nothing()
+        return _no_echoes()
     way = place - origin
     before = float(np.linalg.norm(way))
     if before < SMALLEST_GLINT or traced.blocked(place[None], origin[None])[0]:
-        return _nothing()
+        return _no_echoes()
     wavelength = speed_of_light / frequency
     power, direction = face.shape.bending(way[None] / before, face.shape.outward(place[None]))
     alpha = 2.0 / float(scene.scanner.radius(before, wavelength)) ** 2
@@ -219,14 +230,15 @@ def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency
 
 
 def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequency: float) -> Echoes3D:
-    """The scanner's own mirror image in a chain, if the way there leads straight back.
+    """Glint of a chain: the echo of the scanner's own mirror image in it, if the path returns as it left.
 
-    With D the length of the way, the beam meets its own image halfway, where both have the radius w and wavefronts of
-    radius D/2. Off by a, they couple as ``2/w^2 / (alpha + beta) exp(-a^2 alpha beta / (alpha + beta))`` with ``alpha =
-    2/w^2`` and ``beta = 2 j k / D``; in the limit of short waves that is ``lambda D / 4`` times the beam's intensity.
-    Faces count where the whole of a small pencil of rays finds the way: edges and corners return nothing.
+    Let D be the length of the path. The beam meets its own mirror image halfway, where both have the radius w and
+    wavefronts of radius D/2. If the axes are a distance a apart, the two beams couple as ``2/w^2 / (alpha + beta)
+    exp(-a^2 alpha beta / (alpha + beta))`` with ``alpha = 2/w^2`` and ``beta = 2 j k / D``. In the limit of short waves
+    this is ``lambda D / 4`` times the intensity of the beam. A glint needs a flat face around the path: all rays of a
+    small pencil must find the way, so that edges and corners return nothing.
     """
-    nothing = _nothing()
+    nothing = _no_echoes()
     origin = np.array(scene.scanner.origin)
     to_image = image_frame(traced.quads, chain)
     way = to_image(origin) - origin
@@ -256,16 +268,19 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
 
 
 def _own_image(alpha: float, beta: NDArray[np.complex128]) -> tuple[complex, Array]:
-    """What of a beam couples with its own image, for beta (2,) along two directions, see `_glint`.
+    """Coupling of a beam with its own mirror image, for beta (2,) along two orthogonal directions, see `_glint`.
 
-    Returns the amplitude on the axis, without the beam's intensity [m^2], and radii of the response (2,) [m].
+    Returns the amplitude on the axis over the intensity of the beam [m^2], and the radii of the response (2,) [m].
     """
     width = np.sqrt(2.0 / (alpha * beta / (alpha + beta)).real)
     return complex(np.prod(np.sqrt(alpha / (alpha + beta)) * width) * 0.5 * np.pi), width
 
 
 def _in_view(scene: Scene3D, position: Array, width: Array | None = None) -> Mask:
-    """Whether any beam reaches points (n, 3) seen from the scanner, of its own `width` (n,) [m] or another."""
+    """Whether any beam reaches points (n, 3) [m] relative to the scanner, (n,).
+
+    The radius of the beam there is `width` (n,) [m], by default that of a straight beam.
+    """
     azimuth, elevation = beam_angles(position)
     range_ = np.linalg.norm(position, axis=1)
     wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
@@ -277,5 +292,5 @@ def _in_view(scene: Scene3D, position: Array, width: Array | None = None) -> Mas
 
 
 def beam_reach(width: Array, range_: Array) -> Array:
-    """Angle [degree] from its axis up to which a beam of that radius reaches echoes at that range, both [m]."""
+    """Angle [degree] from its axis up to which a beam of radius `width` [m] responds to echoes at `range_` [m]."""
     return np.degrees(np.arcsin(np.minimum(BEAM_EDGE * width / range_, 1.0)))

@@ -1,4 +1,4 @@
-"""What the simulation of a raster scan would take."""
+"""Time, memory and size of the simulation of a raster scan, estimated beforehand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mirrorfold.simulation.raster.sweep import needed_points
 
 
 class ScanEstimate(Record):
-    """What a simulation of a raster scan would take."""
+    """Time, memory and size of the simulation of a raster scan, estimated beforehand."""
 
     kind: Literal["estimate"]
     scatterers: int
@@ -31,7 +31,10 @@ class ScanEstimate(Record):
 
 
 def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> ScanEstimate:
-    """What a simulation would take, without doing it; the time is a rough figure for one core."""
+    """Time, memory and size of a simulation, without running it: only its echoes are found.
+
+    The time is a rough figure for one core.
+    """
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
     azimuth, elevation = scene.scanner.angles
     beams = azimuth.size * elevation.size
@@ -55,10 +58,10 @@ def estimate(scene: Scene3D, *, bounces: int, seed: int = 0) -> ScanEstimate:
 
 
 PROCESS_BYTES = 3.3e8
-"""Memory of a process with its libraries."""
+"""Memory of a process with its libraries [B]."""
 
 SCATTERER_BYTES = 220.0
-"""Memory of a scatterer while all are made, before there are samples; these are then held twice."""
+"""Memory per scatterer while all of them are made [B]. The samples are made later, and are then held twice."""
 
 SECONDS_PER_SPREAD, SECONDS_PER_FLOP = 2.5e-8, 2e-9
-"""One echo in one beam; one butterfly of the FFT: measured on one core of a small server."""
+"""Time [s] of one echo in one beam, and of one butterfly of the FFT: measured on one core of a small server."""

@@ -1,4 +1,4 @@
-"""A body of round cones and ellipsoids, joined smoothly and meshed once.
+"""Mesh of a human body, made of round cones and ellipsoids that are joined smoothly.
 
 Proportions are those of an average adult (Drillis and Contini, Body segment parameters, 1966) as shares of the height.
 The surface is the zero level of a signed distance, found by marching cubes.
@@ -17,16 +17,17 @@ from mirrorfold.errors import InputError
 from mirrorfold.simulation.raster.caster import NOT_INSTALLED
 
 CELL = 0.010
-"""Marching cubes step [m]: facets then lie within 0.3 mm of limbs of 4 cm radius."""
+"""Step of the marching cubes [m]: the triangles of a limb of 4 cm radius then deviate from it by less than 0.3 mm."""
 
 BLEND = 0.022
-"""Over this length [m] neighbouring parts flow into each other."""
+"""Length [m] over which neighbouring parts blend into each other."""
 
 
 def round_cone(points: Array, start: Array, end: Array, first: float, last: float) -> Array:
-    """Distance [m] of points (..., 3) from the hull of two spheres at start and end with radii first and last.
+    """Signed distance [m] of points (..., 3) from the hull of two spheres: radius `first` at start, `last` at end.
 
-    The foot on the axis is shifted by the cone's slope, which makes the distance exact on the lateral surface.
+    The foot point on the axis is shifted by the slope of the cone, which makes the distance exact on the lateral
+    surface.
     """
     span = end - start
     length = float(np.linalg.norm(span))
@@ -40,7 +41,7 @@ def round_cone(points: Array, start: Array, end: Array, first: float, last: floa
 
 
 def ellipsoid(points: Array, center: Array, radii: Array) -> Array:
-    """Distance [m] of points (..., 3) from an ellipsoid, exact to first order near its surface."""
+    """Signed distance [m] of points (..., 3) from an ellipsoid, exact to first order near its surface."""
     scaled = np.linalg.norm((points - center) / radii, axis=-1)
     gradient = np.linalg.norm((points - center) / radii**2, axis=-1)
     return np.asarray(scaled * (scaled - 1.0) / np.maximum(gradient, 1e-9))
@@ -86,7 +87,7 @@ def _parts(
         hip = at(side * 0.052, 0, 0.505)
         leg = np.array([side * 0.06, np.sin(step), -np.cos(step)])
         knee = hip + 0.235 * height * leg
-        # The shank hangs less far out than the thigh, and the sole stands at the ground where there is no stride.
+        # The shank leans outward less than the thigh does; without a stride the sole is on the ground.
         ankle = knee + 0.226 * height * np.array([side * 0.04, np.sin(0.6 * step), -np.cos(0.6 * step)])
         toe = ankle + at(side * 0.012, 0.105, -0.018)
         cones += [
@@ -101,7 +102,7 @@ def _parts(
 def mannequin_mesh(
     height: float, arms: tuple[float, float], elbows: tuple[float, float], stride: float
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Watertight mesh of a body in its own frame: on the ground, looking along +y.
+    """Watertight mesh of a body in its own frame: standing on z = 0, looking along +y.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def mannequin_mesh(
     -------
     vertices : (v, 3) array [m]
     faces : (f, 3) array of int
-        Counter-clockwise seen from outside.
+        Vertices of each triangle, counter-clockwise seen from outside.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def mannequin_mesh(
     distance = np.full(shape, far)
 
     def join(first_corner: Array, last_corner: Array, shape_of: Callable[[Array], Array]) -> None:
-        """Add one part, which is evaluated in its own surroundings only."""
+        """Blend one part, with the distance function `shape_of`, into `distance` within the box of these corners."""
         box = tuple(
             slice(max(int((a - o) / CELL), 0), int((b - o) / CELL) + 2)
             for a, b, o in zip(first_corner, last_corner, low, strict=True)

@@ -1,4 +1,4 @@
-"""The surfaces of a three-dimensional scene as triangles, and which of them are plane mirrors."""
+"""The surfaces of a three-dimensional scene as triangles, and the flat rectangles among them, which can be mirrors."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from mirrorfold.simulation.raster.caster import NOT_INSTALLED, Caster
 from mirrorfold.simulation.raster.mannequin import mannequin_mesh
 
 MESH_GROWTH = 18.0
-"""Memory of a mesh and of the tests of it over the size of its file: measured on binary STL, the densest format."""
+"""Memory to load and check a mesh over the size of its file: measured on binary STL, the densest format."""
 
 LARGEST_MESH = 100.0
-"""A mesh that extends over more than this [m] was probably made in other units."""
+"""Largest extent of a mesh [m]: a larger one was probably made in another unit."""
 
 CURVE_CELL = 0.012
 """Length of the facets on curved solids [m]."""
@@ -33,14 +33,14 @@ _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """A flat rectangle that faces its normal.
+    """A flat rectangle that reflects on the side of its normal, ``right x up``.
 
     Attributes
     ----------
     center, right, up : (3,) arrays [m]
-        The two edges are given from the center, so that the corners are ``center +- right +- up``.
+        The center, and half of either edge: the corners are ``center +- right +- up``.
     surface : int
-        Index in the scene.
+        Number of its surface in the scene.
     """
 
     center: Array
@@ -54,7 +54,7 @@ class Quad:
         return unit(np.cross(self.right, self.up))
 
     def holds(self, points: Array) -> NDArray[np.bool_]:
-        """Whether points (n, 3) of its plane lie on it."""
+        """Whether points (n, 3) [m] of its plane lie inside the rectangle, (n,)."""
         offset = points - self.center
         across = np.abs(offset @ self.right) / (self.right @ self.right)
         along = np.abs(offset @ self.up) / (self.up @ self.up)
@@ -68,12 +68,13 @@ class Solid:
     Attributes
     ----------
     surface : int
-        Index in the scene.
+        Number of the surface in the scene.
     quads : tuple of Quad
-        Its flat faces, if it has nothing else; each faces outward. A panel has two, back to back.
+        Its flat faces, which face outward; empty for a shape that is not made of flat rectangles only. A panel has
+        two, back to back.
     vertices : (v, 3) array [m]
     faces : (f, 3) array of int
-        Counter-clockwise from outside.
+        Vertices of each triangle, counter-clockwise seen from outside.
     """
 
     surface: int
@@ -83,7 +84,7 @@ class Solid:
 
 
 def solids(scene: Scene3D) -> list[Solid]:
-    """All surfaces of a scene but its patches, as triangles in the scene's coordinates.
+    """All surfaces of a scene except its patches, as triangles in the scene's coordinates.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def _solid(surface: Surface3D, index: int) -> Solid:
     frame = surface.frame
     if isinstance(surface, Panel):
         right, up = 0.5 * surface.width * frame.linear[:, 0], 0.5 * surface.height * frame.linear[:, 2]
-        # Normals are right x up: its own right, seen from the front, points to the left of the normal.
+        # Columns of the frame are right, front and up, so that right x up points to the back: -right for the front.
         quads = tuple(Quad(frame.shift, side * right, up, index) for side in (-1.0, 1.0))
         if surface.thickness is not None:
             half = 0.5 * surface.thickness
@@ -123,7 +124,7 @@ def _box_side(box: Box, frame: Isometry, axis: int, sign: float, index: int) -> 
 
 
 def _mesh(surface: Surface3D) -> tuple[Array, Index]:
-    """Vertices and faces in the surface's own frame."""
+    """Vertices (v, 3) [m] and triangles (f, 3) of a curved surface in its own frame."""
     if isinstance(surface, Mannequin):
         return mannequin_mesh(surface.height, surface.arms, surface.elbows, surface.stride)
     if isinstance(surface, Mesh):
@@ -143,12 +144,12 @@ def _mesh(surface: Surface3D) -> tuple[Array, Index]:
 
 
 def _trimesh() -> Any:
-    """The library of meshes.
+    """The module trimesh, imported only when a scene needs it.
 
     Raises
     ------
     InputError
-        If it is not installed.
+        If trimesh is not installed.
     """
     try:
         import trimesh
@@ -159,10 +160,10 @@ def _trimesh() -> Any:
 
 @lru_cache(maxsize=16)
 def _rounded_box(size: tuple[float, float, float], rounding: float) -> tuple[Array, Index]:
-    """A box with round edges: the hull of balls at its corners, bulged from a finely divided box."""
+    """Mesh of a box with round edges, the hull of balls at its corners: a finely divided box, moved onto that hull."""
     core = 0.5 * np.array(size) - rounding
     box = _trimesh().creation.box(extents=size).subdivide_to_size(max(CURVE_CELL, rounding))
-    # A second division near the edges follows the rounding.
+    # A second, finer division, so that the mesh follows the round edges.
     box = box.subdivide_to_size(max(0.35 * rounding, 0.004))
     inner = np.clip(box.vertices, -core, core)
     vertices = inner + rounding * unit(box.vertices - inner)
@@ -171,12 +172,12 @@ def _rounded_box(size: tuple[float, float, float], rounding: float) -> tuple[Arr
 
 @lru_cache(maxsize=16)
 def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
-    """A closed mesh from a file, in metres.
+    """A closed mesh from a file, its vertices times `scale` [m].
 
     Raises
     ------
     InputError
-        If it cannot be read, is open, crosses itself or is enormous.
+        If the mesh cannot be read, is open, crosses itself or is too large.
     """
     check_room(MESH_GROWTH * path.stat().st_size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
     try:
@@ -205,7 +206,7 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
 
 
 def crosses_itself(vertices: Array, faces: Index) -> bool:
-    """Whether an edge of a closed mesh runs through a triangle that it does not share a corner with."""
+    """Whether an edge of a closed mesh runs through a triangle of which neither end of the edge is a corner."""
     caster = Caster(vertices, faces)
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
@@ -215,7 +216,7 @@ def crosses_itself(vertices: Array, faces: Index) -> bool:
 
 
 def vertex_normals(vertices: Array, faces: Index) -> Array:
-    """Unit normals at the vertices (v, 3): the mean of the adjoining faces, by area."""
+    """Unit normals at the vertices, (v, 3): the mean normal of the adjoining triangles, weighted by their areas."""
     corners = vertices[faces]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.stack(

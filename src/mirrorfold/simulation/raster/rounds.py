@@ -1,10 +1,10 @@
-"""Cylinders and spheres as mirrors of a three-dimensional scene: what they show, spread as a curved mirror spreads it.
+"""Cylinders and spheres as mirrors of a three-dimensional scene: what is seen in them, and how they spread beams.
 
-Each scatterer is seen by the one ray that the surface reflects to it (Fermat's principle). The Gaussian beam that is
-reflected beside this ray is wider, by the power of the mirror along two directions square to each other, and its axis
-moves faster over the scene than that of a beam that goes straight: both follow from one matrix
-(`mirrorfold.common.beams.spread_beam`). That is exact to second order about the ray, so for beams that light a small
-part of the surface.
+Each scatterer is seen by the one ray that the surface reflects to it (Fermat's principle). A Gaussian beam around this
+ray is wider after the reflection, by the optical power of the mirror along two orthogonal directions. When the scanner
+turns, the axis of the reflected beam moves faster over the scene than that of a straight beam. Both effects follow from
+one matrix (`mirrorfold.common.beams.spread_beam`). This is exact to second order about the ray, hence accurate for
+beams that light a small part of the surface.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ class RoundFace:
     Attributes
     ----------
     surface : int
-        Index in the scene.
+        Number of the surface in the scene.
     shape : RoundSurface
+        The endless cylinder, or the sphere.
     reach : float [m]
-        How far a cylinder goes on along its axis, to either side of its middle.
+        Half the length of a cylinder along its axis; infinite for a sphere.
     """
 
     surface: int
@@ -42,12 +43,12 @@ class RoundFace:
     reach: float
 
     def holds(self, points: Array) -> Mask:
-        """Whether points (n, 3) of the endless surface lie on the face."""
+        """Whether points (n, 3) [m] of the endless cylinder, or of the sphere, lie on the face, (n,)."""
         return np.asarray(np.abs(self.shape.along(points)) <= self.reach)
 
 
 def round_faces(scene: Scene3D, frequency: float) -> list[RoundFace]:
-    """Those faces of a scene that reflect more than `WEAKEST_CHAIN` of the power, there and back."""
+    """The round faces of a scene that reflect more than `WEAKEST_CHAIN` of the power on each way."""
     found = []
     for index, surface in enumerate(scene.surface):
         if isinstance(surface, Sphere):
@@ -68,7 +69,7 @@ def shown_in(
     scene: Scene3D, traced: TracedScene, face: RoundFace, points: Array, normals: Array, *, frequency: float,
     smallest_cosine: float,
 ) -> tuple[Mask, Array, NDArray[np.complex128]]:  # fmt: skip
-    """Which points (n, 3) with outward normals a round face shows to the scanner.
+    """Which points (n, 3) with outward normals the scanner sees in a round face.
 
     Parameters
     ----------
@@ -78,15 +79,15 @@ def shown_in(
     points, normals : (n, 3) arrays [m]
     frequency : float [Hz]
     smallest_cosine : float
-        Points that are seen more obliquely are not.
+        Least cosine of the angle between a point's normal and its ray to the face; more oblique points are not seen.
 
     Returns
     -------
     seen : (n,) bool array
     places : (n, 3) array [m]
-        Where the face reflects the ray to each; meaningless where it is not seen.
+        Point of the face that reflects the ray to each point; meaningless for points that are not seen.
     amplitude : (n,) complex array
-        Reflection coefficient there, likewise.
+        Reflection coefficient of the face at that place; zero for points that are not seen.
     """
     origin = np.array(scene.scanner.origin)
     places, seen = face.shape.reflection(origin, points)
@@ -109,14 +110,17 @@ def shown_in(
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What a round face leaves of a beam, (n,) each but the last.
+    """Beams after reflection at a round face, described by equivalent straight beams.
+
+    The equivalent straight beam is as long as the whole path, and its response to an echo falls as fast as that of the
+    reflected beam when the scanner turns.
 
     Attributes
     ----------
     wide, narrow : (n,) arrays [m]
-        Radii of a beam that goes straight, as far as the whole way is long, and responds to turning as this one does.
+        Larger and smaller radius of the equivalent straight beam, in two orthogonal directions.
     loss : (n,) array
-        Intensity on the axis over that of such a beam.
+        Intensity on the axis of the reflected beam over that of the equivalent straight beam.
     direction : (n, 3) array
         Unit vector along which the radius is `wide`.
     """
@@ -128,7 +132,7 @@ class Spread:
 
 
 def spread(scene: Scene3D, face: RoundFace, places: Array, rest: Array, frequency: float) -> Spread:
-    """Of beams that are reflected at places (n, 3) [m] and go on for the rest (n,) [m] of their way."""
+    """Spread of beams that are reflected at places (n, 3) [m] of a round face, and travel on for `rest` (n,) [m]."""
     scanner, wavelength = scene.scanner, speed_of_light / frequency
     sight = places - np.array(scanner.origin)
     before = np.linalg.norm(sight, axis=1)
@@ -146,7 +150,10 @@ def spread(scene: Scene3D, face: RoundFace, places: Array, rest: Array, frequenc
 
 
 def facing_place(face: RoundFace, origin: Array) -> Array | None:
-    """Where a round face is met at a right angle from an origin (3,) [m]; None where that is beyond its ends."""
+    """Point (3,) [m] at which a ray from the origin (3,) [m] meets a round face at a right angle.
+
+    None if the point is beyond the ends of the face, or the origin is inside it.
+    """
     place = face.shape.nearest(origin[None])
     outside = face.shape.beside(origin[None])[0] > 0.0
     return place[0] if outside and face.holds(place)[0] else None

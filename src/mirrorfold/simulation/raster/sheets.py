@@ -1,10 +1,10 @@
-"""Panels that waves pass through: what they reflect and let through, as waves that each go a way of their own.
+"""Half-transparent panels in a raster scan: the series of waves that each reflects and transmits.
 
-Every term of Airy's sums (`mirrorfold.simulation.rays.slabs`) is a wave of its own, longer by L, which depends on the
-angle of incidence t. The unfolded way stays straight, and what stands at its end seems to stand L farther and
-``dL/dt`` aside, away from the normal of the panel: the direction from which the wave arrives follows from how its phase
-changes along the scanner. Both are exact to first order; what is left out is of the order of ``(dL/dt)^2`` over the
-length of the way, some micrometres.
+Every term of Airy's sums (`mirrorfold.simulation.rays.slabs`) is treated as a wave of its own, whose path is longer by
+an extra length L that depends on the angle of incidence t. The unfolded path stays straight. The point at its end
+appears farther by L, and shifted sideways by ``dL/dt``, away from the normal of the panel, as the direction from which
+a wave arrives follows from the change of its phase along the aperture. Both are exact to first order. The neglected
+term is of the order of ``(dL/dt)^2`` over the length of the path, some micrometres.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from mirrorfold.simulation.rays.slabs import LEAST, Series, reflected, transmitt
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """What becomes of a wave on its way to points: one of several that arrive one after the other.
+    """One of the waves that arrive at n points one after another, as half-transparent panels split a wave.
 
     Attributes
     ----------
     amplitude : (n,) complex array
+        Product of the reflection and transmission coefficients on the way.
     extra : (n,) array [m]
-        By how much its way is longer than the straight one.
+        Length of the path minus that of the straight unfolded path.
     aside : (n, 3) array [m]
-        By how much the points seem to stand aside of it, in the unfolded view of the scanner.
+        Apparent sideways shift of the points, in the unfolded view of the scanner.
     """
 
     amplitude: Complex
@@ -43,24 +44,24 @@ class Wave:
 
     @classmethod
     def straight(cls, points: int) -> Wave:
-        """One that nothing has met."""
+        """The wave to n points before it has met anything: amplitude 1, no extra length, no shift."""
         return cls(np.ones(points, dtype=complex), np.zeros(points), np.zeros((points, 3)))
 
     def take(self, which: Mask | Index) -> Wave:
-        """To some of the points."""
+        """The wave to some of the points only."""
         return Wave(self.amplitude[which], self.extra[which], self.aside[which])
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A panel that waves pass through.
+    """A half-transparent panel.
 
     Attributes
     ----------
     middle : Quad
-        The rectangle halfway between its faces.
+        The rectangle halfway between its two faces.
     front : int
-        Number of the quad of its first face; the second follows.
+        Number of the quad that is its first face; the second face has the next number.
     thickness : float [m]
     """
 
@@ -69,7 +70,7 @@ class Sheet:
     thickness: float
 
     def met(self, start: Array, end: Array) -> tuple[Index, Array]:
-        """Which ways from starts to ends (n, 3) [m] lead through it, and the cosines of their angles to its normal."""
+        """Indices of the paths from starts to ends (n, 3) [m] that cross the panel, and their cosines of incidence."""
         way, normal = end - start, self.middle.normal
         before, along = (self.middle.center - start) @ normal, way @ normal
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -80,7 +81,7 @@ class Sheet:
 
 
 def sheet_of(scene: Scene3D, solid: Solid, first_quad: int) -> Sheet | None:
-    """The panel as a sheet, its first face being the quad of that number; None for all that is opaque."""
+    """The sheet of a half-transparent panel whose first face is quad number `first_quad`; None for opaque solids."""
     panel = scene.surface[solid.surface]
     if not isinstance(panel, Panel) or panel.thickness is None:
         return None
@@ -91,9 +92,14 @@ def sheet_of(scene: Scene3D, solid: Solid, first_quad: int) -> Sheet | None:
 def after_passing(
     scene: Scene3D, sheets: list[Sheet], start: Array, end: Array, turn: Array, frequency: float
 ) -> list[tuple[Index, list[Wave]]]:
-    """What sheets let through of waves that go from starts to ends (n, 3) [m], sheet by sheet: which they meet.
+    """Waves that the sheets let through, on straight paths from starts to ends (n, 3) [m].
 
-    `turn` (3, 3) leads from the scene to the unfolded view.
+    The matrix `turn` (3, 3) turns directions on this leg of the path into those of the unfolded view.
+
+    Returns
+    -------
+    list of (index, list of Wave)
+        For each sheet that paths cross: the indices (m,) of these paths, and the transmitted waves to m points.
     """
     found = []
     for sheet in sheets:
@@ -113,15 +119,16 @@ def after_passing(
 def after_reflection(
     scene: Scene3D, sheet: Sheet, normal: Array, sight: Array, cosine: Array, turn: Array, frequency: float
 ) -> list[Wave]:
-    """What the face of a sheet with that normal reflects into directions (n, 3), and its back face behind it.
+    """Waves that a sheet reflects, at its face with the given normal and at its back face, into directions (n, 3).
 
-    `turn` leads from the scene behind the face to the unfolded view.
+    `sight` (n, 3) are the unit vectors from the face to the points, `cosine` (n,) the cosines of incidence. The matrix
+    `turn` (3, 3) turns directions on the leg from the face to the points into those of the unfolded view.
     """
     finish, at = scene.surface[sheet.middle.surface], np.full((1, 1), frequency)
     series = reflected(finish, at, cosine, named(scene.polarization))
     kept = np.sqrt(kept_share(finish))
     towards = (cosine[:, None] * sight - normal) @ turn.T
-    # Ways are reflected in the face here, in the middle of the wall there.
+    # Paths are reflected at the face here, but at the middle of the wall in `slabs`.
     series = [(kept * amplitude, extra + sheet.thickness * cosine) for amplitude, extra in series]
     return _waves(series, finish, sheet.thickness, cosine, towards, frequency, through=False)
 
@@ -129,10 +136,11 @@ def after_reflection(
 def _waves(
     series: Series, finish: Finish, thickness: float, cosine: Array, towards: Array, frequency: float, *, through: bool
 ) -> list[Wave]:
-    """The waves of a series; `towards` (n, 3) is the direction in which the angle grows, of length sin t.
+    """The waves of a series, with the extra length L of each and the sideways shift ``dL/dt``.
 
-    A length ``N d q`` inside has the derivative ``-N d sin t cos t / q``, and the place of the slab that is left out,
-    ``-d cos t``, ``d sin t``.
+    `towards` (n, 3) is the direction in which the angle of incidence t grows, of length sin t. N passages of a slab
+    with thickness d have the optical length ``N d q``, whose derivative is ``-N d sin t cos t / q``. The straight path
+    across the slab that they replace on transmission, ``-d cos t``, has the derivative ``d sin t``.
     """
     across = inside(permittivity(finish.material, frequency), np.arccos(np.clip(cosine, 0.0, 1.0))).real
     place = thickness if through else 0.0
@@ -143,12 +151,16 @@ def _waves(
 
 
 def one_after_another(waves: list[Wave], which: Index, later: list[Wave]) -> list[Wave]:
-    """Waves (n,) of which some, `which` (m,), become later ones (m,); those that are too weak are left out."""
+    """Waves to n points after those to some of the points, `which` (m,), have met a panel.
+
+    The panel splits each wave into the waves `later`, to m points. Waves whose amplitude is below `LEAST` at every
+    point are left out.
+    """
     found = []
     nothing = Wave(np.zeros(which.size, dtype=complex), np.zeros(which.size), np.zeros((which.size, 3)))
     for wave in waves:
         for number, more in enumerate(later or [nothing]):
-            # Those that meet nothing go on, once.
+            # Waves to all other points go on unchanged, as part of the first of the later waves only.
             amplitude = wave.amplitude.copy() if number == 0 else np.zeros_like(wave.amplitude)
             extra, aside = wave.extra.copy(), wave.aside.copy()
             amplitude[which] = wave.amplitude[which] * more.amplitude
@@ -159,7 +171,11 @@ def one_after_another(waves: list[Wave], which: Index, later: list[Wave]) -> lis
 
 
 def there_and_back(waves: list[Wave]) -> list[Wave]:
-    """What returns by the same ways: every pair of waves, at the mean of their lengths and directions."""
+    """Waves out and back: each pair of one wave on the way out and one on the way back.
+
+    A pair has the product of the amplitudes, and the mean of the extra lengths and of the sideways shifts. Pairs of two
+    different waves count twice. Pairs below `LEAST` times the strongest amplitude are left out.
+    """
     found = []
     for number, out in enumerate(waves):
         for other, back in enumerate(waves[number:], start=number):
@@ -171,5 +187,5 @@ def there_and_back(waves: list[Wave]) -> list[Wave]:
 
 
 def strength(waves: list[Wave], points: int) -> NDArray[np.float64]:
-    """Amplitude of the strongest of waves (n,), (n,)."""
+    """Magnitude of the strongest of the waves to each of n points, (n,)."""
     return np.max([np.abs(wave.amplitude) for wave in waves], axis=0, initial=0.0) if waves else np.zeros(points)

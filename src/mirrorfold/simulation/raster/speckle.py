@@ -1,10 +1,10 @@
-"""Diffuse scatterers, frozen on the surfaces of a three-dimensional scene and inside its walls.
+"""Diffuse scatterers at fixed random places on the surfaces of a three-dimensional scene and inside its walls.
 
-A piece of surface dS turns the intensity I that meets it under the angle t into the radiant intensity ``I dS Q(t)
-cos(t) cos(t') / pi``: Lambert's law with the scattered share Q. A beam that carries unit power receives back, by
-reciprocity, ``lambda^2 I`` times that, so that a scatterer contributes ``lambda I cos(t) sqrt(Q dS / pi) g`` to S11,
-where g is a complex Gaussian number of its own, the same for every beam and frequency: neighbouring beams see the
-same speckle.
+A piece of surface dS that is lit with the intensity I at the angle of incidence t scatters the radiant intensity ``I dS
+Q(t) cos(t) cos(t') / pi`` into the angle t': Lambert's law with the scattered share Q. By reciprocity, a beam of unit
+power that lights the surface with the intensity I receives ``lambda^2 I`` times the radiant intensity that returns
+along it, with t' = t. So a scatterer contributes ``lambda I cos(t) sqrt(Q dS / pi) g`` to S11. Here g is a complex
+Gaussian random number of the scatterer, the same for every beam and frequency: neighbouring beams see the same speckle.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from mirrorfold.simulation.raster.meshes import Quad, Solid, vertex_normals
 from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE
 
 WALL_SPACING, BODY_SPACING = 0.006, 0.004
-"""Mean distance of scatterers [m] on flat and on curved surfaces: a range cell of 5 mm and a beam of 2 cm radius then
-hold some ten each, and Gaussian numbers make fully developed speckle of fewer."""
+"""Mean distance of scatterers [m] on flat and on curved surfaces. A resolution cell of 5 mm range and a beam of 2 cm
+radius then holds some ten scatterers, and with Gaussian strengths fewer suffice for fully developed speckle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Speckle:
-    """Scatterers of a scene.
+    """The diffuse scatterers of a scene.
 
     Attributes
     ----------
     foot : (n, 3) array [m]
-        On the surface: where the wave enters.
+        Point of the surface on or behind which each scatterer lies: where the wave enters.
     depth : (n,) array [m]
-        How far inside each scatterer is; zero on the face.
+        Depth of each scatterer inside the wall; zero on the face.
     normal : (n, 3) array
         Outward unit normal at the foot.
     owner : (n,) array of int
-        Index of the surface or patch that says how it scatters.
+        Number of the surface or patch whose finish determines the scattering.
     strength : (n,) complex array [m]
-        ``sqrt(dS) g``.
+        ``sqrt(dS) g``, as above.
     """
 
     foot: Array
@@ -55,7 +55,7 @@ class Speckle:
 def specular_amplitude(
     finish: Finish, frequency: float, cosine: Array, polarization: Polarization = "TE"
 ) -> NDArray[np.complex128]:
-    """Reflection coefficient of a surface, (...): Fresnel's, less what roughness, texture and loss take."""
+    """Amplitude reflection coefficient, (...): Fresnel's, reduced by roughness, `diffuse_fraction` and `loss_db`."""
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     kept = np.sqrt(1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 20.0)
     coefficient = finish.substance.reflection(frequency, angle, polarization)
@@ -63,15 +63,16 @@ def specular_amplitude(
 
 
 def kept_share(finish: Finish) -> float:
-    """Share of the reflected power that texture and loss leave to the specular direction."""
+    """Share of the reflected power that `diffuse_fraction` and `loss_db` leave in the specular direction."""
     return (1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 10.0)
 
 
 def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bool) -> Array:
-    """Q: share of the arriving power that is scattered on the face, or `inside`, (...).
+    """Q: share of the incident power that is scattered on the face or, if `inside`, inside the wall, (...).
 
-    That of E parallel to the face serves both polarizations: what returns comes from facets that face the scanner and
-    send both back alike (Kirchhoff's approximation: Ulaby, Moore and Fung, Microwave Remote Sensing II, 1982, 12-4).
+    It is computed for E parallel to the face (TE) and used for both polarizations: waves return from facets that face
+    the scanner, which reflect both alike (Kirchhoff's approximation: Ulaby, Moore and Fung, Microwave Remote Sensing
+    II, 1982, 12-4).
     """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     reflected = np.abs(finish.substance.reflection(frequency, angle)) ** 2
@@ -97,7 +98,7 @@ def scatters(finish: Finish) -> tuple[bool, bool]:
 
 
 def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1.0) -> Speckle:
-    """Scatterers on all surfaces of a scene.
+    """Draw the scatterers on all surfaces of a scene and inside its walls.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
     solids : list of Solid
         Of the same scene.
     seed : int
-        A surface keeps its speckle whatever else the scene holds, and below a patch too.
+        Seed of the random places and strengths. Those of a surface do not depend on other surfaces, nor on its patches.
     density : float
         Scatterers per area, relative to the default.
     """
@@ -145,20 +146,20 @@ def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1
 def sample(
     solid: Solid, quad: Quad | None, spacing: float, generator: np.random.Generator
 ) -> tuple[Array, Array, float]:
-    """Random points on one face of a solid, or on all of it, evenly spread.
+    """Random points, evenly spread over one face of a solid, or over the whole solid if `quad` is None.
 
     Returns
     -------
     points, normals : (n, 3) arrays
-        The normals are outward and have length one.
+        Points [m] and outward unit normals.
     area : float [m^2]
-        That each point stands for.
+        Area that each point represents.
     """
     return _on_mesh(solid, spacing, generator) if quad is None else _on_quad(quad, spacing, generator)
 
 
 def _on_quad(quad: Quad, spacing: float, generator: np.random.Generator) -> tuple[Array, Array, float]:
-    """One point at a random place in each cell of a grid; normals; the area that each stands for."""
+    """Points at one random place in each cell of a grid, their normals, and the area [m^2] that each represents."""
     counts = [max(1, int(np.ceil(2.0 * np.linalg.norm(edge) / spacing))) for edge in (quad.right, quad.up)]
     cells = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
     place = 2.0 * (cells + generator.uniform(size=cells.shape)) / counts - 1.0
@@ -168,7 +169,7 @@ def _on_quad(quad: Quad, spacing: float, generator: np.random.Generator) -> tupl
 
 
 def _on_mesh(solid: Solid, spacing: float, generator: np.random.Generator) -> tuple[Array, Array, float]:
-    """Points in equal steps of accumulated area, with smooth normals; the area that each stands for."""
+    """Points in equal steps of accumulated area, interpolated normals, and the area [m^2] that each represents."""
     corners = solid.vertices[solid.faces]
     normals = vertex_normals(solid.vertices, solid.faces)[solid.faces]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -186,7 +187,10 @@ def _on_mesh(solid: Solid, spacing: float, generator: np.random.Generator) -> tu
 
 
 def image_frame(quads: list[Quad], chain: tuple[int, ...]) -> Isometry:
-    """The map from the true scene to where a chain of mirrors shows it to the radar, first mirror first."""
+    """The isometry from true places to the mirror images that the radar sees over a chain of mirrors.
+
+    `chain` holds numbers of quads, in the order in which a ray from the radar meets them.
+    """
     result = Isometry.identity(3)
     for index in chain:
         result = result @ Isometry.reflection(quads[index].center, quads[index].normal)

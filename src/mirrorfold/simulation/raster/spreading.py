@@ -1,9 +1,10 @@
-"""Sums of echoes at any delay over a band of equally spaced frequencies, by spreading to a grid and one FFT.
+"""Sums of echoes of arbitrary delays over a band of equally spaced frequencies, by a nonuniform FFT.
 
-``S[b, m] = sum_e W(b, e) a_e exp(-2 pi j m x_e)``, with the delay ``x_e`` in units of the unambiguous one and the
-weight W of echo e in beam b. Each echo is spread over the six nearest points of a delay grid twice as fine as the band
-needs by the exponential-of-semicircle kernel (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41, 2019),
-whose transform is divided out behind the FFT. Its error is below 1e-5 of the sum of amplitudes.
+Computed is ``S[b, m] = sum_e W(b, e) a_e exp(-2 pi j m x_e)`` for beam b and frequency m, with the delay ``x_e`` of
+echo e in units of the unambiguous delay, and its weight W in the beam. Each echo is spread over the six nearest points
+of a delay grid twice as fine as the band needs, with the exponential-of-semicircle kernel (Barnett, Magland and af
+Klinteberg, SIAM J. Sci. Comput. 41, 2019). After one FFT the transform of the kernel is divided out. The error is below
+1e-5 of the sum of the amplitudes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Complex64 = NDArray[np.complex64]
 
 TAPS = 6
 SHAPE = 2.30 * TAPS
-"""Width and shape parameter of the kernel, for a grid twice as fine (ibid., section 3)."""
+"""Width of the kernel in grid points, and its shape parameter for a grid twice as fine (ibid., section 3)."""
 
 
 class DelayGrid:
@@ -28,9 +29,10 @@ class DelayGrid:
     Attributes
     ----------
     size : int
-        Points of the grid over the unambiguous delay.
+        Number of grid points over the unambiguous delay.
     center : int
-        The frequency whose phase the echoes carry along: the kernel's transform is flattest around it.
+        Index of the frequency to whose phase the echoes' amplitudes refer: the middle of the band, around which the
+        transform of the kernel is flattest.
     """
 
     def __init__(self, points: int) -> None:
@@ -45,7 +47,7 @@ class DelayGrid:
         self._order = order % self.size
 
     def to_band(self, grid: Complex64, out: Complex64) -> None:
-        """Samples (n, points) over the band, written to `out`, of a grid (n, size), which is overwritten."""
+        """Transform a delay grid (n, size), which is overwritten, to samples (n, points) over the band, in `out`."""
         spectrum = fft(grid, axis=1, overwrite_x=True)
         below = self.center
         np.multiply(spectrum[:, self.size - below :], self._scale[:below], out=out[:, :below])
@@ -57,12 +59,14 @@ def spread_echoes(
     direction: Array, range_: Array, width: Array, narrow: Array, across: Array, delay: Array, amplitude: Complex64,
     first: NDArray[np.int64], last: NDArray[np.int64], beam: Array, grid: Complex64,
 ) -> None:  # fmt: skip
-    """``grid[b, l] += a_e exp(-2 rho^2 / w_e^2) phi(l - x_e)`` with ``rho = r_e |d_e x beam_b|``.
+    """Spread echoes over the delay grid: ``grid[b, l] += a_e exp(-2 rho^2 / w_e^2) phi(l - x_e)``.
 
-    That is where the response is as wide in all directions; else w is its radius along the unit vector `across`, and
-    the `narrow` one n adds ``-2 (1/n^2 - 1/w^2) (r_e (d_e x beam_b) . across_e)^2`` to the exponent.
+    Here ``rho = r_e |d_e x beam_b|`` is the distance of echo e, in the direction d, from the axis of beam b, and phi
+    the kernel. This holds where the response of the beam has the same width in all directions. Otherwise w is its
+    radius along the unit vector `across`, and the radius n orthogonal to it, `narrow`, adds
+    ``-2 (1/n^2 - 1/w^2) (r_e (d_e x beam_b) . across_e)^2`` to the exponent.
 
-    Echo e is added to the beams first[e]..last[e]; `delay` is in grid steps.
+    Echo e is added to the beams first[e]..last[e]; `delay` (n,) is in grid steps.
     """
     size = grid.shape[1]
     tap = np.empty(TAPS, dtype=np.float32)

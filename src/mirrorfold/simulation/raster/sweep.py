@@ -1,9 +1,9 @@
-"""The sweep of a raster scanner: every echo once, then every beam.
+"""The sweep of a raster scanner: all echoes are found once, and then summed for every beam.
 
-A list of mirror images with amplitude and distance (`mirrorfold.simulation.raster.echoes`) makes the measurement of
-every beam: an echo at the distance rho from the beam's axis contributes ``a (2 / pi w^2) exp(-2 rho^2 / w^2)
-exp(-2 j k r)``, the Gaussian beam's intensity there and the way to the scatterer itself and back. Beam width and losses
-are those of the middle of the band.
+Each echo is a mirror image with an amplitude a and a range r (`mirrorfold.simulation.raster.echoes`). At the distance
+rho from the axis of a beam of radius w it contributes ``a (2 / pi w^2) exp(-2 rho^2 / w^2) exp(-2 j k r)`` to S11: the
+intensity of the Gaussian beam at the echo, and the phase of the way out and back. Beam radii and losses are those at
+the middle of the band.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mirrorfold.sweep import add_noise, make_raster_sweep
 from mirrorfold.sweep.polarization import join_polarizations
 
 STEP_PER_BEAM = 2.0
-"""Largest scan step in beam radii at the focus: objects between two beams are seen by neither beyond it."""
+"""Largest scan step in beam radii at the focus: with larger steps, neither of two beams sees an object between them."""
 
 
 def simulate_raster(
@@ -43,9 +43,10 @@ def simulate_raster(
     memory_limit: float | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """The Sweep ``s(frequency, azimuth, elevation)`` that a raster scanner measures in a scene.
+    """The sweep ``s(frequency, azimuth, elevation)`` that a raster scanner measures in a scene.
 
-    Of a scene in both polarizations ``s(polarization, frequency, azimuth, elevation)``, with the same scatterers.
+    For a scene with both polarizations it is ``s(polarization, frequency, azimuth, elevation)``, with the same
+    scatterers.
 
     Parameters
     ----------
@@ -53,16 +54,16 @@ def simulate_raster(
     bounces : int
         Largest number of mirrors on the way to a scatterer.
     seed : int
-        Of the scatterers and of the noise.
+        Seed of the scatterers and of the noise.
     snr_db : float [dB], optional
         Mean power of the samples, without leakage, over that of the noise. Where nothing returns, the noise has the
         mean power one.
     force : bool
-        Go on where the frequencies are too few for the longest return, or the scan step too wide for the beam.
+        Continue even if the frequencies are too few for the longest return, or the scan step is too wide for the beam.
     density : float
         Scatterers per area, relative to the default.
     memory_limit : float [B], optional
-        Of all that the process may hold.
+        Total memory that the process may hold.
     progress : callable (done, total), optional
 
     Raises
@@ -95,7 +96,10 @@ def _without_noise(
     scene: Scene3D, *, bounces: int, seed: int, density: float, force: bool, noise_alone: bool,
     progress: Progress | None,
 ) -> tuple[xr.Dataset, bool]:  # fmt: skip
-    """The sweep in one polarization, without noise and leakage, and whether anything returns; else noise alone."""
+    """The sweep in one polarization without noise and leakage, and whether the scene returns anything.
+
+    If it returns nothing and `noise_alone` is set, the sweep is noise of mean power one.
+    """
     azimuth, elevation = scene.scanner.angles
     echoes, counts = find_echoes(scene, bounces=bounces, seed=seed, density=density)
     if not echoes.range.size and not noise_alone:
@@ -131,14 +135,14 @@ def _without_noise(
 
 
 def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = None) -> NDArray[np.complex64]:
-    """Samples (frequencies, azimuths, elevations) of all beams; frequency varies fastest in memory."""
+    """Samples of all beams, (frequencies, azimuths, elevations) complex64; frequency varies fastest in memory."""
     azimuth, elevation = scene.scanner.angles
     frequency = scene.band.frequency
     grid = DelayGrid(frequency.size)
     width = echoes.width
     az, el = beam_angles(echoes.position)
     reach = beam_reach(width, echoes.range)
-    # Meridians converge: a beam of the same width covers more azimuth further up.
+    # A beam of the same width covers more azimuth at higher elevation, since meridians converge.
     wider = reach / np.maximum(np.cos(np.radians(np.minimum(np.abs(el) + reach, 89.0))), 1e-2)
     columns = np.searchsorted(azimuth, [az - wider, az + wider])
     rows = np.searchsorted(elevation, [el - reach, el + reach])
@@ -164,7 +168,10 @@ def measure(scene: Scene3D, echoes: Echoes3D, *, progress: Progress | None = Non
 
 
 def needed_points(scene: Scene3D, echoes: Echoes3D) -> int:
-    """Frequencies that the longest return needs, ``1 + 2 B R / c``, leakage included."""
+    """Number of frequencies needed so that the longest return, at the range R, does not wrap around: ``1 + 2 B R / c``.
+
+    The leakage of the scanner counts as a return.
+    """
     farthest = float(echoes.range.max(initial=0.0))
     if scene.scanner.leakage is not None:
         farthest = max(farthest, scene.scanner.leakage.range)
@@ -172,12 +179,12 @@ def needed_points(scene: Scene3D, echoes: Echoes3D) -> int:
 
 
 def check_points(scene: Scene3D, echoes: Echoes3D) -> None:
-    """Refuse a band whose frequencies are too few for the longest return.
+    """Refuse a band with too few frequencies for the longest return.
 
     Raises
     ------
     InputError
-        With the number that is needed.
+        The message states the number that is needed.
     """
     needed = needed_points(scene, echoes)
     if scene.band.points < needed:
@@ -189,12 +196,12 @@ def check_points(scene: Scene3D, echoes: Echoes3D) -> None:
 
 
 def check_step(scene: Scene3D) -> None:
-    """Refuse a scan step so wide that objects between two beams are seen by neither.
+    """Refuse a scan step so wide that neither of two neighbouring beams sees an object between them.
 
     Raises
     ------
     InputError
-        With the largest step that does.
+        The message states the largest step that suffices.
     """
     largest = float(np.degrees(STEP_PER_BEAM * scene.scanner.spot_radius / scene.scanner.focus_distance))
     for name, angles in zip(("azimuth", "elevation"), scene.scanner.angles, strict=True):
