@@ -1,7 +1,8 @@
-"""Full-wave simulation of two-dimensional scenes of perfect conductors and dielectric walls, line sources.
+"""Full-wave simulation of two-dimensional scenes: line sources, perfect conductors and dielectric walls.
 
-All multiple scattering, diffraction and shadowing are in it. In the order of the work: `contours` (with `roughness` and
-`slabs`), `discretisation` (with `kernel`) of conductors with E along the axis, `boundaries` (with `media`) of all else,
-`compression`, `solver`; `preparation` joins them for a scene, `tasks` runs many frequencies, `sweep` and `near_field`
-are what users call.
+The integral equations include all multiple scattering, diffraction and shadowing. In the order of the work: `contours`
+(with `roughness` and `slabs`) describes the outlines; `discretisation` (with `kernel`) holds the equations of
+conductors with E along the axis, `boundaries` (with `media`) those of everything else; `compression` and `solver` solve
+them. `preparation` joins these steps for a scene, `tasks` runs many frequencies, and users call `sweep` and
+`near_field`.
 """

@@ -1,26 +1,28 @@
 """The integral equations of conductors and dielectric bodies together, in either polarization.
 
-The wave u is the field along the axis: E in the polarization "TE" (E perpendicular to the plane of incidence), H in
-"TM". With monopoles X and dipoles Y on the contours (`media`), the field outside is ``u = u_inc + sum X H0 + sum Y
-d'H0 / k0``.
+The scalar field u is the field component along the axis: E in the polarization "TE" (E perpendicular to the plane of
+incidence), H in "TM". The unknowns are monopoles X and dipoles Y on the contours (`media`). The field outside is
+``u = u_inc + sum X H0 + sum Y d'H0 / k0``, with d' the derivative along the normal at the source.
 
-* **Conductor.** TE: u = 0, monopoles (`discretisation`). TM: du/dn = 0, dipoles. Both serve open contours.
+* **Conductor.** TE: u = 0, with monopoles (`discretisation`). TM: du/dn = 0, with dipoles. Both work for open contours.
 * **Dielectric body** of relative permittivity eps. By Green's theorem ``X = j w u_n / 4`` and ``Y = -j w k0 u / 4`` on
-  either side of its contour. u and ``u_n`` (TE) or ``u_n / eps`` (TM) are continuous, so that the field inside is minus
-  the wave of Y and b X at the inner wavenumber, with b = 1 (TE) or eps (TM). The limit of u from outside plus b times
-  that from inside, and likewise the derivatives without the factor, give with w the weight of a node
+  either side of its contour. u and ``u_n`` (TE) or ``u_n / eps`` (TM) are continuous. The field inside is therefore
+  minus the field of Y and b X at the inner wavenumber, with b = 1 (TE) or eps (TM). Adding the limit of u from outside
+  and b times that from inside, and adding the limits of the derivatives without the factor b, gives with w the weight
+  of a node
 
   ``(K_0 - K_1)(X, Y) -+ (1 + b) 2j / (w k0) (Y, X) = -(u_inc, du_inc/dn / k0)``,
 
-  where K_1 is the block of `media` at the inner wavenumber for monopoles of the strength b. The strongest singularities
-  cancel in the difference, and a second-kind equation remains (Mueller, Foundations of the Mathematical Theory of
-  Electromagnetic Waves, 1969; Rokhlin, Wave Motion 5, 257, 1983). Its unique solution follows from Rellich's lemma, and
-  with losses from Green's identity, as for Mueller's own weights. These weights leave what any two places do to each
-  other symmetric, as it is for conductors: what radiates from a group and what it receives have one skeleton.
+  where K_0 is the block of `media` outside, and K_1 that at the inner wavenumber for monopoles of the strength b. The
+  strongest singularities cancel in the difference, and a second-kind equation remains (Mueller, Foundations of the
+  Mathematical Theory of Electromagnetic Waves, 1969; Rokhlin, Wave Motion 5, 257, 1983). Its solution is unique by
+  Rellich's lemma, and with losses by Green's identity, as for Mueller's own weights. With the weights chosen here the
+  coupling between any two places is symmetric, as for conductors: the same skeleton of a group serves for the field
+  that it radiates and for the field that it receives.
 
-Logarithms are integrated as on conductors. The ``1 / r^2`` of dipoles on conductors is integrated in the sense of
-Hadamard: the sum over the other nodes less ``pi^2 / 3`` of the node's own term, plus what the sum leaves out of the
-regular part, by Taylor's series of the contour and finite differences of the density.
+Logarithmic singularities are integrated as on conductors. The ``1 / r^2`` singularity of dipoles on conductors is
+integrated in the sense of Hadamard: the sum over the other nodes, minus ``pi^2 / 3`` times the node's own term, plus
+the regular part that the sum leaves out, by Taylor's series of the contour and finite differences of the density.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ class Boundaries:
     nodes : Nodes
         Normals of bodies point out of them.
     inside : tuple of Dielectric or None
-        What each surface encloses; None for conductors.
+        Material that each surface encloses; None for conductors.
     polarization : {"TE", "TM"}
     """
 
@@ -71,23 +73,23 @@ class Boundaries:
 
     @cached_property
     def _first(self) -> Indices:
-        """Number of the first unknown of each node, and of all unknowns at the end: (nodes + 1,)."""
+        """Number of the first unknown of each node, and the number of all unknowns at the end: (nodes + 1,)."""
         return np.concatenate([[0], np.cumsum(np.where(self._is_body, 2, 1))])
 
     @cached_property
     def node(self) -> Indices:
-        """The node of each unknown."""
+        """Number of the node of each unknown."""
         return np.repeat(np.arange(self.nodes.size), np.diff(self._first))
 
     @cached_property
     def dipole(self) -> NDArray[np.bool_]:
-        """Whether each unknown is a dipole: the second one of a body's node, the one of a conductor's in TM."""
+        """Whether each unknown is a dipole: the second unknown of a body's node, and that of a conductor's in TM."""
         second = np.arange(self.size) > self._first[self.node]
         return np.where(self._is_body[self.node], second, self.polarization == "TM")
 
     @cached_property
     def _sources(self) -> Sources:
-        """All unknowns as sources."""
+        """All unknowns as sources for `media.add_waves`."""
         x, y = self.nodes.coordinates
         normal = np.where(self.dipole[:, None], self.nodes.normal[self.node], 0.0).astype(np.float32)
         moments = (~self.dipole).astype(np.float32)
@@ -106,7 +108,7 @@ class Boundaries:
 
     @property
     def digest(self) -> tuple[Array, ...]:
-        """What the results depend on beside the nodes: normals, materials and polarization as numbers."""
+        """Normals, materials and polarization as numbers: what results depend on in addition to the nodes' places."""
         materials = [(m.a, m.b, m.c, m.d) if m else (0.0, 0.0, 0.0, 0.0) for m in self.inside]
         return self.nodes.normal, np.array(materials), np.array([self.polarization == "TM"])
 
@@ -117,18 +119,18 @@ class Boundaries:
         return both[np.arange(2) < count[:, None]]
 
     def refraction(self, surface: int, k: float) -> float:
-        """How many times shorter waves are inside a surface, at most, than outside."""
+        """Magnitude of the refractive index inside a surface, at least 1: waves are as much shorter there."""
         return max(1.0, abs(np.sqrt(self._permittivity(surface, k))))
 
     def strength(self, surface: int, k: float) -> float:
-        """How many times stronger monopoles are inside a surface, to each other, than outside."""
+        """Coupling of monopoles inside a surface over that outside, ``|b|^2``, at least 1."""
         return max(1.0, abs(self._inside(k)[0][surface]) ** 2)
 
     def order(self, surface: int) -> Indices:
-        """The nodes of a surface in the order in which it is cut into groups.
+        """Nodes of a surface in the order in which the surface is divided into groups.
 
-        A conductor is followed along its contour. A body is cut across: both faces of a slab, which see each other, in
-        one group.
+        Groups of a conductor follow each other along its contour, those of a body along its longest axis: both faces of
+        a slab, which interact strongly, are then in the same group.
         """
         members = np.flatnonzero(self.nodes.surface == surface)
         if self.inside[surface] is None:
@@ -138,7 +140,7 @@ class Boundaries:
         return members[np.argsort(place @ axis, kind="stable")]
 
     def matrix(self, rows: Indices, columns: Indices, k: float) -> Complex:
-        """Part of the matrix of the equations; see `discretisation.matrix`."""
+        """Block of the matrix of the equations; see `discretisation.matrix`."""
         out = self._block(self._sources, rows, columns, medium(k), 1.0 + 0.0j, 1.0)
         surface = self.nodes.surface[self.node]
         of_columns, of_rows = surface[columns], surface[rows]
@@ -159,7 +161,11 @@ class Boundaries:
         return out
 
     def at_points(self, points: Array, unknowns: Indices, k: float, *, body: int | None = None) -> Complex:
-        """Waves of unknowns at points, (unknowns, points): of all outside, or of a body's own unknowns inside it."""
+        """Fields of unit unknowns at points, (unknowns, points).
+
+        By default the points are outside all bodies. With `body`, they are inside that body, and `unknowns` are its
+        own.
+        """
         here = np.asarray(points, dtype=float)
         x, y = np.ascontiguousarray(here[:, 0]), np.ascontiguousarray(here[:, 1])
         none, one = np.zeros(len(here), np.float32), np.ones(len(here), np.float32)
@@ -168,11 +174,14 @@ class Boundaries:
             within, strength, sign = medium(k, self._permittivity(body, k)), complex(self._inside(k)[0][body]), -1.0
         tests = (x, y, one, none, none)
         sources = tuple(part[unknowns] for part in self._sources)
-        # The block has the strength inside for both sides, but it is the sources' alone.
+        # The block multiplies by the strength b at test and source; here it belongs to the sources only.
         return np.ascontiguousarray(_waves(tests, sources, within, strength, sign).T / np.complex64(strength))
 
     def encloses(self, surface: int, points: Array) -> NDArray[np.bool_]:
-        """Whether a body encloses points, by the angle under which they see its contour; not right on the contour."""
+        """Whether a body encloses points, (points,), by the angle under which they see its contour.
+
+        The result is not reliable for points on the contour.
+        """
         own = self.nodes.surface == surface
         x, y = (np.ascontiguousarray(part[own]) for part in self.nodes.coordinates)
         return _seen_angle(points, x, y, self.nodes.normal[own], self.nodes.weight[own]) > math.pi
@@ -180,16 +189,16 @@ class Boundaries:
     def _block(
         self, parts: Sources, rows: Indices, columns: Indices, within: Medium, b: complex, sign: float
     ) -> Complex:
-        """Waves of the unknowns of columns at those of rows, in one medium."""
+        """Fields of the unknowns `columns` at the unknowns `rows` in one medium, times `sign`, (rows, columns)."""
         return _waves(tuple(p[rows] for p in parts), tuple(p[columns] for p in parts), within, b, sign)
 
     def _permittivity(self, surface: int, k: float) -> complex:
-        """Relative permittivity of what a surface encloses, at a wavenumber of free space [rad/m]; 1 for conductors."""
+        """Relative permittivity inside a surface at the wavenumber k of free space [rad/m]; 1 for conductors."""
         material = self.inside[surface]
         return 1.0 + 0.0j if material is None else complex(material.permittivity(k * speed_of_light / (2.0 * np.pi)))
 
     def _inside(self, k: float) -> tuple[Strengths, Strengths]:
-        """The b of each surface and its inner wavenumber, zero for conductors."""
+        """The factor b of each surface, and its inner wavenumber [rad/m], which is zero for conductors."""
         permittivity = [self._permittivity(surface, k) for surface in range(len(self.inside))]
         strength = [1.0 if self.polarization == "TE" else eps for eps in permittivity]
         body = [material is not None for material in self.inside]
@@ -198,11 +207,11 @@ class Boundaries:
 
 
 Equation = Nodes | Boundaries
-"""What the solver needs: unknowns at nodes, the matrix between them, and their waves at antennas."""
+"""The equation of a scene as the solver uses it: unknowns at nodes, the matrix, and fields of unknowns at antennas."""
 
 
 def _waves(tests: Sources, sources: Sources, within: Medium, strength: complex, sign: float) -> Complex:
-    """The block of `media` between tests and sources."""
+    """The block K of `media` between tests and sources, times `sign`, (tests, sources)."""
     out = np.zeros((len(tests[0]), len(sources[0])), dtype=np.complex64)
     add_waves(np.arange(len(out)), *tests, *sources, within.k, within.ratio, strength, within.coefficients, sign, out)
     return out
@@ -210,7 +219,7 @@ def _waves(tests: Sources, sources: Sources, within: Medium, strength: complex, 
 
 @njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _seen_angle(points: Array, x: Array, y: Array, normal: Array, weight: Array) -> Array:
-    """Angle [rad] under which points see a contour: 2 pi inside, nothing outside."""
+    """Angle [rad] under which each point sees a closed contour: 2 pi for points inside, 0 for points outside."""
     out = np.zeros(len(points))
     for i in range(len(points)):
         for j in range(x.size):
@@ -220,18 +229,19 @@ def _seen_angle(points: Array, x: Array, y: Array, normal: Array, weight: Array)
 
 
 SLOPE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-"""Weights of the neighbours, nearest first, in a first difference of eighth order; on the other side negative. At an
-open end, where the weights of the nodes go to zero, lower orders are felt."""
+"""Weights of the following neighbours, nearest first, in a first difference of eighth order; the preceding neighbours
+have the negative weights. Lower orders cause errors at an open end, where the weights of the nodes go to zero."""
 
 OWN_BEND, BEND = -205 / 72, (8 / 5, -1 / 5, 8 / 315, -1 / 560)
-"""Weights of the node and of its neighbours on either side in a second difference of that order."""
+"""Weights of the node itself, and of its neighbours on either side, in a second difference of eighth order."""
 
 REACH = len(SLOPE)
+"""Number of neighbours on either side in these differences."""
 
 
 @njit(error_model="numpy", nogil=True)
 def _smooth(k: complex, k0: float, weight: float) -> tuple[complex, complex]:
-    """What remains of monopole and dipole at their own place: the logarithm integrated, ``1 / r^2`` left out."""
+    """Matrix elements of a monopole and of a dipole at their own node: logarithm integrated, ``1 / r^2`` left out."""
     logarithm = np.log(k * weight / (4.0 * math.pi)) + np.euler_gamma
     square = (k / k0) ** 2
     correction = 4j / math.pi * ZETA
@@ -243,7 +253,11 @@ def _smooth(k: complex, k0: float, weight: float) -> tuple[complex, complex]:
 def _logarithmic(
     dx: float, dy: float, test: bool, source: bool, n: Array, m: Array, k: complex, k0: float, b: complex
 ) -> complex:
-    """What multiplies the logarithm in the block of `media`, of a monopole or dipole at another."""
+    """Factor of the logarithm in the block K of `media`, between a test and a source.
+
+    (dx, dy) [m] leads from the source to the test. `test` and `source` say whether each is a dipole instead of a
+    monopole; n and m are their normals.
+    """
     r = math.sqrt(dx * dx + dy * dy)
     zeroth, first = bessel(k * r)
     at_test, at_source = dx * n[0] + dy * n[1], dx * m[0] + dy * m[1]
@@ -259,7 +273,7 @@ def _logarithmic(
 
 @njit(error_model="numpy", nogil=True)
 def _step(node: int, forward: bool, before: Indices, after: Indices) -> tuple[int, bool]:
-    """The next node along the contour, and the direction from there; an open end is a mirror."""
+    """The next node along the contour, and the direction to go on in: an open end reverses it, like a mirror."""
     neighbour = after[node] if forward else before[node]
     return neighbour, (not forward if neighbour == node else forward)
 
@@ -284,7 +298,7 @@ def _correct(
     k0: float,
     out: Complex,
 ) -> None:
-    """Add what nodes do to themselves and the corrections of their neighbours; `place` as in `discretisation`."""
+    """Set the elements of nodes with themselves, and correct those of neighbours; `place` as in `discretisation`."""
     outer = complex(k0, 0.0)
     for i in range(rows.size):
         row = rows[i]
@@ -334,12 +348,12 @@ def _finite_part(
     k0: float,
     out: Complex,
 ) -> None:
-    """The ``1 / r^2`` of the dipoles of a conductor at and beside the node itself.
+    """Add the finite part of the ``1 / r^2`` singularity of a conductor's dipoles, at a node and its neighbours.
 
-    With the arc length s(t) and the jump f of the field, ``f s' / r^2 = g(t) / t^2`` with t from the node on, of which
-    the sum over the other nodes leaves out ``g''(0) / 2 = (f'' / 2 + f (s''' / (6 s') - (s'' / s')^2 / 4 + (c s')^2 /
-    12)) / s'`` at the curvature c. Differences are taken of f, not of f s': towards an open end f is odd in t and the
-    latter even, which would let in ``f = 1 / sqrt(s)``, a solution without sources.
+    With the arc length s(t) and the jump f of the field, ``f s' / r^2 = g(t) / t^2`` for t measured from the node. The
+    sum over the other nodes leaves out ``g''(0) / 2 = (f'' / 2 + f (s''' / (6 s') - (s'' / s')^2 / 4 + (c s')^2 / 12))
+    / s'`` at the curvature c. Finite differences are taken of f, not of f s': towards an open end f is odd in t, but f
+    s' is even, and would admit ``f = 1 / sqrt(s)``, a solution without sources.
     """
     w = weight[node]
     nodes = np.empty((2, REACH), dtype=np.int64)
@@ -348,7 +362,7 @@ def _finite_part(
         here, forward, sign, parity = node, side == 1, 1.0, 1.0
         for step in range(REACH):
             there, turned = _step(here, forward, before, after)
-            if there < 0:  # towards a vertex the field is even, about an open end odd; the arc length vice versa
+            if there < 0:  # f is even about a vertex, and odd about an open end; the arc length is the reverse
                 there, turned, parity = here, not forward, -parity
             if turned != forward:
                 sign, forward = -sign, turned

@@ -1,4 +1,4 @@
-"""Results by frequency on disk, so that a sweep that was killed goes on where it was."""
+"""Results by frequency on disk, so that an interrupted sweep can be resumed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.solver import System
 
 MARK = "sweep.sha256"
-"""File with the fingerprint of the sweep that the results belong to."""
+"""Name of the file with the fingerprint of the sweep that the results belong to."""
 
 SUFFIX = ".npy"
 
@@ -28,14 +28,14 @@ class Checkpoint:
     ----------
     folder : Path
     fingerprint : str
-        Of the sweep; see `fingerprint`.
+        Fingerprint of the sweep; see `fingerprint`.
     resume : bool
-        Go on with the results that are there. Those that are damaged, or of another sweep, are warned of and not used.
+        Use the results in the folder. Damaged files, and files of another sweep, cause a warning and are not used.
 
     Raises
     ------
     InputError
-        If there are results and they are not to be resumed, or belong to another sweep.
+        If the folder has results, and `resume` is not set or they belong to another sweep.
     """
 
     def __init__(self, folder: Path, fingerprint: str, *, resume: bool) -> None:
@@ -53,23 +53,23 @@ class Checkpoint:
         self._done = self._parts.verified()
 
     def read(self, index: int) -> NDArray[np.complex64] | None:
-        """The result of one frequency, or None where it is not done."""
+        """The result of one frequency, or None if there is none yet."""
         return np.load(self._parts.path(index)) if index in self._done else None
 
     def write(self, index: int, s: NDArray[np.complex64]) -> None:
-        """Keep the result of one frequency."""
+        """Write the result of one frequency to the folder."""
         with self._parts.written(index) as temporary, temporary.open("wb") as file:
             np.save(file, s)
 
 
 def remove_results(folder: Path) -> None:
-    """Remove the results in a folder, once the sweep is written; those of two polarizations lie in folders of it."""
+    """Remove the results in a folder once the sweep is written, also those in its folders for the two polarizations."""
     for place in (*(folder / polarization for polarization in POLARIZATIONS), folder):
         Parts(place, "", MARK, SUFFIX).remove()
 
 
 def fingerprint(system: System, frequency: NDArray[np.float64], *, direct: bool) -> str:
-    """A hash of all that the results depend on."""
+    """SHA-256 hash of everything that the results depend on."""
     digest = hashlib.sha256(f"{__version__} {'direct' if direct else 'scattered'}".encode())
     groups = [group for root in system.roots for group in root.walk()]
     arrays: list[NDArray] = [system.nodes.position, system.nodes.weight, system.tx, system.rx, frequency]

@@ -1,12 +1,12 @@
-"""Skeletons: the few nodes of a group by which the rest of the scene and the antennas feel it.
+"""Skeletons: the few unknowns of a group that represent all of it towards the rest of the scene and the antennas.
 
-An interpolative decomposition (Cheng, Gimbutas, Martinsson and Rokhlin, SIAM J. Sci. Comput. 26, 2005) of the field
-that a group radiates, sampled where it is felt: on the actual rest of the scene and at the antennas, densely nearby
-and sparsely far away. A piece of wall meets waves from few directions only, and needs far fewer skeletons this way than
-for all waves that could be. Groups of skeletons are compressed again, level by level (Martinsson and
-Rokhlin, J. Comput. Phys. 205, 2005).
+The field that a group radiates is sampled on the rest of the scene and at the antennas, densely nearby and sparsely far
+away. An interpolative decomposition (Cheng, Gimbutas, Martinsson and Rokhlin, SIAM J. Sci. Comput. 26, 2005) of these
+samples selects the unknowns, the skeletons, whose fields combine to those of all others. A piece of wall meets waves
+from few directions only, and so needs far fewer skeletons than for arbitrary waves. Groups of skeletons are compressed
+again, level by level (Martinsson and Rokhlin, J. Comput. Phys. 205, 2005).
 
-Skeletons are chosen once, at the highest frequency, and serve the whole band.
+Skeletons are chosen once, at the highest frequency, and used for the whole band.
 """
 
 from __future__ import annotations
@@ -26,27 +26,28 @@ Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
 
 LEAF = 10.0
-"""Length of the smallest groups [wavelengths]."""
+"""Length of the smallest groups, the leaves [wavelengths]."""
 
 FAN_OUT = 4
-"""Groups that are joined to one of the next level."""
+"""Number of groups that are joined to one group of the next level."""
 
 LONGEST = 160.0
 """Length [wavelengths] of the largest groups."""
 
 SAMPLING = 0.3
-"""Distance of samples over that of the fringes of a group's field, ``d lambda / l`` at distance d from a group of
-length l."""
+"""Spacing of the samples over that of the interference fringes of a group's field, which is ``d lambda / l`` at the
+distance d from a group of length l."""
 
 PROBES = 16
-"""Points of a group from which the distance of the samples is taken."""
+"""Approximate number of points of a group from which the distances of the samples are measured."""
 
 ROWS_PER_SKELETON = 2
-"""Samples kept for the interpolation at every frequency: with one per skeleton it fails at the low end of the band."""
+"""Number of samples per skeleton from which the interpolation is computed at every frequency: with a single one it
+fails at the low end of the band."""
 
 DAMPING = 0.03
-"""Damping of the interpolation over its tolerance: below the top frequency skeletons are one too many here and there,
-and would otherwise carry large currents that cancel."""
+"""Damping of the interpolation over its tolerance. Below the top frequency some skeletons are redundant, and would
+otherwise carry large currents that cancel each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +57,17 @@ class Group:
     Attributes
     ----------
     members : (n,) array of int
-        All unknowns of a leaf; else the skeletons of the children, child after child. A conductor has one unknown at
-        each node.
+        Numbers of all unknowns of a leaf; of any other group, the skeletons of its children, child after child.
     skeleton, rest : (s,) and (n - s,) arrays of int
-        Places in `members` of the skeletons and of the others.
+        Indices into `members` of the skeletons and of the other unknowns.
     rows : (r,) array of int
-        Unknowns outside the group at which the skeletons must reproduce its field.
+        Numbers of the unknowns outside the group at which the skeletons must reproduce its field.
     antennas : (a,) array of int
-        Antennas at which they must do so too.
+        Numbers of the antennas at which they must reproduce it, too.
     scale : (r + a,) float32 array
-        By which the field there is multiplied, so that near and far count alike.
+        Factors by which the field at these samples is multiplied, so that near and far ones have equal weight.
     damping : float
-        Of the interpolation, relative to the norm of a column.
+        Damping of the interpolation, relative to the norm of a column.
     children : tuple of Group
         Empty for a leaf.
     """
@@ -83,16 +83,16 @@ class Group:
 
     @property
     def skeletons(self) -> Indices:
-        """The numbers of the unknowns that are skeletons."""
+        """Numbers of the unknowns that are skeletons."""
         return self.members[self.skeleton]
 
     def walk(self) -> list[Group]:
-        """The group after all that is below it."""
+        """All groups below this one, and then this one: children before their parents."""
         return [group for child in self.children for group in child.walk()] + [self]
 
 
 def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float) -> tuple[Group, ...]:
-    """The largest groups of a scene, with all below them.
+    """Divide a scene into groups and choose their skeletons; returns the largest groups, which hold all others.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
     k : float [rad/m]
         Largest wavenumber of the band.
     tolerance : float
-        Of the interpolation.
+        Relative error of the interpolation.
     """
     nodes = equation.nodes
     roots: list[Group] = []
     for surface in np.unique(nodes.surface):
         wavelength = 2.0 * np.pi / k / equation.refraction(surface, k)
         members = equation.order(surface)
-        # Relative to the strongest, which are inside: what leaves a body is weaker, and must be right as well.
+        # The tolerance is relative to the strongest fields, inside a body; weaker ones outside must be right, too.
         finest = tolerance / equation.strength(surface, k)
         length = nodes.weight[members].sum()
         leaves = max(1, round(length / (LEAF * wavelength)))
@@ -131,7 +131,7 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
 
 
 def _between(order: Indices, skeletons: list[Indices], equation: Equation) -> Indices:
-    """The nodes of a surface from the first to the last one with a skeleton, in the order in which it is cut."""
+    """Nodes of a surface from the first to the last one with a skeleton, in the surface's `order`; returned sorted."""
     found = np.flatnonzero(np.isin(order, equation.node[np.concatenate(skeletons)]))
     return np.sort(order[found[0] : found[-1] + 1])
 
@@ -145,9 +145,9 @@ def _skeletonise(
     k: float,
     tolerance: float,
 ) -> Group:
-    """Choose the skeleton of a group, and the samples from which the rest is interpolated.
+    """Choose the skeleton of a group, and the samples from which the interpolation is computed later.
 
-    `part` are the nodes of the group, `members` the unknowns that are left of it.
+    `part` are the nodes of the group, and `members` its unknowns: all of a leaf, else the skeletons of its children.
     """
     places = equation.node[members]
     sampled, apart = _samples(equation, part, places, k)
@@ -155,7 +155,7 @@ def _skeletonise(
     distance = apart if len(rows) == len(apart) else apart[np.searchsorted(sampled, equation.node[rows])]
     probes = equation.nodes.position[places[:: max(1, len(members) // PROBES)]]
     to_antennas = np.min(np.linalg.norm(antennas[:, None] - probes, axis=2), axis=1)
-    # The modulus of the Hankel function to a few per cent.
+    # The inverse of the modulus of the Hankel function, to a few per cent.
     scale = np.sqrt(0.5 * np.pi * k * np.concatenate([distance, to_antennas])).astype(np.float32)
     field = sampled_field(equation, rows, antennas, members, k) * scale[:, None]
     triangle = qr(field, mode="r", check_finite=False)[0][: len(members)]
@@ -179,13 +179,16 @@ def _skeletonise(
 
 
 def sampled_field(equation: Equation, rows: Indices, antennas: Array, members: Indices, k: float) -> Complex:
-    """What unit unknowns of the members do to others outside the group and at antennas, (rows + antennas, members)."""
+    """Field of the unit unknowns `members` at the unknowns `rows` and at antennas, (rows + antennas, members)."""
     at_antennas = equation.at_points(antennas, members, k).T
     return np.concatenate([equation.matrix(rows, members, k), at_antennas])
 
 
 def interpolation(group: Group, equation: Equation, antennas: Array, k: float) -> Complex:
-    """Skeletons that stand for the members, (skeletons, members) matrix."""
+    """The matrix T (skeletons, members) that turns the strengths of all members into equivalent ones of the skeletons.
+
+    It follows from the samples of the group by damped least squares.
+    """
     field = sampled_field(equation, group.rows, antennas[group.antennas], group.members, k) * group.scale[:, None]
     kept = len(group.skeleton)
     result = np.zeros((kept, len(group.members)), dtype=np.complex64)
@@ -201,7 +204,10 @@ def interpolation(group: Group, equation: Equation, antennas: Array, k: float) -
 
 
 def _independent_rows(field: Complex) -> Indices:
-    """Rows that determine all others: the pivots of Gaussian elimination, repeated on the rows that remain."""
+    """Indices of rows that determine all others: the pivot rows of Gaussian elimination.
+
+    The elimination is repeated on the remaining rows until there are `ROWS_PER_SKELETON` rows per column.
+    """
     remaining = np.arange(len(field))
     chosen = []
     for _ in range(ROWS_PER_SKELETON):
@@ -218,9 +224,10 @@ def _independent_rows(field: Complex) -> Indices:
 
 
 def _samples(equation: Equation, part: Indices, places: Indices, k: float) -> tuple[Indices, Array]:
-    """Nodes outside a group at which its field is sampled, and their distances from the group [m].
+    """Nodes outside a group at which its field is sampled, and their distances from the group [m], (n,) each.
 
-    Within a body waves are shorter, and samples denser by as much.
+    `part` are the nodes of the group, `places` those of its unknowns. On the group's own dielectric body the samples
+    are denser by its refractive index, as the waves inside are shorter.
     """
     nodes = equation.nodes
     x, y = nodes.coordinates
@@ -249,7 +256,10 @@ def _sample(
     distance: Array,
     taken: NDArray[np.bool_],
 ) -> None:
-    """Take nodes at intervals of `spread` times their distance from the probes, but for the group's own."""
+    """Take nodes at intervals of `spread` times their distance from the probes, leaving out the group's `own` nodes.
+
+    Fills `distance` (nodes,) [m] and the mask `taken` (nodes,).
+    """
     passed = 1.0
     for i in range(x.size):
         taken[i] = False

@@ -1,6 +1,7 @@
-"""The contours of a scene as smooth arms: what lies between open ends, sharp vertices, or nothing at all.
+"""The contours of a scene, divided at sharp vertices into smooth arms.
 
-Every arm is a twice differentiable curve. Rough surfaces are displaced along the normal of their smooth outline.
+An arm is a twice differentiable curve between open ends or sharp vertices, or a closed curve. A rough surface is its
+smooth outline, displaced along the normal by a random profile.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ End = Literal["open", "vertex", "closed"]
 Shape = Callable[[Array], tuple[Array, Array]]
 
 VERTEX_DEGREES = 1.0
-"""Straight pieces that meet at a smaller angle than this count as one."""
+"""Smallest turn of a polyline at a vertex: pieces that meet at a smaller angle count as one straight piece."""
 
 STEEPEST_BEND = 0.5
-"""Largest product of height and curvature: at 1 the displaced curve would have a cusp."""
+"""Largest product of roughness height and curvature: at 1 the displaced curve would have a cusp."""
 
 TAPER = 2.0
-"""Heights rise from zero at a sharp vertex as ``1 - exp(-(d / (TAPER L))^2)``, so that the pieces meet."""
+"""Scale of the taper near sharp vertices: at the distance d heights are multiplied by ``1 - exp(-(d / (TAPER L))^2)``,
+with the correlation length L, so that both arms meet at the vertex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +42,16 @@ class Arm:
     Attributes
     ----------
     surface : int
-        Number of the surface that it belongs to.
+        Number of the surface that the arm belongs to.
     shape : callable
-        Position (n, 2) [m] and its derivative for parameters (n,) from 0 to `length`.
+        Position (n, 2) [m] and its derivative as functions of the parameter (n,), which runs from 0 to `length`.
     length : float [m]
-        Of the smooth outline, which is the parameter.
+        Length of the smooth outline, without roughness.
     cell : float [m]
-        Steps of the parameter that resolve the shape.
+        Step of the parameter that resolves the shape.
     ends : pair of "open", "vertex" or "closed"
-        A vertex is shared with the arm before or after this one, in the order of the list; where the surface is
-        a closed polyline, with the last or the first of its arms.
+        Kind of the first and of the last end. A vertex is shared with the arm before or after this one, in the order of
+        the list; for a closed polyline, also with the last or the first of its arms.
     """
 
     surface: int
@@ -70,7 +72,7 @@ def is_slab(surface: Surface) -> bool:
 
 
 def contours(scene: Scene, *, seed: int) -> list[Arm]:
-    """The arms of all surfaces of a scene, rough ones with the profile that `seed` draws.
+    """The arms of all surfaces of a scene, rough ones with random profiles from the seed.
 
     Raises
     ------
@@ -87,7 +89,7 @@ def contours(scene: Scene, *, seed: int) -> list[Arm]:
                 'alone, and of dielectrics segments with a thickness; set material = "pec" without volume_depth, '
                 "give a thickness, or use solver 'rays'"
             )
-        # One generator for each surface: another surface's roughness leaves this one's profile alone.
+        # One random generator per surface: a change of another surface does not change the profile of this one.
         generator = np.random.default_rng([seed, index])
         for outline, length, cell, ends in _outline(surface):
             roughness = surface.roughness
@@ -101,7 +103,7 @@ def contours(scene: Scene, *, seed: int) -> list[Arm]:
 
 
 def _position_and_derivative(outline: SmoothShape) -> Shape:
-    """The outline itself as the shape of an arm."""
+    """The shape of an arm without roughness: position and first derivative of the outline."""
     return lambda u: outline(u)[:2]
 
 
@@ -130,7 +132,7 @@ def _outline(surface: Surface) -> list[tuple[SmoothShape, float, float, tuple[En
 
 
 def _without_flat_vertices(corners: Array) -> Array:
-    """The corners less those at which a polyline does not turn."""
+    """The corners (n, 2) of a polyline without those at which it turns by less than `VERTEX_DEGREES`."""
     direction = np.diff(corners, axis=0)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     turn = np.einsum("ij,ij->i", direction[1:], direction[:-1]) < np.cos(np.radians(VERTEX_DEGREES))
@@ -148,7 +150,7 @@ def _straight(start: Array, direction: Array) -> SmoothShape:
 
 
 def _circular(surface: Arc | Circle) -> tuple[SmoothShape, float, float, tuple[End, End]]:
-    """An arc, counter-clockwise, or a whole circle."""
+    """Shape, length, cell and ends of an arc, counter-clockwise, or of a whole circle."""
     center, radius = np.array(surface.center), surface.radius
     first, last = (0.0, 360.0) if isinstance(surface, Circle) else sorted((surface.start_angle, surface.stop_angle))
     closed = last - first >= 360.0
@@ -171,7 +173,7 @@ def _displaced(
     label: str,
     generator: np.random.Generator,
 ) -> Shape:
-    """A curve displaced along its normal by a random profile."""
+    """The shape of an outline displaced along its normal by a random profile."""
     correlation = roughness.correlation_length
     knots, heights = rough_heights(length, roughness, generator=generator, periodic=ends[0] == "closed", label=label)
     for end, distance in ((ends[0], knots), (ends[1], length - knots)):

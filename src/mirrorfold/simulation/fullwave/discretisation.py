@@ -1,13 +1,14 @@
-"""Nodes on the contours, and the matrix that turns their currents into the field on them.
+"""Nodes on the contours, and the matrix that turns their currents into the field on the contours.
 
-The electric-field integral equation with E along the axis, ``sum_j H0^(2)(k r_ij) I_j = -E_i``, for the currents
-``I_j = J_j w_j`` of nodes uniform in a parameter t. The logarithm in the kernel is integrated to fifth order by the
-zeta-corrected trapezoidal rule (Wu and Martinsson, Adv. Comput. Math. 47, 45, 2021), which leaves the matrix complex
-symmetric:
+The electric-field integral equation with E along the axis is ``sum_j H0^(2)(k r_ij) I_j = -E_i``, for the currents
+``I_j = J_j w_j`` of nodes that are uniform in a parameter t; w_j is the arc length that node j represents. The
+logarithmic singularity of the kernel is integrated to fifth order by the zeta-corrected trapezoidal rule (Wu and
+Martinsson, Adv. Comput. Math. 47, 45, 2021). The matrix stays complex symmetric. Its diagonal is
 
-``A_ii = 1 - (2j / pi) (ln(k w_i / (4 pi)) + gamma)``, and ``-(2j / pi) zeta'(-2) (1, -2, 1) J0(k r)`` around the
-diagonal. At an open end, where the current grows as ``1 / sqrt(s)``, the arc length s is even in t and the sum is that
-over both signs of t, so that the neighbour across the end is the node itself. Towards a sharp vertex ``s ~ t^p``.
+``A_ii = 1 - (2j / pi) (ln(k w_i / (4 pi)) + gamma)``, to which ``-(2j / pi) zeta'(-2) (1, -2, 1) J0(k r)`` is added on
+and beside the diagonal. At an open end the current grows as ``1 / sqrt(s)``. There the arc length s is an even function
+of t, and the sum is continued to both signs of t, so that the neighbour of the first node across the end is that node
+itself. Towards a sharp vertex ``s ~ t^p``.
 """
 
 from __future__ import annotations
@@ -34,21 +35,23 @@ ZETA = -float(zeta(3)) / (4.0 * math.pi**2)
 """Derivative of Riemann's zeta function at -2."""
 
 OPEN_POWER, VERTEX_POWER = 2, 4
-"""Power of t with which the arc length begins at an open end and at a sharp vertex."""
+"""Power of t with which the arc length grows from an open end and from a sharp vertex."""
 
 OPEN_REACH, VERTEX_REACH = 0.5, 0.5
-"""Length scale of the grading [wavelengths]."""
+"""Length scale of the grading of the nodes towards an open end and towards a sharp vertex [wavelengths]."""
 
 FINEST = 5.0
-"""Least number of nodes on that scale."""
+"""Least number of steps of t on that length scale."""
 
 SHORTEST_ARM = 14.0
-"""Length of an arm over that scale, at least: the gradings of both ends then do not feel each other."""
+"""Least length of an arm over that length scale, so that the gradings at its two ends do not overlap; on a shorter arm
+the scale is reduced."""
 
 DIFFERENCE = 1e-3
-"""Step of the difference that gives the curvature, over that which resolves the shape."""
+"""Step of the finite difference that gives the curvature, over the step that resolves the shape of the arm."""
 
 GAUSS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
+"""Nodes and weights of the quadrature that gives the arc length of each cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +62,11 @@ class Nodes:
     ----------
     position : (n, 2) array [m]
     weight : (n,) array [m]
-        Arc length that each node stands for.
+        Arc length that each node represents.
     before, after : (n,) arrays of int
-        Neighbours along the contour: -1 where there is none, the node itself at an open end.
-    arm : (n,) array of int
-    surface : (n,) array of int
+        Numbers of the neighbours along the contour: -1 beside a vertex, the node itself at an open end.
+    arm, surface : (n,) arrays of int
+        Number of the arm and of the surface that each node belongs to.
     normal : (n, 2) array
         Unit normals, to the right of the direction of travel: outward where the contour is counter-clockwise.
     curvature : (n,) array [1/m]
@@ -89,7 +92,8 @@ class Nodes:
         """Number of nodes."""
         return len(self.weight)
 
-    # What follows makes nodes an equation of their own, with one unknown each; see `boundaries` for others.
+    # The members below make the nodes an equation for the solver, with one unknown per node: the integral equation of
+    # conductors with E along the axis. `Boundaries` is the equation of all other scenes.
 
     @property
     def nodes(self) -> Nodes:
@@ -98,44 +102,44 @@ class Nodes:
 
     @cached_property
     def node(self) -> Indices:
-        """The node of each unknown."""
+        """Number of the node of each unknown."""
         return np.arange(self.size)
 
     def unknowns_at(self, nodes: Indices) -> Indices:
-        """The unknowns of nodes: their currents."""
+        """Numbers of the unknowns of nodes: their currents, with the numbers of the nodes."""
         return nodes
 
     def refraction(self, surface: int, k: float) -> float:
-        """How many times shorter waves are inside a surface than outside: there is no inside."""
+        """Refractive index inside a surface: 1, as a conductor has no inside."""
         return 1.0
 
     def strength(self, surface: int, k: float) -> float:
-        """How many times stronger sources are inside a surface than outside, likewise."""
+        """Strength of sources inside a surface over that outside: 1, as a conductor has no inside."""
         return 1.0
 
     def order(self, surface: int) -> Indices:
-        """The nodes of a surface in the order in which it is cut into groups: along the contour."""
+        """Nodes of a surface in the order in which the surface is divided into groups: along the contour."""
         return np.flatnonzero(self.surface == surface)
 
     def matrix(self, rows: Indices, columns: Indices, k: float) -> Complex:
-        """Part of the matrix of the integral equation; see the function `matrix`."""
+        """Block of the matrix of the integral equation; see the function `matrix`."""
         return matrix(self, rows, columns, k)
 
     def at_points(self, points: Array, unknowns: Indices, k: float) -> Complex:
-        """Waves of unit currents at points outside, (unknowns, points)."""
+        """Fields of unit currents at points outside, (unknowns, points)."""
         return hankel(self.position[unknowns], points, k)
 
 
 def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequence[float]) -> Nodes:
-    """Nodes on all arms.
+    """Place nodes on all arms.
 
     Parameters
     ----------
     arms : sequence of Arm
     wavelength : float [m]
-        The shortest one of the band.
+        Shortest wavelength of the band.
     per_wavelength : sequence of float
-        Nodes per wavelength of arc length, of each arm.
+        Number of nodes per wavelength of arc length on each arm.
     """
     positions, weights, before, after, owner, normals, curvatures = [], [], [], [], [], [], []
     count = 0
@@ -166,7 +170,7 @@ def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequen
 
 
 def _bending(arm: Arm, place: Array) -> tuple[Array, Array]:
-    """Unit normals (n, 2), to the right, and curvature (n,) [1/m] of an arm at parameters."""
+    """Unit normals (n, 2), to the right, and curvature (n,) [1/m] of an arm at the parameters `place` (n,)."""
     step = DIFFERENCE * arm.cell
     tangents = [arm.shape(np.clip(place + shift, 0.0, arm.length))[1] for shift in (-step, 0.0, step)]
     speed = np.linalg.norm(tangents[1], axis=1)
@@ -200,9 +204,10 @@ def _nodes_of(arm: Arm, wavelength: float, per_wavelength: float) -> tuple[Array
 
 
 def _graded(length: float, ends: tuple[End, End], wavelength: float, spacing: float) -> tuple[Array, Array, float]:
-    """Midpoint nodes uniform in t: their arc length s, its derivative, and the step of t.
+    """Midpoint nodes that are uniform in t: their arc length s [m], its derivative s', and the step of t.
 
-    ``s'(t) = tanh(t / a)^(p-1) + tanh((T - t) / b)^(q-1) - 1``
+    ``s'(t) = tanh(t / a)^(p-1) + tanh((T - t) / b)^(q-1) - 1`` for t from 0 to T, with the length scales a, b and the
+    powers p, q of the two ends.
     """
     (a, p), (b, q) = (
         (min(wavelength * reach, length / SHORTEST_ARM), power) for reach, power in ((_GRADING[end]) for end in ends)
@@ -221,7 +226,7 @@ _GRADING = {"open": (OPEN_REACH, OPEN_POWER), "vertex": (VERTEX_REACH, VERTEX_PO
 
 
 def _integral(power: int, x: ArrayLike) -> Array:
-    """Integral of ``tanh(x)^(power - 1)`` from 0."""
+    """Integral of ``tanh(x)^(power - 1)`` from 0 to x, for the powers 2, 3 and 4."""
     x = np.asarray(x, dtype=float)
     log_cosh = np.logaddexp(x, -x) - math.log(2.0)
     if power == 2:
@@ -232,12 +237,12 @@ def _integral(power: int, x: ArrayLike) -> Array:
 
 
 def _lag(power: int) -> float:
-    """How far that integral falls behind x."""
+    """x minus `_integral` of the power at x, for large x."""
     return {2: math.log(2.0), 3: 1.0, 4: math.log(2.0) + 0.5}[power]
 
 
 def matrix(nodes: Nodes, rows: Indices, columns: Indices, k: float) -> Complex:
-    """Part of the matrix of the integral equation.
+    """Block of the matrix of the integral equation.
 
     Parameters
     ----------
@@ -245,6 +250,7 @@ def matrix(nodes: Nodes, rows: Indices, columns: Indices, k: float) -> Complex:
     rows, columns : (n,) and (m,) arrays of int
         Numbers of nodes, each at most once.
     k : float [rad/m]
+        Wavenumber.
 
     Returns
     -------
@@ -271,7 +277,10 @@ def _correct(
     k: float,
     out: Complex,
 ) -> None:
-    """Replace the diagonal and add the correction of the neighbours; `place` is the column of each node or -1."""
+    """Replace the diagonal of a block of the matrix, and correct the elements of neighbouring nodes.
+
+    `place` (nodes,) is the column of each node in the block, or -1.
+    """
     correction = complex(0.0, -2.0 / math.pi * ZETA)
     for i in range(rows.size):
         node = rows[i]

@@ -1,4 +1,4 @@
-"""What a sweep will cost, before it is begun."""
+"""Time, memory and disk space of a full-wave sweep, estimated beforehand."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.solver import System
 
 SMALL_BLOCKS = 2.0
-"""Time of an operation on a group over that on a large matrix."""
+"""Time of an operation on the small matrix of a group over that on a large matrix."""
 
 PROCESS_BYTES = 2.5e8
-"""Memory of a process with its libraries."""
+"""Memory of a process with its libraries [B]."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sweep will cost.
+    """Time, memory and disk space of a sweep in one polarization.
 
     Attributes
     ----------
     unknowns, skeletons : int
-        Number of unknowns, one at every node of a conductor and two of a dielectric body, and size of the one dense
-        system that they are reduced to.
+        Number of unknowns, one per node of a conductor and two per node of a dielectric body, and size of the last
+        dense system that they are reduced to.
     seconds_per_frequency : float [s]
-        On one core.
-    memory : float [bytes]
-        Of each process.
-    disk : float [bytes]
-        Of the results by frequency and of the sweep, while both are there.
+        Time per frequency on one core.
+    memory : float [B]
+        Memory of each process.
+    disk : float [B]
+        Disk space of the results by frequency and of the sweep together.
     """
 
     unknowns: int
@@ -46,7 +46,7 @@ class Estimate:
 
 
 class FullWaveEstimate(Record):
-    """What a full-wave simulation would take."""
+    """Time, memory and disk space of a full-wave simulation, estimated beforehand."""
 
     kind: Literal["estimate"]
     unknowns: int
@@ -84,7 +84,7 @@ def estimate(system: System, frequencies: int) -> Estimate:
 
 
 def _speed() -> tuple[float, float]:
-    """Values of the kernel and floating-point operations of a factorisation per second of one core."""
+    """Measured speed of one core: values of the kernel per second, and floating-point operations of LU per second."""
     generator = np.random.default_rng(0)
     points = generator.random((1500, 2))
     square = (points[:, :1] + 1j * points[:, 1]).astype(np.complex64) + 10.0 * np.eye(1500, dtype=np.complex64)

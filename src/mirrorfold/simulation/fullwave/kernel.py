@@ -1,11 +1,11 @@
 """The Hankel function ``H0^(2)(k r)``, the wave of a line source, fast enough to fill large matrices.
 
-Amplitude and phase vary slowly (Watson, "Theory of Bessel Functions", section 13.75): with x = k r,
+With x = k r and slowly varying amplitude and phase (Watson, "Theory of Bessel Functions", section 13.75),
 
-``H0^(2)(x) = sqrt(2 / (pi x)) a(1/x^2) exp(-j (x - pi/4 + p(1/x^2) / x))``
+``H0^(2)(x) = sqrt(2 / (pi x)) a(1/x^2) exp(-j (x - pi/4 + p(1/x^2) / x))``.
 
-with polynomials a and p in single precision, while the phase is reduced to one turn in double precision. Below
-`NEAR` the power series takes over. The relative error is below 1e-6 everywhere.
+a and p are approximated by polynomials in single precision; the phase is reduced to one turn in double precision. Below
+x = `NEAR` the power series is used. The relative error is below 1e-6 everywhere.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from mirrorfold.common.types import Array
 Complex = NDArray[np.complex64]
 
 NEAR = 2.0
-"""Argument below which the power series is used; distances of at least a third of a wavelength lie above it."""
+"""Argument x below which the power series is used: only distances below a third of a wavelength."""
 
 SERIES_TERMS = 11
-"""Terms of the power series; the first one left out is below 1e-8 at `NEAR`."""
+"""Number of terms of the power series; the first neglected term is below 1e-8 at `NEAR`."""
 
 ROUNDER = 1.5 * 2.0**52
 """Adding and subtracting this rounds a float64 to the nearest whole number."""
@@ -37,7 +37,7 @@ Coefficients = tuple[np.float32, ...]
 
 
 def _fit(function: Callable[[Array], Array], stop: float, degree: int) -> Coefficients:
-    """Coefficients of a polynomial in u on [0, stop], nearly the best one in the greatest error."""
+    """Coefficients of a polynomial that approximates a function on [0, stop], with nearly the least maximum error."""
     nodes = stop * (0.5 + 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200))
     fit = Chebyshev.fit(nodes, function(nodes), degree, domain=[0.0, stop])
     return tuple(np.float32(c) for c in fit.convert(kind=Polynomial).coef)
@@ -49,13 +49,13 @@ def _rotated(x: Array) -> NDArray[np.complex128]:
 
 
 def _amplitude(u: Array) -> Array:
-    """The polynomial a, of the variable ``u = (NEAR / x)^2``."""
+    """The function that the polynomial a approximates, of the variable ``u = (NEAR / x)^2``."""
     x = NEAR / np.sqrt(u)
     return np.asarray(np.abs(_rotated(x)) * np.sqrt(0.5 * np.pi * x))
 
 
 def _turns(u: Array) -> Array:
-    """The polynomial p in turns, likewise."""
+    """The function that the polynomial p approximates, in turns, of the same variable."""
     x = NEAR / np.sqrt(u)
     return np.asarray(-np.angle(_rotated(x)) * x / (2.0 * np.pi))
 
@@ -78,7 +78,7 @@ def _far(x: float) -> complex:
     shift = z * (P[0] + u * (P[1] + u * (P[2] + u * (P[3] + u * (P[4] + u * (P[5] + u * P[6]))))))
     turns = x * TURN + (np.float64(shift) - 0.125)
     f = np.float32(turns - ((turns + ROUNDER) - ROUNDER))
-    # The sine and cosine of the whole angle from those of its half, which needs no case distinction.
+    # Sine and cosine of the angle from those of half the angle, which needs no distinction of cases.
     q = f * f
     sine = f * (S[0] + q * (S[1] + q * (S[2] + q * (S[3] + q * (S[4] + q * S[5])))))
     cosine = C[0] + q * (C[1] + q * (C[2] + q * (C[3] + q * (C[4] + q * C[5]))))

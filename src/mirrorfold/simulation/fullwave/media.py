@@ -1,14 +1,16 @@
-"""Waves of monopoles and dipoles in a medium that may absorb: ``H0^(2)``, ``H1^(2)`` and their blocks.
+"""Fields of monopoles and dipoles in a medium that may absorb: ``H0^(2)``, ``H1^(2)`` and the matrix blocks of them.
 
-Every unknown of the integral equations is a source ``m + N . grad' / k0`` of the wave ``H0^(2)(k r)``, and is tested by
-the same operator at its own place: a monopole has m = 1 and N = 0, a dipole m = 0 and N the unit normal. With
-``e = (x - x') / r``, ``A = e . N``, ``B = e . N'``, ``C = N . N'`` and ``q = k / k0``,
+Every unknown of the integral equations is a source ``m' + N' . grad' / k0`` of the wave ``H0^(2)(k r)``. The field is
+tested by the same operator, with m and N, at the place of each unknown. A monopole has m = 1 and N = 0, a dipole m = 0
+and N the unit normal. Primed quantities are those of the source, x is the place of the test. With ``e = (x - x') / r``,
+``A = e . N``, ``B = e . N'``, ``C = N . N'`` and ``q = k / k0``, the block is
 
 ``K = H0 (m m' + q^2 A B) + H1 (q (m B - A m') + q^2 (C - 2 A B) / (k r))``,
 
-which is symmetric under the exchange of source and test. In the far field (Watson, "Theory of Bessel Functions",
-section 13.75) ``H(x) = f(1 / x) exp(-j x) / sqrt(x)`` with slowly varying f. For the wavenumbers of one medium x runs
-along a ray from the origin of the complex plane, and f is a polynomial in ``NEAR / |x|``, fitted for each medium.
+which is symmetric under the exchange of source and test. For large arguments (Watson, "Theory of Bessel Functions",
+section 13.75) ``H(x) = f(1 / x) exp(-j x) / sqrt(x)`` with slowly varying f. In one medium the argument x = k r lies on
+a ray from the origin of the complex plane. There f is approximated by a polynomial in ``NEAR / |x|``, fitted for each
+medium.
 """
 
 from __future__ import annotations
@@ -31,16 +33,16 @@ Indices = NDArray[np.int64]
 Single = NDArray[np.float32]
 
 DEGREE = 10
-"""Of the polynomials."""
+"""Degree of the polynomials that approximate f."""
 
 SERIES_TERMS = 12
-"""Terms of the power series below `NEAR`; the first one left out is below 1e-9."""
+"""Number of terms of the power series below `NEAR`; the first neglected term is below 1e-9."""
 
 DEEPEST = 24.0
-"""Nepers after which an absorbed wave counts as this weak: 2e-10."""
+"""Largest absorption that is computed [Np]: a wave absorbed further keeps the relative amplitude 4e-11."""
 
 HALVED = np.float32(0.5**6)
-"""The exponent of the decay is halved six times before its power series, which is squared six times."""
+"""Factor on the exponent of the decay: it is halved six times, and the power series of the result squared six times."""
 
 ONE, TWO = np.float32(1.0), np.float32(2.0)
 E2, E3, E4, E5 = (np.float32(1.0 / math.factorial(n)) for n in range(2, 6))
@@ -59,7 +61,7 @@ class Medium:
     ratio : complex
         Wavenumber over that of free space.
     coefficients : (4, DEGREE + 1) float32 array
-        Real and imaginary part of f for H0, and for H1.
+        Coefficients of the real and the imaginary part of f, for H0 and for H1.
     """
 
     k: complex
@@ -69,7 +71,7 @@ class Medium:
 
 @lru_cache(maxsize=64)
 def medium(k0: float, permittivity: complex = 1.0) -> Medium:
-    """A medium of a relative permittivity ``eps' - j eps''``; k0 [rad/m] is the wavenumber of free space."""
+    """The medium of relative permittivity ``eps' - j eps''`` where the wavenumber of free space is k0 [rad/m]."""
     ratio = complex(np.sqrt(complex(permittivity)))
     if ratio.imag > 0.0:
         ratio = -ratio
@@ -137,10 +139,14 @@ def add_waves(
     sign: float,
     out: Complex,
 ) -> None:
-    """out[rows[i], j] += sign K(t_rows[i], s_j), with monopoles of that strength in place of one."""
+    """Add the block K: ``out[i, j] += sign K(t_i, s_j)`` for i in `rows`, with monopoles of the given strength.
+
+    Tests and sources have coordinates x, y [m] (`tx`, `ty`; `sx`, `sy`), monopole moments (`tm`; `sm`), and dipole
+    moments along x and y (`tnx`, `tny`; `snx`, `sny`). `f` holds the coefficients of the `Medium`.
+    """
     magnitude, forward, nepers = abs(k), k.real * TURN, -k.imag
     q = ratio
-    # Of the four real products below that multiply H0 and H1.
+    # Complex factors of the four products s1 to s4 below: s1 and s2 multiply H0, s3 and s4 multiply H1.
     mono, both, mixed, dipole = strength * strength, q * q, q * strength, q * q * magnitude / k
     mono_r, mono_i = np.float32(mono.real), np.float32(mono.imag)
     both_r, both_i = np.float32(both.real), np.float32(both.imag)
@@ -156,7 +162,7 @@ def add_waves(
             r = np.sqrt(dx * dx + dy * dy)
             near = r < nearest
             close += near
-            r = max(r, nearest)  # what is nearer is left to the power series
+            r = max(r, nearest)  # closer pairs are added below, by the power series
             z = ONE / np.float32(magnitude * r)
             u = NEAR_SINGLE * z
             h0r, h0i, h1r, h1i = f[0, DEGREE], f[1, DEGREE], f[2, DEGREE], f[3, DEGREE]

@@ -1,4 +1,4 @@
-"""The field between the walls: a picture of waves."""
+"""The total field of one transmitter on a grid of pixels: a picture of the waves in a scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mirrorfold.simulation.fullwave.solver import Complex, System, currents
 from mirrorfold.simulation.fullwave.tasks import source_strength
 
 BLOCK_VALUES = 2_000_000
-"""Values of the kernel that are held at a time."""
+"""Number of values of the kernel that are kept in memory at a time."""
 
 
 def near_field(
@@ -43,23 +43,24 @@ def near_field(
     Parameters
     ----------
     scene : Scene or path
-        Of perfect conductors and dielectric walls; its band does not matter here.
+        Scene of perfect conductors and dielectric walls; its band is not used.
     frequency : float [Hz]
     grid : pair of (n,) and (m,) arrays [m]
         Coordinates x and y of the pixels.
     source : int, optional
-        Number of the transmitter; the middle one by default.
+        Number of the transmitter, from 0; the middle one by default.
     tolerance : float, default 1e-3
+        Relative root-mean-square error, as in `mirrorfold.simulate`.
     seed : int, default 0
-        Of the random profiles.
+        Seed of the random profiles of rough surfaces.
     progress : callable, optional
-        Called as ``progress(done, total)`` with the number of rows done.
+        Called as ``progress(done, total)`` with the number of rows of pixels that are finished.
 
     Returns
     -------
     xarray.DataArray
-        `field`, (y, x) complex64 [m^(-1/2)], for a source with the field ``exp(-j k d) / sqrt(d)`` far away. Within a
-        spacing of the nodes of a surface, about a twelfth of a wavelength, it is not accurate.
+        `field`, (y, x) complex64 [m^(-1/2)], for a source whose far field is ``exp(-j k d) / sqrt(d)``. It is not
+        accurate closer to a surface than the spacing of the nodes, about a twelfth of a wavelength.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def near_field(
     source = count // 2 if source is None else whole_number("source", source)
     if source >= count:
         raise InputError(f"source is {shown(source)}, expected the number of a transmitter, from 0 to {count - 1}")
-    # The band sets the spacing of the nodes and the frequency of the skeletons, by its upper end.
+    # The upper end of the band determines the spacing of the nodes, and the frequency at which skeletons are chosen.
     band = Band(start=0.5 * frequency, stop=frequency, points=2)
     k = 2.0 * math.pi * frequency / speed_of_light
     field = np.empty((y.size, x.size), dtype=np.complex64)
@@ -118,11 +119,14 @@ def near_field(
 
 
 def _total(system: System, pixels: Array, source: int, strengths: Complex, k: float) -> Complex:
-    """The field of the currents and of the source outside, and of the currents alone inside bodies."""
+    """The total field at pixels (p, 2) [m], without the factor of the source.
+
+    Outside, all currents and the source contribute; inside a body, only the body's own currents.
+    """
     equation = system.equation
     everything = np.arange(equation.size)
     waves = equation.at_points(pixels, everything, k)
-    # A pixel on a node or on the source would be infinite.
+    # The field is infinite at a pixel on a node or on the source: that term is left out.
     total = np.where(np.isfinite(waves), waves, 0.0).T @ strengths
     straight = hankel(pixels, system.tx[source : source + 1], k)[:, 0]
     total += np.where(np.isfinite(straight), straight, 0.0)
@@ -136,7 +140,7 @@ def _total(system: System, pixels: Array, source: int, strengths: Complex, k: fl
 
 
 def _coordinates(axis: ArrayLike, name: str) -> np.ndarray:
-    """The coordinates of the pixels along one axis."""
+    """The coordinates (n,) [m] of the pixels along one axis, checked."""
     values = np.asarray(axis, dtype=float)
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise InputError(f"grid: {name} has shape {values.shape}, expected a row of finite coordinates in metres")

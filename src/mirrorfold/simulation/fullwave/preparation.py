@@ -1,4 +1,4 @@
-"""From a scene to the system to be solved: its nodes and skeletons, and what is wrong with it."""
+"""From a scene to the system of equations: its nodes and skeletons, and checks that the solver can take the scene."""
 
 from __future__ import annotations
 
@@ -29,62 +29,65 @@ TOLERANCES = (3e-5, 0.1)
 """Smallest and largest tolerance: single precision allows no smaller one."""
 
 SMOOTH_NODES = 7.5
-"""Nodes per wavelength of a smooth surface at a tolerance of 1e-3."""
+"""Number of nodes per wavelength on a smooth surface at a tolerance of 1e-3."""
 
 ROUGH_NODES = 2.5
-"""Further nodes per wavelength for each unit of ``lambda / L`` times the rms slope."""
+"""Additional nodes per wavelength on a rough surface, times ``lambda / L`` with the correlation length L, times the rms
+slope."""
 
 FEWEST_NODES = 10.0
-"""Least nodes per wavelength; neighbours are then less than a radian apart."""
+"""Least number of nodes per wavelength: neighbours are then less than one radian of phase apart."""
 
 NODES_PER_CORRELATION = 2.0
-"""Least nodes per correlation length of a rough surface."""
+"""Least number of nodes per correlation length of a rough surface."""
 
 ORDER = 5
-"""The error falls with this power of the number of nodes."""
+"""Order of the quadrature: the error falls with this power of the number of nodes."""
 
 INTERPOLATION_SHARE = 0.15
-"""Tolerance of the skeletons over that of the sweep: errors of many groups add up."""
+"""Tolerance of the skeletons over that of the sweep: the errors of many groups add up."""
 
 DENSE_BELOW = 1000
-"""Number of nodes up to which the whole system is solved without skeletons."""
+"""Number of unknowns up to which the whole system is solved without skeletons."""
 
 CLEARANCE = 2.0
 """Least distance of antennas from surfaces, in spacings of the nodes."""
 
 NODES_PER_THICKNESS = 8.0
-"""Least nodes on as much of a slab's contour as it is thick: its rounded ends are then smooth, and its faces apart."""
+"""Least number of nodes on a piece of a slab's contour that is as long as the slab is thick: this resolves its rounded
+ends, and keeps its two faces apart."""
 
 TOUCH = 0.75
-"""Surfaces that come closer than this many spacings cross or touch."""
+"""Distance, in spacings of the nodes, below which two surfaces count as crossing or touching."""
 
 BYTES_PER_NODE = 2.5e3
-"""Memory that the skeletons of large scenes take while they are being found."""
+"""Memory per node [B] that large scenes take while their skeletons are being chosen."""
 
 SKELETONS_PER_WAVELENGTH = 1.0
-"""Fewest that remain of a surface: a wall seen from a few directions keeps 1.4."""
+"""Least number of skeletons per wavelength that remain of a surface: a wall seen from a few directions keeps 1.4."""
 
 STEEPEST_SLOPE = 2.0
-"""Largest rms slope of a rough surface, 63 degrees: steeper clefts want nodes without end."""
+"""Largest rms slope of a rough surface, 63 degrees: steeper surfaces would need too many nodes in their clefts."""
 
 NEIGHBOURHOOD = 10.0
-"""Distance along a surface, in spacings, within which it is allowed to be close to itself."""
+"""Distance along a surface, in spacings of the nodes, up to which the surface may come close to itself."""
 
 
 def prepare(
     scene: Scene, *, tolerance: float = 1e-3, seed: int = 0, nodes_per_wavelength: float | None = None
 ) -> System:
-    """The system of a scene.
+    """Discretise a scene, check it, and choose its skeletons.
 
     Parameters
     ----------
     scene : Scene
     tolerance : float
-        Relative error of the sweep, in the mean square.
+        Relative root-mean-square error of the sweep.
     seed : int
-        Of the random profiles.
+        Seed of the random profiles of rough surfaces.
     nodes_per_wavelength : float, optional
-        On all surfaces, at the highest frequency; by default what the tolerance and the roughness ask for.
+        Number of nodes per wavelength on all surfaces, at the highest frequency; by default as many as the tolerance
+        and the roughness require.
 
     Raises
     ------
@@ -121,7 +124,7 @@ def prepare(
 
 
 def _equation(scene: Scene, nodes: Nodes, arms: list[Arm]) -> Equation:
-    """The equation of a scene: conductors in TE have one of their own."""
+    """The equation of a scene: the nodes themselves for conductors in TE, `Boundaries` for everything else."""
     inside = tuple(made_of(surface.material) if is_slab(surface) else None for surface in scene.surface)
     if scene.polarization == "TE" and not any(inside):
         return nodes
@@ -139,20 +142,20 @@ def _equation(scene: Scene, nodes: Nodes, arms: list[Arm]) -> Equation:
 
 
 def made_of(name: str | Substance) -> Dielectric | None:
-    """The dielectric of that name, None for conductors."""
+    """The dielectric of a name or substance; None for conductors."""
     found = material(name)
     return found if isinstance(found, Dielectric) else None
 
 
 def density(surface: Surface, wavelength: float, tolerance: float, chosen: float | None, label: str) -> float:
-    """Nodes per wavelength on a surface; `chosen` by the user, or what its roughness and the tolerance ask for.
+    """Number of nodes per wavelength on a surface: `chosen` by the user, or as roughness and tolerance require.
 
-    On a slab the wavelength is that inside; the result is in wavelengths outside all the same.
+    On a slab it is set by the wavelength inside, but returned per wavelength outside.
 
     Raises
     ------
     InputError
-        If the chosen number is too small for the equation or the roughness.
+        If the chosen number is too small for the equation or the roughness, or the surface is too steep.
     """
     if isinstance(surface, Segment) and surface.thickness is not None:
         frequency = speed_of_light / wavelength
@@ -186,7 +189,7 @@ def density(surface: Surface, wavelength: float, tolerance: float, chosen: float
 
 
 def _check_size(scene: Scene, densities: list[float], wavelength: float) -> None:
-    """Refuse scenes whose nodes alone, or whose last dense system, do not fit into memory."""
+    """Refuse scenes whose nodes and whose last dense system do not fit into the memory."""
     lengths = [outline_length(surface) / wavelength for surface in scene.surface]
     nodes = sum(length * density for length, density in zip(lengths, densities, strict=True))
     needed = BYTES_PER_NODE * nodes + 8.0 * (SKELETONS_PER_WAVELENGTH * sum(lengths)) ** 2
@@ -200,7 +203,7 @@ def _check_size(scene: Scene, densities: list[float], wavelength: float) -> None
 
 
 def _check_antennas(nodes: Nodes, antennas: Array, label: Callable[[int], str]) -> None:
-    """Refuse antennas on a surface."""
+    """Refuse antennas on, or too close to, a surface."""
     distance, nearest = cKDTree(nodes.position).query(antennas)
     worst = int(np.argmin(distance / nodes.weight[nearest]))
     node = nearest[worst]
@@ -243,7 +246,7 @@ def _check_apart(nodes: Nodes, label: Callable[[int], str]) -> None:
     along = np.cumsum(spacing)
     apart = np.abs(along[a] - along[b])
     total = np.bincount(nodes.surface, weights=spacing)[nodes.surface[a]]
-    # The ends of a closed surface are neighbours; those of an open one are apart by all of its length.
+    # The two ends of a closed surface are neighbours; those of an open one are its whole length apart.
     first = np.searchsorted(nodes.surface, nodes.surface[a])
     closed = np.linalg.norm(nodes.position[first] - nodes.position[_last(nodes, a)], axis=1) < 2.0 * spacing.max()
     apart = np.where(closed, np.minimum(apart, total - apart), apart)
@@ -262,5 +265,5 @@ def _check_apart(nodes: Nodes, label: Callable[[int], str]) -> None:
 
 
 def _last(nodes: Nodes, of: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The last node of the surface of each node."""
+    """The last node of the surface to which each node `of` belongs."""
     return np.searchsorted(nodes.surface, nodes.surface[of], side="right") - 1

@@ -1,4 +1,4 @@
-"""Random profiles: Gaussian heights with the Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``."""
+"""Random profiles of rough surfaces: Gaussian heights with the Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mirrorfold.errors import InputError
 from mirrorfold.scenes.surfaces import Roughness
 
 CELLS = 8
-"""Least knots per correlation length: the spectrum ``exp(-(q L / 2)^2)`` at their band limit is below 1e-60, and a
-cubic spline through them errs by less than 1e-4 of the rms height."""
+"""Least number of knots per correlation length: the spectrum ``exp(-(q L / 2)^2)`` at their band limit is then below
+1e-60, and the error of a cubic spline through the knots below 1e-4 of the rms height."""
 
 SHORTEST = 50.0
-"""Least length of a rough surface in correlation lengths: it then holds 40 independent heights, and the rms height
-of one profile scatters by 11 % about the given one."""
+"""Least length of a rough surface in correlation lengths: it then has 40 independent heights, and the rms height of a
+single profile deviates from the given one by 11 % (standard deviation)."""
 
 
 def rough_heights(
@@ -25,7 +25,7 @@ def rough_heights(
     periodic: bool = False,
     label: str = "surface",
 ) -> tuple[Array, Array]:
-    """One random profile, by filtering white noise in the spectral domain (Thorsos, J. Acoust. Soc. Am. 83, 1988).
+    """A random profile, by filtering white noise in the spectral domain (Thorsos, J. Acoust. Soc. Am. 83, 1988).
 
     Parameters
     ----------
@@ -33,16 +33,16 @@ def rough_heights(
     roughness : Roughness
     generator : numpy.random.Generator
     periodic : bool
-        Of a closed surface, so that the last height is the first one.
+        True for a closed surface: the last height equals the first one.
     label : str
-        Names the surface in messages.
+        Name of the surface in messages.
 
     Returns
     -------
     distance : (n,) array [m]
         From 0 to `length`.
     height : (n,) array [m]
-        A stationary process: its rms is `rms_height` over many profiles, not in every one.
+        Heights of a stationary process: their rms over many profiles is `rms_height`; that of a single one deviates.
 
     Raises
     ------
@@ -58,10 +58,10 @@ def rough_heights(
         )
     cells = int(np.ceil(CELLS * length / correlation))
     step = length / cells
-    # Beyond six correlation lengths of padding the far end of the circle is not felt.
+    # Filtering by FFT is periodic: six correlation lengths of padding make the two ends of an open profile independent.
     count = cells if periodic else cells + int(np.ceil(6.0 * correlation / step))
     q = 2.0 * np.pi * np.fft.rfftfreq(count, step)
-    # Power of each line of the spectrum of white noise of variance one is `count`; the covariance is its transform.
+    # Each spectral line of white noise of variance one has the power `count`; the covariance is the transform of that.
     density = np.sqrt(np.pi) * correlation * np.exp(-((0.5 * q * correlation) ** 2)) / step
     noise = np.fft.rfft(generator.standard_normal(count))
     height = roughness.rms_height * np.fft.irfft(noise * np.sqrt(density), count)

@@ -1,4 +1,4 @@
-"""The outline of a slab: two straight faces, and rounded ends whose curvature rises and falls smoothly."""
+"""The outline of a slab: two straight faces, and rounded ends whose curvature rises and falls smoothly from zero."""
 
 from __future__ import annotations
 
@@ -14,16 +14,22 @@ from mirrorfold.scenes.surfaces import Segment
 SmoothShape = Callable[[Array], tuple[Array, Array, Array]]
 
 KNOTS = 512
-"""Of the splines that describe a rounded end."""
+"""Number of intervals of the spline that describes a rounded end."""
 
 
 def _turn(v: Array) -> Array:
-    """Share of the half turn after a share v of a rounded end; its first two derivatives vanish at both ends."""
+    """Share of the half turn completed at the fraction v (0 to 1) of a rounded end.
+
+    Its first two derivatives vanish at both ends.
+    """
     return v - np.sin(2.0 * np.pi * v) / (2.0 * np.pi)
 
 
 def _rounded_end() -> tuple[CubicSpline, float, float]:
-    """Position over thickness as a function of v, beginning in the origin along +x; length and depth over thickness."""
+    """Shape of a rounded end of a slab of thickness 1, which begins at the origin along +x.
+
+    Returns the position as a function of v, the length of the end, and its depth along x, all over the thickness.
+    """
     v = np.linspace(0.0, 1.0, KNOTS + 1)
     middle, half = 0.5 * (v[1:] + v[:-1]), 0.5 / KNOTS
     gauss, weights = np.polynomial.legendre.leggauss(4)
@@ -35,6 +41,7 @@ def _rounded_end() -> tuple[CubicSpline, float, float]:
 
 
 ROUNDED, END_LENGTH, END_DEPTH = _rounded_end()
+"""Shape of a rounded end, its length along the contour, and its depth along the wall, over the thickness."""
 
 
 def slab_outline(wall: Segment, label: str) -> tuple[SmoothShape, float, float]:
@@ -47,16 +54,16 @@ def slab_outline(wall: Segment, label: str) -> tuple[SmoothShape, float, float]:
     wall : Segment
         With a thickness.
     label : str
-        What to call it in messages.
+        Name of the wall in messages.
 
     Returns
     -------
     shape : callable
-        Position, first and second derivative for arc lengths.
+        Position (n, 2) [m] and its first and second derivative as functions of arc length (n,) [m].
     length : float [m]
-        Of the whole contour.
+        Length of the whole contour.
     cell : float [m]
-        Steps that resolve the rounded ends.
+        Step of arc length that resolves the rounded ends.
 
     Raises
     ------
@@ -79,7 +86,7 @@ def slab_outline(wall: Segment, label: str) -> tuple[SmoothShape, float, float]:
     half = straight + rounded
 
     def shape(u: Array) -> tuple[Array, Array, Array]:
-        # The second half of the contour is the first one, turned by half a turn about the middle of the wall.
+        # The second half of the contour is the first half, rotated by 180 degrees about the middle of the wall.
         second = np.mod(u, 2.0 * half) >= half
         run = np.mod(u, half)
         v = np.clip((run - straight) / rounded, 0.0, 1.0)

@@ -1,11 +1,13 @@
-"""The solution at one frequency: groups are eliminated from the leaves up, then one dense system joins them.
+"""The solution at one frequency: groups are eliminated from the leaves up, and one dense system joins the largest.
 
-With the matrix D of a leaf, the interpolation T to its skeletons and the coupling G between the children of a group,
+The response M of a group gives the currents of its skeletons, up to the sign, for the field that excites the skeletons.
+With the matrix D of a leaf, the interpolation T to the skeletons of a group, and the coupling G between its children,
 
-``M = T D^-1 T^T`` for a leaf and ``M = T (I + M_c G)^-1 M_c T^T`` for a group of children,
+``M = T D^-1 T^T`` for a leaf and ``M = T (I + M_c G)^-1 M_c T^T`` for a group with children,
 
-where M_c is block diagonal. The sweep is ``-b_rx^T (I + M S)^-1 M b_tx``, with S the coupling of the largest groups and
-b the fields of the antennas at their skeletons. M is never inverted: it is singular to working precision.
+where M_c is the block diagonal matrix of the responses of the children. The sweep is ``-b_rx^T (I + M S)^-1 M b_tx``,
+with M now that of the largest groups, S their coupling, and b the fields of the antennas at their skeletons. M is never
+inverted: it is singular to working precision.
 """
 
 from __future__ import annotations
@@ -28,14 +30,15 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """What the solver needs to know, at every frequency.
+    """The equation, antennas and groups of a scene, which the solver uses at every frequency.
 
     Attributes
     ----------
     equation : Nodes or Boundaries
     tx, rx : (n, 2) and (m, 2) arrays [m]
+        Positions of transmitters and receivers.
     roots : tuple of Group
-        The largest groups; none to solve the whole dense system instead.
+        The largest groups; empty to solve the whole dense system instead.
     """
 
     equation: Equation
@@ -50,24 +53,24 @@ class System:
 
     @property
     def antennas(self) -> Array:
-        """Transmitters and receivers, (n + m, 2) [m]; each place once where they are the same."""
+        """Positions of transmitters and receivers, (n + m, 2) [m]; only (n, 2) if both are the same."""
         return self.tx if np.array_equal(self.tx, self.rx) else np.concatenate([self.tx, self.rx])
 
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """A group at one frequency: what its parent needs, and what leads back to its currents.
+    """An eliminated group at one frequency: its response for the parent, and the matrices to find its currents later.
 
     Attributes
     ----------
     response : (s, s) complex64 array
-        The M of the group.
+        The matrix M of the group.
     inward : (n, s) complex64 array
-        Currents of the members for a field of one at each skeleton, ``D^-1 T^T`` or ``(I + M_c G)^-1 M_c T^T``.
+        Currents of the n members for a unit field at each skeleton, ``D^-1 T^T`` or ``(I + M_c G)^-1 M_c T^T``.
     interpolation : (s, n) complex64 array
-        T.
+        The matrix T.
     coupling : (n, n) complex64 array
-        G; empty for a leaf.
+        The matrix G; empty for a leaf.
     children : tuple of _Eliminated
     """
 
@@ -95,19 +98,19 @@ def scattered(system: System, k: float) -> Complex:
 
 
 def currents(system: System, excitation: Complex, k: float) -> Complex:
-    """Currents of all nodes, and of dielectric bodies all monopoles and dipoles.
+    """All unknowns for given excitations: currents of conductors, monopoles and dipoles of dielectric bodies.
 
     Parameters
     ----------
     system : System
     excitation : (tx, n) complex64 array
-        Strengths of the transmitters in each of n cases, as multiples of ``H0^(2)(k r)``.
+        Strengths of the transmitters in each of n cases, as multiples of the field ``H0^(2)(k r)``.
     k : float [rad/m]
 
     Returns
     -------
     (unknowns, n) complex64 array
-        The scattered field is the sum of their waves, of currents ``H0^(2)(k r)``.
+        The scattered field is the sum of the fields of these unknowns; a unit current radiates ``H0^(2)(k r)``.
     """
     members, charges, eliminated = _solved(system, excitation, k)
     if not system.roots:
@@ -121,20 +124,21 @@ def currents(system: System, excitation: Complex, k: float) -> Complex:
 
 
 def residual(system: System, k: float, *, seed: int, cases: int = 4) -> float:
-    """How well the compressed solution solves the whole system, for random strengths of the transmitters.
+    """Relative residual of the compressed solution in the full system, for random strengths of the transmitters.
 
     Parameters
     ----------
     system : System
     k : float [rad/m]
     seed : int
+        Seed of these strengths.
     cases : int
         Number of right-hand sides.
 
     Returns
     -------
     float
-        Norm of ``A I + b`` over that of the field b, with the full matrix A, which is never stored.
+        Norm of ``A I + b`` over that of the incident field b, with the full matrix A, which is never stored.
     """
     generator = np.random.default_rng(seed)
     shape = (len(system.tx), cases)
@@ -149,11 +153,15 @@ def residual(system: System, k: float, *, seed: int, cases: int = 4) -> float:
 
 
 BLOCK_ROWS = 256
-"""Rows of the full matrix that are made at a time when it is not stored."""
+"""Number of rows of the full matrix that are computed at a time when the matrix is not stored."""
 
 
 def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
-    """The nodes that are left, their currents ``-(I + M S)^-1 M b``, and the largest groups."""
+    """Solve the last dense system.
+
+    Returns the unknowns that are left (all skeletons of the largest groups), their currents ``-(I + M S)^-1 M b``, and
+    the eliminated largest groups. Without groups: all unknowns, their currents, and an empty list.
+    """
     if not system.roots:
         members = np.arange(system.equation.size)
         whole = system.equation.matrix(members, members, k)
@@ -168,12 +176,12 @@ def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Com
 
 
 def _incident(system: System, members: Indices, excitation: Complex, k: float) -> Complex:
-    """Field of the transmitters as the unknowns feel it, (members, cases)."""
+    """Incident field of the transmitters at the unknowns `members`, (members, cases)."""
     return system.equation.at_points(system.tx, members, k) @ excitation
 
 
 def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
-    """Eliminate a group and all below it."""
+    """Eliminate a group, after all groups below it."""
     children = tuple(_eliminate(child, system, k) for child in group.children)
     to_skeleton = interpolation(group, system.equation, system.antennas, k)
     if not children:
@@ -186,7 +194,10 @@ def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
 
 
 def _coupling(equation: Equation, members: Indices, blocks: Sequence[Complex], k: float) -> Complex:
-    """The matrix between groups; what they do to themselves, in blocks on the diagonal, is in their response."""
+    """The matrix between the unknowns of different groups.
+
+    The blocks on the diagonal, within each group, are set to zero, as the group's response contains them.
+    """
     result = equation.matrix(members, members, k)
     first = 0
     for block in blocks:
@@ -197,7 +208,7 @@ def _coupling(equation: Equation, members: Indices, blocks: Sequence[Complex], k
 
 
 def _descend(group: Group, eliminated: _Eliminated, exciting: Complex, result: Complex) -> None:
-    """Currents of all nodes of a group from the field that excites its skeletons."""
+    """Fill `result` with the currents of all unknowns of a group, from the field that excites its skeletons."""
     currents = eliminated.inward @ exciting
     if not group.children:
         result[group.members] = currents
@@ -209,12 +220,12 @@ def _descend(group: Group, eliminated: _Eliminated, exciting: Complex, result: C
 
 
 def _split(array: Complex, blocks: Sequence[Complex]) -> list[Complex]:
-    """The rows of an array that belong to each block."""
+    """The parts of an array whose rows belong to each block of a block diagonal matrix."""
     return np.split(array, np.cumsum([len(block) for block in blocks])[:-1])
 
 
 def _times(blocks: Sequence[Complex], array: Complex) -> Complex:
-    """Block diagonal matrix times array."""
+    """Product of a block diagonal matrix and an array."""
     return np.concatenate([block @ part for block, part in zip(blocks, _split(array, blocks), strict=True)])
 
 
@@ -227,9 +238,9 @@ def _identity_plus(blocks: Sequence[Complex], coupling: Complex, *, out: Complex
 
 
 def _solve(a: Complex, b: Complex) -> Complex:
-    """Solution of ``a x = b``; a, in rows, is overwritten by its factors.
+    """Solution of ``a x = b``; a, in row-major order, is overwritten by its factors.
 
-    LAPACK expects columns, so that it factors the transpose and then solves with the transpose of that.
+    LAPACK expects column-major order: it factors the transpose of a, and then solves with the transpose of that.
     """
     factors, pivots, info = lapack.cgetrf(a.T, overwrite_a=1)
     if info > 0:

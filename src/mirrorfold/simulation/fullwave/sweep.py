@@ -1,4 +1,4 @@
-"""The full-wave sweep of a scene: checks, frequencies, results on disk."""
+"""The full-wave sweep of a scene: checks, the solution at all frequencies, and results on disk."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ from mirrorfold.simulation.fullwave.tasks import solve_frequencies
 Complex = NDArray[np.complex64]
 
 STRONG_DB = -40.0
-"""Level of an echo of rays against the strongest one [dB] above which it must not wrap around. Rays lack what scatters
-diffusely more than once, so that such echoes come out 10-15 dB too weak; -30 dB is what an image notices."""
+"""Level relative to the strongest echo [dB], in a simulation by rays, above which an echo must not wrap around. From
+-30 dB on, wrapped echoes show in an image; but rays lack multiple diffuse scattering, so that their late echoes are
+10-15 dB too weak."""
 
 LONGER = 8
-"""How many ambiguous ranges are searched for strong echoes."""
+"""Number of ambiguous ranges that are searched for strong echoes."""
 
 SEARCH_STEPS = 800
-"""Frequencies of that search, at most: its range resolution need not be that of the sweep."""
+"""Largest number of frequency steps of that search: its range resolution may be coarser than that of the sweep."""
 
 
 def fullwave_field(
@@ -50,27 +51,27 @@ def fullwave_field(
     resume: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Complex, dict[str, float]]:
-    """What each receiver measures of each transmitter.
+    """The field at each receiver for each transmitter, whose own far field is ``exp(-j k d) / sqrt(d)``.
 
     Parameters
     ----------
     scene : Scene
     tolerance : float
-        Relative error of the samples, in the mean square.
+        Relative root-mean-square error of the samples.
     seed : int
-        Of the random profiles.
+        Seed of the random profiles of rough surfaces.
     direct : bool
-        Add the wave that comes straight from the transmitter.
+        Add the direct wave from the transmitter to the scattered field.
     check_residual : bool
-        Measure how well the whole system is solved at mid-band.
+        Compute the relative residual of the full system at mid-band.
     workers : int
         Number of processes.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers are used instead.
     checkpoint : path, optional
-        Folder for the results of frequencies that are done; it stays when the sweep is finished.
+        Folder for the results of finished frequencies; it stays when the sweep is finished.
     resume : bool
-        Go on with the results in that folder.
+        Use the results in that folder.
     progress : callable, optional
         Called as ``progress(done, total)`` after every frequency.
 
@@ -83,7 +84,7 @@ def fullwave_field(
     Raises
     ------
     InputError
-        If the scene or an argument is wrong, or memory or disk will not do.
+        If the scene or an argument is wrong, or memory or disk space does not suffice.
     """
     frequency = scene.band.frequency
     with one_thread():
@@ -122,7 +123,7 @@ def fullwave_field(
 
 
 def estimate_sweep(scene: Scene, *, tolerance: float = 1e-3, seed: int = 0) -> Estimate:
-    """What the full-wave sweep of a scene will cost; it takes as long as its preparation.
+    """Estimate the cost of the full-wave sweep of a scene. This takes as long as the preparation of the sweep.
 
     Parameters
     ----------
@@ -146,12 +147,12 @@ def estimate_sweep(scene: Scene, *, tolerance: float = 1e-3, seed: int = 0) -> E
 
 
 def check_resources(cost: Estimate, *, workers: int, folder: Path | None) -> None:
-    """Refuse work for which memory or disk will not do.
+    """Refuse a sweep for which memory or disk space does not suffice.
 
     Raises
     ------
     InputError
-        With what is needed, what there is, and the remedy.
+        The message states what is needed, what is free, and the remedy.
     """
     free = available_memory()
     if workers * cost.memory > free:
@@ -174,7 +175,7 @@ def check_resources(cost: Estimate, *, workers: int, folder: Path | None) -> Non
 
 
 def warn_of_wrapped_echoes(scene: Scene) -> None:
-    """Warn where strong echoes come from beyond the ambiguous range, with the number of frequencies needed."""
+    """Warn if strong echoes come from beyond the ambiguous range, and say how many frequencies are needed."""
     step = (scene.band.stop - scene.band.start) / (scene.band.points - 1)
     ambiguous = speed_of_light / (2.0 * step)
     longest = longest_strong_echo(scene)
@@ -188,9 +189,9 @@ def warn_of_wrapped_echoes(scene: Scene) -> None:
 
 
 def longest_strong_echo(scene: Scene) -> float:
-    """Range [m] of the farthest strong echo, by ray tracing with the two ends of the array; 0 without any.
+    """Range [m] of the farthest strong echo, by a ray simulation with the two outermost antennas; 0 if there is none.
 
-    Splines are left out, which rays cannot follow.
+    Surfaces that are splines are left out, as rays cannot follow them.
     """
     from mirrorfold.simulation.rays.sweep import scattered_field
 
@@ -209,6 +210,6 @@ def longest_strong_echo(scene: Scene) -> float:
     if not profile.any():
         return 0.0
     strong = np.flatnonzero(profile > 10.0 ** (STRONG_DB / 20.0) * profile.max())
-    # What lies at the very end is the leakage of range zero.
+    # The last samples hold the spectral leakage of range zero, wrapped around.
     strong = strong[strong < steps - 2]
     return float(strong.max(initial=0) * speed_of_light / (2.0 * (steps + 1) * step))

@@ -1,4 +1,4 @@
-"""Frequencies as independent tasks: in this process, in several, or on a Dask cluster."""
+"""Solving frequencies as independent tasks: in this process, in several processes, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Complex = NDArray[np.complex64]
 
 
 def source_strength(k: float) -> complex:
-    """The factor by which ``H0^(2)(k d)`` becomes ``exp(-j k d) / sqrt(d)`` far away [m^(-1/2)]."""
+    """Factor [m^(-1/2)] that makes the far field of ``H0^(2)(k d)`` equal to ``exp(-j k d) / sqrt(d)``."""
     return complex(np.sqrt(0.5 * np.pi * k) * np.exp(-0.25j * np.pi))
 
 
@@ -41,7 +41,7 @@ def solve_frequency(system: System, frequency: float, direct: bool) -> Complex:
     system : System
     frequency : float [Hz]
     direct : bool
-        Add the wave that comes straight from the transmitter, but for pairs at one place.
+        Add the direct wave from the transmitter, except for pairs at the same place.
     """
     k = 2.0 * np.pi * frequency / speed_of_light
     with one_thread():
@@ -55,7 +55,7 @@ def solve_frequency(system: System, frequency: float, direct: bool) -> Complex:
 def solve_frequencies(
     system: System, frequency: Array, todo: Sequence[int], *, direct: bool, workers: int, scheduler: str | None
 ) -> Iterator[tuple[int, Complex]]:
-    """The numbers and results of the frequencies to do, in the order in which they are done."""
+    """Solve the frequencies with the numbers `todo`; yields the number and the result of each when it is finished."""
     if scheduler is not None:
         yield from _on_cluster(system, frequency, todo, direct, scheduler)
     elif workers == 1:
@@ -68,8 +68,9 @@ def solve_frequencies(
 def _in_processes(
     system: System, frequency: Array, todo: Sequence[int], direct: bool, workers: int
 ) -> Iterator[tuple[int, Complex]]:
-    """By worker processes, each with a copy of the system."""
-    # By way of a file: the parent would wait for ever for a worker that ends before it has read a large argument.
+    """Solve the frequencies in worker processes, each of which has a copy of the system."""
+    # Workers read the system from a file: as an argument, a large one would block the parent forever if a worker ended
+    # before it had read it.
     remove_leftovers(Path(tempfile.gettempdir()))
     with tempfile.TemporaryDirectory(prefix=temporary_prefix()) as folder:
         path = Path(folder) / "system.pickle"
@@ -99,7 +100,7 @@ _system: System | None = None
 
 
 def _start_worker(path: Path) -> None:
-    """Take over the system, and end when the parent does, however abruptly."""
+    """Initialise a worker process: load the system, and end the process whenever the parent ends."""
     global _system
     _system = pickle.loads(path.read_bytes())
     leave_to_parent()
@@ -107,7 +108,7 @@ def _start_worker(path: Path) -> None:
 
 
 def _end_with_parent() -> None:
-    """Wait for the end of the parent process, then end this one: its queue would wait for ever."""
+    """Wait until the parent process ends, then end this one, which would otherwise wait for tasks forever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -115,7 +116,7 @@ def _end_with_parent() -> None:
 
 
 def _in_worker(frequency: float, direct: bool) -> Complex:
-    """One frequency in a worker process."""
+    """Solve one frequency in a worker process."""
     if _system is None:
         raise RuntimeError("this process was not started as a worker")
     return solve_frequency(_system, frequency, direct)
@@ -124,7 +125,7 @@ def _in_worker(frequency: float, direct: bool) -> Complex:
 def _on_cluster(
     system: System, frequency: Array, todo: Sequence[int], direct: bool, scheduler: str
 ) -> Iterator[tuple[int, Complex]]:
-    """By the workers of a Dask cluster."""
+    """Solve the frequencies by the workers of a Dask cluster."""
     try:
         from distributed import Client
         from distributed import as_completed as completed
@@ -151,8 +152,8 @@ def _on_cluster(
                 f"scheduler: the Dask scheduler at {scheduler!r} has no workers; start some with `dask worker "
                 f"{scheduler}`"
             ) from None
-        # The system is the result of a task, which is done again when the worker that holds it is lost. Scattered data
-        # would be lost with the worker, and would wait for ever for one that ends while it receives them.
+        # The system is sent as the result of a task, which Dask runs again if the worker that holds it is lost. Data
+        # sent by `scatter` would be lost with the worker, and would block forever if it ended while receiving them.
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
             everywhere = client.submit(pickle.loads, pickle.dumps(system), pure=False)
@@ -171,4 +172,4 @@ def _on_cluster(
 
 
 CONNECT_SECONDS = 10
-"""How long to wait for a Dask scheduler, and for a worker of it [s]."""
+"""Longest time to wait for a Dask scheduler, and for its first worker [s]."""
