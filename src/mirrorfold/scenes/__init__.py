@@ -1,1 +1,1 @@
-"""Scenes: surfaces, materials, arrays and scanners of the truth, in the floor plan and in space."""
+"""Scenes, the ground truth: surfaces, materials, antenna arrays and scanners, in the floor plan and in space."""

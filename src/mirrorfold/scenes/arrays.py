@@ -22,29 +22,30 @@ PositiveLength = Annotated[Positive, Field(le=FARTHEST), Quantity("length")]
 NonNegativeLength = Annotated[NonNegative, Field(le=FARTHEST), Quantity("length")]
 Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("length")]
 AnyAngle = Annotated[Finite, Quantity("angle")]
-"""Numbers that a scene file may give with units."""
+"""Types of numbers that a scene file may give with units."""
 
 Count = Annotated[int, Field(le=10**15)]
-"""How many there are of something: petabytes of one byte each are no measurement, and larger numbers no float64."""
+"""A number of elements. The limit: no measurement has petabytes of data, and float64 no longer holds larger integers."""
 
 STRICT = ConfigDict(extra="forbid")
+"""Configuration of all dataclasses of scenes: unknown entries are errors."""
 
 POSITION_BYTES = 72.0
-"""Memory of an antenna while the positions of its array are made."""
+"""Memory per antenna while the positions of its array are computed [B]."""
 
 STEP_BYTES = 16.0
-"""Memory of a frequency or an angle while the steps are made."""
+"""Memory per frequency or angle while the steps are computed [B]."""
 
 
 def in_one_unit(given: Any) -> Any:
-    """What a scene file gives in one place, a point or both ends of a band, unless some numbers alone have a unit."""
+    """Return the numbers of one entry unchanged, such as a point; refuse them if only some of them have a unit."""
     if mixes_units(list(given.values()) if isinstance(given, dict) else given):
         raise ValueError(f"{given} gives some numbers a unit and others none; give each its unit, or none")
     return given
 
 
 def both_ends_in_one_unit(given: Any) -> Any:
-    """The fields of a band or of steps, unless one of both ends alone has a unit."""
+    """Return the fields of a band or of steps unchanged; refuse them if only one of start and stop has a unit."""
     fields = given.kwargs if isinstance(given, ArgsKwargs) else given
     if isinstance(fields, dict):
         in_one_unit({name: fields[name] for name in ("start", "stop") if name in fields})
@@ -57,7 +58,7 @@ Point = Point2 | Point3
 
 
 def point3(point: Sequence[float]) -> Array:
-    """A point or direction given with two or three coordinates, as three; z defaults to 0."""
+    """A point or direction of two or three coordinates as an array (3,); z is 0 by default."""
     return np.array((*point, 0.0)[:3], dtype=float)
 
 
@@ -72,16 +73,16 @@ class LinearArray:
     pitch : float [m]
         Distance between neighbours; at most half a wavelength at the top frequency avoids grating lobes.
     center : (2,) or (3,) [m], default the origin
-        The middle between the first antenna and the last.
+        Midpoint between the first antenna and the last.
     direction : (2,) or (3,), default along +x
         From the first antenna to the last; need not have length one.
     horn : float [m], optional
-        Width of the antennas' apertures along the array; a point source by default. The field in the aperture is that
-        of a horn's H-plane, a cosine: between half powers the beam is about ``1.19 lambda / horn`` wide.
+        Width of the aperture of each antenna along the array; a point source by default. The aperture field is that of
+        a horn in the H-plane, a cosine: the half-power beamwidth is about ``1.19 lambda / horn``.
     missing : tuple of int, default ()
-        Which of them are not there, counted from 0: broken ones, or those that a thinned array does without.
+        Numbers of antennas that are missing, counted from 0: broken ones, or those that a thinned array omits.
     rx : LinearArray, optional
-        The receiving array, where it differs from the transmitting one.
+        The receiving array, if it differs from the transmitting one.
     """
 
     kind: Literal["linear"] = "linear"
@@ -106,12 +107,12 @@ class LinearArray:
 
     @property
     def count(self) -> int:
-        """Number of the antennas that are there."""
+        """Number of antennas that are not missing."""
         return self.elements - len(set(self.missing))
 
     @property
     def present(self) -> NDArray[np.int64]:
-        """Indices of the antennas that are there, shape (n,)."""
+        """Numbers of the antennas that are not missing, shape (n,)."""
         there = np.ones(self.elements, dtype=bool)
         there[list(self.missing)] = False
         return np.flatnonzero(there)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Scene:
-    """Everything that a simulation needs to know, and a score compares with.
+    """A scene in the floor plan: all that a simulation needs, and the ground truth that a score compares with.
 
     Attributes
     ----------
@@ -50,7 +50,8 @@ class Scene:
     surface : tuple of Segment, Polyline, Arc, Circle or Curve
         In the order of the file; may be empty.
     polarization : {"TE", "TM", "both"}, default "TE"
-        What the radar sends and hears: E along the vertical axis, or in the floor plan, or one after the other.
+        Polarization that the radar transmits and receives: E along the vertical axis ("TE"), E in the floor plan
+        ("TM"), or one after the other.
     """
 
     name: str
@@ -72,7 +73,7 @@ class Scene:
             raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
 
     def _repr_html_(self) -> str:
-        """The floor plan and the facts, for notebooks."""
+        """Picture of the floor plan with the main facts, for notebooks."""
         strokes = [
             Stroke(piece, TRUTH_COLOUR, label=surface.name)
             for surface in self.surface
@@ -94,7 +95,7 @@ def load_scene(path: str | Path) -> Scene | Scene3D:
     Raises
     ------
     InputError
-        With every mistake in the file and its place.
+        The message lists every mistake in the file with its place.
     """
     if not isinstance(path, str | Path):
         raise wrong_kind("load_scene", path, "the path of a scene file; mf.parse_scene takes its content as a dict")
@@ -105,9 +106,9 @@ def load_scene(path: str | Path) -> Scene | Scene3D:
 
 
 def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The content of a scene file in which meshes and tables of directions are found beside it.
+    """The content of a scene file, with the paths of meshes and tables of directions made relative to its folder.
 
-    What is not there stays as it is, and is looked for from the folder in which the program runs.
+    A path that does not exist there stays as it is, relative to the folder in which the program runs.
     """
 
     def found(entry: Any, name: str) -> Any:
@@ -123,12 +124,12 @@ def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The content of a scene file, with the points that curves keep in files beside it.
+    """The content of a scene file, with the points of curves read from the files that it names.
 
     Raises
     ------
     InputError
-        If such a file is missing or does not hold two columns of numbers.
+        If such a file is missing, or does not consist of two columns of numbers.
     """
     surfaces = content.get("surface")
     if not isinstance(surfaces, list):
@@ -152,7 +153,7 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
     Raises
     ------
     InputError
-        If they cannot be read.
+        If the file cannot be read, or has another format.
     """
     expected = "expected an .npy or .csv file with one x and y [m] per row"
     if path.suffix not in (".npy", ".csv"):
@@ -177,7 +178,7 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
 
 
 def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene3D:
-    """A scene, of two dimensions or of three, from a dict with the content of a scene file.
+    """A scene, in two or three dimensions, from a dict with the content of a scene file.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
         As `tomllib` returns it: ``{"name": ..., "array": {...}, "band": {...}, "surface": [{...}, ...]}``; lengths [m],
         frequencies [Hz] and angles [degree] are numbers, or texts with a unit such as ``"300 GHz"``.
     source : str
-        Names the scene in messages.
+        Name of the scene, or of its file, in messages.
 
     Returns
     -------
@@ -194,7 +195,7 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
     Raises
     ------
     InputError
-        With every mistake and its place; `source` names the file in the message.
+        The message lists every mistake with its place.
     """
     if not isinstance(content, dict):
         raise wrong_kind(source, content, "a dict with the content of a scene file")
@@ -210,12 +211,12 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
 
 
 def as_scene(scene: Any, name: str = "scene") -> Scene | Scene3D:
-    """A scene from whatever stands for one: itself, the path of its file, or the content of such a file as a dict.
+    """A scene from a scene, the path of a scene file, or a dict with the content of one.
 
     Raises
     ------
     InputError
-        If it is none of these, or has mistakes; `name` is that of the argument.
+        If `scene` is none of these, or has mistakes; `name` is the name of the argument in the message.
     """
     if isinstance(scene, str | Path):
         return load_scene(scene)

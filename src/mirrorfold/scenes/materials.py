@@ -1,4 +1,6 @@
-"""What surfaces are made of: how much of a wave they send back, specularly and diffusely."""
+"""Materials of surfaces: their permittivity and reflection coefficient, the coherent factor of rough ones, and the
+depths at which walls scatter inside.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,12 @@ from mirrorfold.scenes.arrays import STRICT, NonNegative
 
 
 class Material(Protocol):
-    """Anything with a reflection coefficient. A new material is a new class with this one method."""
+    """Anything with a reflection coefficient. A new kind of material is a new class with this one method."""
 
     def reflection(
         self, frequency: ArrayLike, incidence_angle: ArrayLike, polarization: Polarization = "TE"
     ) -> NDArray[np.complex128]:
-        """Amplitude reflection coefficient of the smooth half-space.
+        """Amplitude reflection coefficient of a smooth half-space of the material.
 
         Parameters
         ----------
@@ -33,23 +35,24 @@ class Material(Protocol):
         incidence_angle : (...) array [rad]
             From the normal.
         polarization : {"TE", "TM"}
-            Of E, parallel to the surface, or of H, see `mirrorfold.common.slabs`.
+            E ("TE") or H ("TM") parallel to the surface; the coefficient is that of this field, see
+            `mirrorfold.common.slabs`.
 
         Returns
         -------
-        (...) complex array, broadcast from both.
+        (...) complex array, broadcast from frequency and angle.
         """
         ...
 
 
 @dataclass(frozen=True)
 class PerfectConductor:
-    """A metal without losses: the tangential electric field vanishes on it, so it reflects E with -1, H with +1."""
+    """A metal without losses: the tangential E vanishes on it, so that it reflects E with -1 and H with +1."""
 
     def reflection(
         self, frequency: ArrayLike, incidence_angle: ArrayLike, polarization: Polarization = "TE"
     ) -> NDArray[np.complex128]:
-        """The same at every frequency and angle."""
+        """Reflection coefficient, the same at every frequency and angle: -1 for TE, +1 for TM."""
         value = 1.0 + 0.0j if polarization == "TM" else -1.0 + 0.0j
         return np.full(np.broadcast_shapes(np.shape(frequency), np.shape(incidence_angle)), value)
 
@@ -61,9 +64,9 @@ class Dielectric:
     Attributes
     ----------
     a, b : float
-        Of the relative permittivity.
+        Factor and exponent of the relative permittivity.
     c, d : float
-        Of the conductivity [S/m].
+        Factor [S/m] and exponent of the conductivity.
     """
 
     a: float
@@ -93,7 +96,7 @@ _BY_NAME: dict[str, Material] = {
     "wood": Dielectric(1.82, 0.0, 0.004, 1.0761),
     "marble": Dielectric(7.94, 0.0, 0.0001, 1.733),
 }
-"""Recommendation ITU-R P.2040-4, the fits that reach 300 GHz."""
+"""Materials by name: those of Recommendation ITU-R P.2040-4 whose fits reach 300 GHz, and a perfect conductor."""
 
 
 def names() -> tuple[str, ...]:
@@ -103,12 +106,12 @@ def names() -> tuple[str, ...]:
 
 @checked(frozen=True, config=STRICT, kw_only=True)
 class Substance:
-    """A dielectric without a name.
+    """A dielectric given by its permittivity and conductivity, the same at all frequencies, instead of a name.
 
     Attributes
     ----------
     permittivity : float
-        Relative.
+        Relative permittivity.
     conductivity : float [S/m]
     """
 
@@ -120,13 +123,13 @@ class Substance:
 
 
 FITTED = 1e9, 450e9
-"""Frequencies [Hz] between which the recommendation's fits are stated, of one material or another."""
+"""Lowest and highest frequency [Hz] for which the recommendation states the fit of any of its materials."""
 
 ADVICE = (
     f"its fit holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, "
     "{permittivity = ..., conductivity = ...}"
 )
-"""Beyond these frequencies."""
+"""Part of messages about frequencies outside this range."""
 
 
 def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.complex128]:
@@ -135,7 +138,7 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
     Raises
     ------
     InputError
-        If it has none: a conductor, or a named material far from the frequencies that it was measured at.
+        If it has none: a conductor, or a named material outside the frequencies `FITTED`.
     """
     made_of = material(name)
     if not isinstance(made_of, Dielectric):
@@ -146,25 +149,28 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
 
 
 def is_fitted(name: str | Substance, frequency: ArrayLike) -> bool:
-    """Whether it is known what a material is at frequencies [Hz]: metals and what is stated are so everywhere."""
+    """Whether the properties of a material are known at frequencies [Hz].
+
+    Metals, and materials of stated permittivity, are known at all frequencies; named dielectrics within `FITTED`.
+    """
     if not isinstance(name, str) or not isinstance(material(name), Dielectric):
         return True
     return bool(np.max(frequency) <= FITTED[1] and np.min(frequency) >= FITTED[0])
 
 
 def warn_if_extrapolated(name: str | Substance, frequency: ArrayLike) -> None:
-    """Tell of an opaque material that was not measured anywhere near these frequencies [Hz]."""
+    """Warn of an opaque material whose fit does not reach these frequencies [Hz]."""
     if not is_fitted(name, frequency):
         warnings.warn(f"material {name!r} is extrapolated to {np.max(frequency) / 1e9:g} GHz, {ADVICE}", stacklevel=2)
 
 
 def material(name: str | Substance) -> Material:
-    """The material of that name, or of that permittivity.
+    """The material of a name, or of a stated permittivity.
 
     Raises
     ------
     InputError
-        If there is none.
+        If there is no material of that name.
     """
     if isinstance(name, Substance):
         return Dielectric(name.permittivity, 0.0, name.conductivity, 0.0)
@@ -175,12 +181,12 @@ def material(name: str | Substance) -> Material:
 
 
 def check_passable(name: str | Substance, thickness: float | None, volume_depth: float) -> None:
-    """Refuse a `thickness` [m] of a wall that lets nothing through, or is not homogeneous.
+    """Refuse a `thickness` [m] of a wall whose material lets nothing through, or that scatters inside.
 
     Raises
     ------
     ValueError
-        With what to do.
+        The message states the remedy.
     """
     if thickness is None:
         return
@@ -194,24 +200,25 @@ def check_passable(name: str | Substance, thickness: float | None, volume_depth:
 
 
 VolumeProfile = Literal["exponential", "uniform", "layers"]
-"""How the scattering inside a wall is spread over its depth d. Exponential: the power falls as ``exp(-2 z / d)`` and
-ends at d, with the mean depth 0.34 d. Uniform: the same at all depths, mean 0.5 d. Layers, as in a board between two
-papers: two thirds of the power from the first tenth of d and one third from the last, mean 0.35 d."""
+"""How the power that the inside of a wall scatters is distributed over the depth z, from 0 to the `volume_depth` d.
+Exponential: as ``exp(-2 z / d)``, with the mean depth 0.34 d. Uniform: equal at all depths, mean depth 0.5 d. Layers,
+as in a board between two sheets of paper: two thirds from the first tenth of d, one third from the last tenth, mean
+depth 0.35 d."""
 
 SHEET, FRONT_SHARE = 0.1, 2.0 / 3.0
-"""Thickness of each of the two layers, as a share of the depth, and share of the power that the front one scatters."""
+"""Profile "layers": thickness of each layer over the depth d, and share of the power that the front layer scatters."""
 
 
 def scattering_depth(profile: VolumeProfile, depth: float, uniform: Array) -> Array:
-    """Depths of random scatterers inside a wall, each of which stands for the same power.
+    """Depths of random scatterers inside a wall, so that each scatterer represents the same power.
 
     Parameters
     ----------
     profile : {"exponential", "uniform", "layers"}
     depth : float [m]
-        Down to which the wall scatters.
+        Depth down to which the wall scatters.
     uniform : (n,) array
-        Random numbers between 0 and 1: the share of the power that scatters from above the depth returned.
+        Random numbers, uniform between 0 and 1: share of the power that is scattered in front of the depth returned.
 
     Returns
     -------
@@ -226,8 +233,8 @@ def scattering_depth(profile: VolumeProfile, depth: float, uniform: Array) -> Ar
 
 
 LONG_CORRELATION = 100.0
-"""Correlation length times wavenumber from which a surface scatters so close to the specular direction that Ament's
-formula holds to 1e-3."""
+"""Correlation length times wavenumber above which Ament's formula is used: a surface then scatters so close to the
+specular direction that the formula holds to 1e-3."""
 
 
 def coherent_factor(
@@ -237,14 +244,15 @@ def coherent_factor(
     *,
     correlation_length: float | None = None,
 ) -> NDArray[np.float64]:
-    """What roughness leaves of the specular amplitude.
+    """The factor rho by which roughness reduces the specular amplitude.
 
-    ``exp(-(4 pi h / lambda)^2 cos(theta) G / 2)`` for Gaussian heights of rms `h`. Where the heights vary slowly,
-    ``G = cos(theta)`` (Ament, Proc. IRE 41, 1953; Beckmann and Spizzichino, 1963, section 5.3). Otherwise G is the
-    mean normal component of the directions into which the spectrum of the heights scatters, ``G = E[Re sqrt(1 -
-    (sin(theta) + x)^2)]`` with x normal of standard deviation ``sqrt(2) / (k L)``: fine structure scatters partly into
-    evanescent waves, which carry no power (Rice, Comm. Pure Appl. Math. 4, 1951, to first order for E parallel to a
-    conductor, continued by the exponential). At L = 0.2 lambda this halves the loss in dB.
+    ``rho = exp(-(4 pi h / lambda)^2 cos(theta) G / 2)`` for Gaussian heights of rms `h` and the angle of incidence
+    theta. If the heights vary slowly along the surface, ``G = cos(theta)`` (Ament, Proc. IRE 41, 1953; Beckmann and
+    Spizzichino, 1963, section 5.3). Otherwise G is the mean cosine of the directions into which the spectrum of the
+    heights scatters, ``G = E[Re sqrt(1 - (sin(theta) + x)^2)]``, with x normally distributed of standard deviation
+    ``sqrt(2) / (k L)``. Fine structure scatters partly into evanescent waves, which carry no power (Rice, Comm. Pure
+    Appl. Math. 4, 1951, to first order for E parallel to a conductor, continued by the exponential). At L = 0.2 lambda
+    this halves the loss in dB.
 
     Parameters
     ----------
@@ -253,7 +261,7 @@ def coherent_factor(
     incidence_angle : (...) array [rad]
         From the normal.
     correlation_length : float [m], optional
-        The L of the autocovariance ``h^2 exp(-d^2 / L^2)``; by default long against the wavelength.
+        L of the autocovariance ``h^2 exp(-d^2 / L^2)``; by default much longer than the wavelength.
 
     Returns
     -------
@@ -268,7 +276,10 @@ def coherent_factor(
 
 
 def _mean_scattered_cosine(k_correlation: ArrayLike, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``E[Re sqrt(1 - (sin(angle) + x)^2)]`` for x normal of standard deviation ``sqrt(2) / k_correlation``."""
+    """G of `coherent_factor`: ``E[Re sqrt(1 - (sin(angle) + x)^2)]``, x of standard deviation ``sqrt(2) / (k L)``.
+
+    `k_correlation` is ``k L``.
+    """
     k_correlation, angle = np.broadcast_arrays(k_correlation, angle)
     mean = np.array(np.cos(angle))
     for value in np.unique(k_correlation):
@@ -280,7 +291,7 @@ def _mean_scattered_cosine(k_correlation: ArrayLike, angle: NDArray[np.float64])
 
 @lru_cache(64)
 def _scattered_cosines(k_correlation: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Angles of incidence from 0 to 90 degrees [rad], and the mean cosine of the scattered waves at each."""
+    """Angles of incidence from 0 to 90 degrees [rad], and the mean cosine G of the scattered waves at each of them."""
     # The midpoint rule over the scattering angle is spectrally accurate: the integrand is even about its ends.
     scattered = (np.arange(400) + 0.5) / 400 * np.pi - 0.5 * np.pi
     grid = np.linspace(0.0, 0.5 * np.pi, 257)

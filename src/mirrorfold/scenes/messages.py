@@ -1,4 +1,4 @@
-"""Mistakes in scenes, said in plain words with their places."""
+"""Error messages about mistakes in scenes: pydantic's errors in plain words, with the place of each mistake."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from mirrorfold.common.arguments import shown
 from mirrorfold.errors import InputError
 
 INTERNAL = re.compile(r"[A-Z].*|.*[\[(].*|str|float|int")
-"""What pydantic puts into places to tell the types of a union apart; no entry of a file is called so."""
+"""Parts that pydantic adds to the place of an error to tell the types of a union apart; no entry of a file has such a
+name."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,9 @@ class Entries:
     Attributes
     ----------
     of_kind : dict
-        Those of a surface, by its kind.
+        Names of the entries of a surface, by the kind of the surface.
     known : list of str
-        All of them.
+        Names of all entries.
     """
 
     of_kind: Mapping[str, frozenset[str]]
@@ -35,18 +36,18 @@ class Entries:
 
     @classmethod
     def of(cls, surfaces: Iterable[type[Any]], others: Iterable[type[Any]]) -> Self:
-        """The fields of the dataclasses of surfaces, and of all else in a scene."""
+        """The entries that are the fields of the dataclasses of surfaces, and of the other dataclasses of a scene."""
         of_kind = {one.__dataclass_fields__["kind"].default: frozenset(one.__dataclass_fields__) for one in surfaces}
         known = set().union(*of_kind.values(), *(one.__dataclass_fields__ for one in others))
         return cls(of_kind, sorted(known))
 
 
 def plain(error: ValidationError, source: str, entries: Entries) -> InputError:
-    """All mistakes in one sentence."""
+    """One error whose message lists all mistakes that pydantic found, each with its place."""
     mistakes: dict[str, list[str]] = {}
     for item in error.errors(include_url=False):
         if item["type"] == "string_type" and isinstance(item["input"], dict) and item["loc"][-1:] == ("str",):
-            continue  # not a name but a table, whose own mistakes are told
+            continue  # the entry is a table instead of a name, and the mistakes in the table are listed anyway
         said, expected = _explain(item, entries)
         held = mistakes.setdefault(said, [])
         held += [expected] if expected and expected not in held else []
@@ -57,7 +58,7 @@ def plain(error: ValidationError, source: str, entries: Entries) -> InputError:
 
 
 def say_plainly(scene: type, entries: Entries) -> None:
-    """Have a class of scenes, called with wrong arguments, say so in the same words as for a file."""
+    """Wrap the constructor of a class of scenes, so that it raises the same messages as a wrong scene file."""
     original = scene.__init__  # type: ignore[misc]
 
     @functools.wraps(original)
@@ -71,7 +72,7 @@ def say_plainly(scene: type, entries: Entries) -> None:
 
 
 def _explain(item: Any, entries: Entries) -> tuple[str, str]:
-    """One mistake in plain words, with its place such as ``surface[1].start``, and what was expected there."""
+    """One mistake in plain words, with its place such as ``surface[1].start``; and what was expected there, or ""."""
     place, kind = "", ""
     for part in item["loc"]:
         if isinstance(part, int):
@@ -98,7 +99,7 @@ def _explain(item: Any, entries: Entries) -> tuple[str, str]:
 
 
 def _unknown(place: str, entry: str, kind: str, entries: Entries) -> str:
-    """What to do about an entry that is not known in its place."""
+    """The message about an entry that is not known in its place, with what to do."""
     if entry in entries.known:
         owners = [owner for owner, held in entries.of_kind.items() if entry in held]
         if kind and owners:

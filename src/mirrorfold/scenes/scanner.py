@@ -27,7 +27,7 @@ from mirrorfold.scenes.arrays import (
 )
 
 WIDEST = 89.0
-"""Largest azimuth or elevation [degree]: the scanner looks forward."""
+"""Largest azimuth or elevation [degree]: a scanner looks forward."""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -55,14 +55,14 @@ class Steps:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Leakage:
-    """What reaches the receiver inside the instrument, as an echo.
+    """Leakage from the transmitter to the receiver inside the instrument, which appears as an echo.
 
     Attributes
     ----------
     level_db : float [dB]
-        ``20 log10 |S11|``.
+        Level of this echo, ``20 log10 |S11|``.
     range : float [m]
-        At which it appears.
+        Range at which it appears.
     """
 
     level_db: Finite
@@ -71,17 +71,18 @@ class Leakage:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Scanner:
-    """A transceiver at `origin` whose beam pivots about it.
+    """A transceiver at `origin` with a focused beam that pivots about the origin.
 
     Attributes
     ----------
     azimuth, elevation : Steps, optional
-        The grid of directions; both, or `directions` instead.
+        The grid of directions; give both, or `directions` instead.
     directions : path, optional
         CSV file with the columns azimuth, elevation [degree], one line for each direction of a complete grid.
     spot_radius : float [m]
-        Radius of the focus where the amplitude has fallen to 1/e.
+        Radius of the beam in its focus, at which the amplitude has fallen to 1/e.
     focus_distance : float [m]
+        Distance of the focus from the origin.
     origin : (3,) [m], default (0, 0, 0)
     leakage : Leakage, optional
         None by default.
@@ -106,7 +107,7 @@ class Scanner:
 
     @property
     def angles(self) -> tuple[Array, Array]:
-        """Azimuths (a,) and elevations (e,) of the grid [degree], rising."""
+        """Azimuths (a,) and elevations (e,) of the grid [degree], in rising order."""
         if self.directions is not None:
             return _read_directions(self.directions)
         assert self.azimuth is not None  # for the type checker; see __post_init__
@@ -129,7 +130,7 @@ def _read_directions(path: Path) -> tuple[Array, Array]:
     Raises
     ------
     ValueError
-        If the file cannot be read or its directions are no complete grid.
+        If the file cannot be read, or its directions are not a complete grid.
     """
     text = read_text(path, "give the path of a CSV file of directions")
     try:

@@ -1,7 +1,8 @@
-"""Three-dimensional scenes: panels, solids, bodies and patches before a raster scanner.
+"""Three-dimensional scenes: panels, solids, bodies and patches in front of a raster scanner.
 
-The same TOML as in two dimensions, with ``dimensions = 3`` and a ``[scanner]`` in place of an ``[array]``. Every shape
-has a frame of its own, x to its right, y to its front and z up, in which its parts and patches are described.
+A scene file has the same TOML as in two dimensions, with ``dimensions = 3`` and a ``[scanner]`` in place of an
+``[array]``. Every shape has its own frame, x to its right, y to its front and z up, in which its parts and patches are
+described.
 """
 
 from __future__ import annotations
@@ -41,27 +42,27 @@ Lifted = Annotated[float, Field(ge=0, le=170), Quantity("angle")]
 Bent = Annotated[float, Field(ge=0, le=150), Quantity("angle")]
 Share = Annotated[float, Field(ge=0, le=1)]
 TALLEST_BODY = 2.5
-"""A mannequin above this height [m] was probably given in other units."""
+"""Largest height of a mannequin [m]: a taller one was probably given in another unit."""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Finish:
-    """What surfaces of all shapes share: what they are made of and how they scatter.
+    """Attributes that surfaces of all shapes share: material and scattering.
 
     Attributes
     ----------
     material : str or Substance
         A name that `mirrorfold.scenes.materials` knows, or permittivity and conductivity.
     roughness : Roughness, optional
-        Takes from the specular reflection what it scatters diffusely.
+        Scatters a part of the specular reflection diffusely; smooth by default.
     diffuse_fraction : float
-        Share of the remaining reflected power that is scattered diffusely: folds, fabric, texture.
+        Share of the remaining reflected power that is scattered diffusely, by folds, fabric or texture.
     volume_depth : float [m]
-        Depth over which the inside of a wall scatters too.
+        Depth over which the inside of a wall scatters, too.
     volume_profile : {"exponential", "uniform", "layers"}, default "exponential"
-        How that scattering is spread over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
+        How that scattering is distributed over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
     loss_db : float [dB]
-        Taken from everything that is reflected, on top of the material's own loss.
+        Additional loss of everything that the surface returns, on top of that of the material.
     """
 
     material: str | materials.Substance = "pec"
@@ -79,7 +80,7 @@ class Finish:
 
     @property
     def substance(self) -> materials.Material:
-        """The material itself."""
+        """The material as an object with a reflection coefficient."""
         return materials.material(self.material)
 
 
@@ -98,7 +99,7 @@ class _Solid(Finish):
 
     @property
     def frame(self) -> Isometry:
-        """From the shape's own coordinates to the scene's."""
+        """The isometry from the shape's own coordinates to those of the scene."""
         return Isometry.identity(3)
 
 
@@ -110,11 +111,11 @@ class Panel(_Solid):
     ----------
     center : (3,) [m]
     normal : (3,)
-        Need not have length one.
+        Direction of the front; need not have length one.
     width, height : float [m]
         The width is measured horizontally; for a horizontal panel along x.
     thickness : float [m], optional
-        Of a panel that waves pass through, half of it on either side of its middle; opaque where it is not given.
+        Thickness of a half-transparent panel, half of it on either side of its middle; by default the panel is opaque.
     """
 
     kind: Literal["panel"] = "panel"
@@ -131,7 +132,7 @@ class Panel(_Solid):
 
     @property
     def frame(self) -> Isometry:
-        """The normal is its front."""
+        """Frame with the origin at the center, and the normal as the front."""
         front = unit(self.normal)
         right = np.array([front[1], -front[0], 0.0])
         right = unit(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
@@ -198,7 +199,7 @@ class Mesh(_Solid):
 
     @property
     def frame(self) -> Isometry:
-        """Where the file's coordinates go."""
+        """From the coordinates of the file, times `scale`, to those of the scene."""
         return turned(self.heading, self.position)
 
 
@@ -209,16 +210,16 @@ class Mannequin(_Solid):
     Attributes
     ----------
     position : (3,) [m]
-        On the ground, between the feet.
+        Point on the ground between the feet.
     height : float [m]
     heading : float [degree]
-        Where it looks, from +y towards +x.
+        Direction in which it looks, from +y towards +x.
     arms : (2,) [degree]
-        How far the left and the right arm are lifted sideways.
+        Angles by which the left and the right arm are lifted sideways.
     elbows : (2,) [degree]
-        How far they are bent, forearms to the front.
+        Angles by which the left and the right elbow are bent, forearms to the front.
     stride : float [degree]
-        The left leg to the front, the right one to the back.
+        Angle by which the left leg is turned to the front, and the right leg to the back.
     """
 
     kind: Literal["mannequin"] = "mannequin"
@@ -238,24 +239,25 @@ class Mannequin(_Solid):
 
     @property
     def frame(self) -> Isometry:
-        """Between the feet, looking ahead."""
+        """Frame with the origin between the feet, and the direction in which it looks as the front."""
         return turned(self.heading, self.position)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Patch(_Solid):
-    """A region of another surface with another finish: all of it that a prism meets from one side.
+    """A region of another surface with another finish: the part inside a prism that faces the direction of the prism.
 
     Attributes
     ----------
     on : str
         Name of the surface.
     center : (3,) [m]
-        In that surface's own frame, as is the direction.
+        Center of the outline, in the frame of that surface.
     direction : (3,)
-        Out of the surface: only what faces it is covered.
+        Axis of the prism, in the same frame, pointing out of the surface: only parts that face it are covered.
     outline : (n, 2) [m]
-        Corners around the center, to the right and up as seen against `direction`; simple, not crossing itself.
+        Corners of the prism's cross-section relative to the center, to the right and up as seen against `direction`;
+        it must not cross itself.
     """
 
     kind: Literal["patch"] = "patch"
@@ -269,12 +271,12 @@ class Patch(_Solid):
             raise ValueError("direction must have a length above zero, for example [0, 1, 0]")
 
     def covers(self, points: Array, normals: Array) -> NDArray[np.bool_]:
-        """Which points (n, 3) with normals, in the frame of the surface below, lie under the patch."""
+        """Which points (n, 3) [m] with normals (n, 3), in the frame of the surface, the patch covers, (n,)."""
         from matplotlib.path import Path as Outline
 
         towards = unit(self.direction)
         left = np.cross([0.0, 0.0, 1.0], towards)
-        # Seen against the direction, up stays up and right is the surface's left for one that faces the viewer.
+        # Seen against the direction, up stays up, and right is the left side of a surface that faces the viewer.
         right = unit(left) if np.linalg.norm(left) > 1e-9 else np.array([1.0, 0.0, 0.0])
         up = np.cross(towards, right)
         offset = points - np.array(self.center)
@@ -287,7 +289,7 @@ Surface3D = Panel | Box | Sphere | Cylinder | Mesh | Mannequin | Patch
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Scene3D:
-    """Everything that a simulation needs to know, and a score compares with.
+    """A scene in space: all that a simulation needs, and the ground truth that a score compares with.
 
     Attributes
     ----------
@@ -298,8 +300,8 @@ class Scene3D:
     band : Band
     surface : tuple of Panel, Box, Sphere, Cylinder, Mesh, Mannequin or Patch
     polarization : {"TE", "TM", "both"}, default "TE"
-        What the scanner sends and hears: E parallel to every face that it meets, as the vertical one is to upright
-        walls; or square to that; or one after the other.
+        Polarization that the scanner transmits and receives: E parallel to every face that it meets ("TE"), as vertical
+        E is to upright walls; H parallel to it ("TM"); or one after the other.
     """
 
     name: str
@@ -325,7 +327,7 @@ class Scene3D:
                 raise ValueError(f"patch {surface.name!r} lies on {surface.on!r}, expected one of {', '.join(solids)}")
 
     def _repr_html_(self) -> str:
-        """The floor plan of the panels, with dots where other objects stand, and the facts, for notebooks."""
+        """Picture of the floor plan of the panels, dots for other objects, and the main facts, for notebooks."""
         strokes = []
         for surface in self.surface:
             if isinstance(surface, Patch):
@@ -346,7 +348,7 @@ class Scene3D:
         return card(self.name, picture(strokes, self.scanner.origin, title=f"floor plan of {self.name}"), facts)
 
     def patches(self, name: str) -> list[tuple[int, Patch]]:
-        """The patches on the surface of that name with their index; where they overlap, the later one covers."""
+        """Number and patch for all patches on the surface `name`; where patches overlap, the later one applies."""
         return [(i, patch) for i, patch in enumerate(self.surface) if isinstance(patch, Patch) and patch.on == name]
 
 

@@ -21,12 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Roughness:
-    """Gaussian heights with a Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``.
+    """Roughness of a surface: Gaussian heights with the Gaussian autocovariance ``h^2 exp(-d^2 / L^2)``.
 
     Attributes
     ----------
     rms_height : float [m]
+        Root-mean-square height h.
     correlation_length : float [m]
+        Correlation length L along the surface.
     """
 
     rms_height: NonNegativeLength
@@ -35,7 +37,7 @@ class Roughness:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Surface:
-    """What surfaces of all shapes share.
+    """Attributes that surfaces of all shapes share.
 
     Attributes
     ----------
@@ -43,11 +45,11 @@ class _Surface:
     material : str or Substance
         A name that `mirrorfold.scenes.materials` knows, or permittivity and conductivity.
     roughness : Roughness, optional
-        Smooth where it is not given: such a surface is a mirror and nothing else.
+        By default the surface is smooth: it only reflects specularly, and does not scatter on its face.
     volume_depth : float [m], default 0
-        Depth over which the inside of the wall scatters too: 1-3 cm for drywall at 0.3 THz.
+        Depth over which the inside of the wall scatters, too: 1-3 cm for drywall at 0.3 THz.
     volume_profile : {"exponential", "uniform", "layers"}, default "exponential"
-        How that scattering is spread over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
+        How that scattering is distributed over the depth; see `mirrorfold.scenes.materials.VolumeProfile`.
     """
 
     name: str
@@ -63,12 +65,12 @@ class _Surface:
         return value
 
     def pieces(self, spacing: float) -> list[Array]:
-        """The outline as connected polylines, shape (n, 2) [m]; curves in chords of at most `spacing` [m].
+        """The outline as polylines (n, 2) [m]; curved ones in chords of at most `spacing` [m].
 
         Raises
         ------
         NotImplementedError
-            Never for the shapes of this module.
+            In this base class; every shape of this module has its own method.
         """
         raise NotImplementedError
 
@@ -81,7 +83,7 @@ class _Surface:
         normals : (n, 2) array
             Unit normals, to the left of the direction of travel.
         lengths : (n,) array [m]
-            Of the piece of outline that each point stands for.
+            Length of the piece of outline that each point represents.
         """
         points, normals, lengths = [], [], []
         for piece in self.pieces(spacing):
@@ -97,12 +99,12 @@ class _Surface:
 
 
 def _steps(length: float, spacing: float) -> int:
-    """How many steps of at most a spacing [m] go along a length [m].
+    """Number of steps of at most `spacing` [m] along a length [m].
 
     Raises
     ------
     InputError
-        If they are more than any room needs.
+        If there are more than `MOST_STEPS`.
     """
     if length > MOST_STEPS * spacing:
         raise InputError(
@@ -113,15 +115,15 @@ def _steps(length: float, spacing: float) -> int:
 
 
 MOST_STEPS = 10_000_000
-"""Along one straight piece or arc; their points take a gigabyte."""
+"""Largest number of steps along one straight piece or arc: that many points take a gigabyte."""
 
 
 CHORDS = 8
-"""Per point of a curve, by which it is told whether it crosses itself."""
+"""Number of chords per point of a curve, for the test whether the curve crosses itself."""
 
 
 def _check_simple(points: Array) -> None:
-    """Refuse a line (n, 2) [m] that crosses itself or folds back on itself: it has no sides to see it from."""
+    """Refuse a polyline (n, 2) [m] that crosses itself or folds back on itself, as it has no two distinct sides."""
     place = meets_itself(points)
     if place is not None:
         raise ValueError(
@@ -131,7 +133,7 @@ def _check_simple(points: Array) -> None:
 
 
 def _arc_points(center: Point2, radius: float, start: float, stop: float, spacing: float) -> Array:
-    """Vertices of chords along a circle; angles in degrees, counter-clockwise from +x."""
+    """Ends (n, 2) [m] of chords of at most `spacing` [m] along an arc; angles [degree] counter-clockwise from +x."""
     count = max(8, _steps(abs(np.radians(stop - start)) * radius, spacing))
     angle = np.radians(np.linspace(start, stop, count + 1))
     return np.asarray(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -139,12 +141,12 @@ def _arc_points(center: Point2, radius: float, start: float, stop: float, spacin
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Wall(_Surface):
-    """What straight surfaces share.
+    """Attributes that straight surfaces share.
 
     Attributes
     ----------
     thickness : float [m], optional
-        Of a wall that waves pass through, half of it on either side of the outline; opaque where it is not given.
+        Thickness of a half-transparent wall, half of it on either side of the outline; by default the wall is opaque.
     """
 
     thickness: PositiveLength | None = None
@@ -223,10 +225,10 @@ class Circle(_Surface):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Curve(_Surface):
-    """A smooth curve through `points` [m], by cubic splines with continuous second derivative.
+    """A smooth curve through `points` [m]: a cubic spline with continuous second derivative.
 
     In a scene file the points may come from a file beside it, ``file = "profile.csv"`` (or .npy), with one x and y per
-    row. Where the last point is the first one, the curve is closed.
+    row. The curve is closed if the last point equals the first one.
     """
 
     kind: Literal["curve"] = "curve"
@@ -244,7 +246,7 @@ class Curve(_Surface):
         return self.points[0] == self.points[-1]
 
     def spline(self) -> tuple[Callable[..., Array], float]:
-        """The curve as a function of the length of the chords so far [m], and the total of that length."""
+        """The curve as a function of the accumulated length of the chords between its points, and that length [m]."""
         from scipy.interpolate import CubicSpline
 
         points = np.array(self.points)

@@ -1,4 +1,7 @@
-"""What the middle of an array can see of the surfaces of a floor plan, directly and by way of mirrors."""
+"""Which points of a floor plan's surfaces the middle of the array can see, directly and by way of mirrors.
+
+Scores use this to tell which part of the truth is reachable, and families of random scenes to check what is hidden.
+"""
 
 from __future__ import annotations
 
@@ -14,42 +17,49 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle, Surface
 
 BOUNCES = 3
-"""Reflections that a line of sight may take to a piece of truth that counts as reachable."""
+"""Largest number of reflections on the way to a point that counts as reachable."""
 
 SMALLEST_COSINE = 0.17
-"""Surfaces are taken to be visible up to 80 degrees from their normal: at more, less than a sixth of
-their area is turned towards the radar."""
+"""Least cosine of the angle to the normal at which a surface counts as visible, 80 degrees: at larger angles, less than
+a sixth of its area is turned towards the radar."""
 
 CHORD = 0.01
-"""Curved surfaces block the view as chords of this length [m]; those of a metre's radius are 12 um off."""
+"""Length [m] of the chords by which curved surfaces block the view; for a radius of 1 m they deviate by 12 um."""
 
 SHORTEST_MIRROR = 0.15
-"""Straight pieces of the truth shorter than this [m] are not counted on to show anything by reflection."""
+"""Least length [m] of a straight piece that counts as a mirror."""
 
 STRAIGHT = ("segment", "polyline")
-"""Kinds of surfaces that mirrors are looked for in."""
+"""Kinds of surfaces whose pieces count as flat mirrors."""
 
 ARC_NODES = 721
-"""Angles along an arc between which the mirror point of a line of sight is looked for."""
+"""Number of angles along an arc, between which the specular point of a path is looked for."""
 
 OFF_ARC = 5e-4
-"""Mirror points are moved so far [m] off an arc, clear of the chords that stand for it."""
+"""Distance [m] by which specular points are moved off an arc, so that the chords of the arc do not block the path."""
 
 PROBES = np.linspace(0.01, 0.99, 25)
-"""Places along a mirror, as shares of its length, one of which must be seen for the mirror to show anything."""
+"""Sample points along a mirror, as fractions of its length: the radar must see one of them to see anything in it."""
 
 TOUCHING = 1e-4
-"""Within this distance of its ends [m] a ray may touch the surfaces that it comes from and goes to."""
+"""Surfaces within this distance [m] of the ends of a ray do not block it, as the ray begins and ends on surfaces."""
 
 
 def visible_truth(
     scene: Scene, truth: Array, normals: Array, *, bounces: int = BOUNCES, curved: bool = True
 ) -> tuple[Mask, Mask]:
-    """Which points (n, 2) [m] with these normals the middle of the array can see: directly; by way of mirrors, too.
+    """Which points (n, 2) [m] with these normals the middle of the array can see: directly, and directly or by mirrors.
 
-    Lines of sight are those of geometrical optics: by the radar's images in chains of straight pieces, with every
-    reflection on the piece itself and nothing in the way; and, where `curved` mirrors count, by way of one arc or
-    circle alone. No further than the ambiguous range.
+    Paths are those of geometrical optics. They lead over chains of up to `bounces` straight mirrors, found by the
+    images of the radar, with every specular point on its mirror and no obstacle in between. If `curved` mirrors count,
+    paths may also lead over a single arc or circle. No path is longer than the ambiguous range.
+
+    Returns
+    -------
+    direct : (n,) bool array
+        Points in line of sight.
+    reachable : (n,) bool array
+        Points in line of sight, or seen by way of mirrors.
     """
     pieces = [facets(surface, CHORD) for surface in scene.surface]
     blockers = _blockers(scene)
@@ -60,7 +70,7 @@ def visible_truth(
     limit = farthest_range(scene.band)
     direct = _seen(radar, [], truth, normals, blockers, limit)
     reachable = direct.copy()
-    # Chains of mirrors, each with the radar's images so far: a chain grows only while its last mirror can be seen.
+    # Chains of mirrors, each with the images of the radar in them. A mirror is appended if it is seen over the chain.
     chains: list[tuple[list[int], list[Array]]] = [([], [radar])]
     for _ in range(bounces):
         longer = []
@@ -91,9 +101,9 @@ def visible_truth(
 def _seen_in_arc(
     surface: Arc | Circle, radar: Array, points: Array, normals: Array, blockers: Array, limit: float
 ) -> Mask:
-    """Whether points (n, 2) with these normals are seen from the radar by way of one arc or circle, either side of it.
+    """Whether points (n, 2) [m] with these normals are seen from the radar by way of either side of one arc or circle.
 
-    Where the length of the way has no slope along the arc it is reflected.
+    A specular point is where the derivative of the path length along the arc changes its sign.
     """
     first, last = (0.0, 360.0) if isinstance(surface, Circle) else (surface.start_angle, surface.stop_angle)
     angle = np.radians(np.linspace(first, last, ARC_NODES))
@@ -124,16 +134,19 @@ def _seen_in_arc(
 
 
 def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array, *, grazing: bool = False) -> Mask:
-    """Which points (n, 2) [m] with these normals the middle of the array can see by way of given mirrors alone.
+    """Which points (n, 2) [m] with these normals the middle of the array can see by way of the given mirrors only.
 
     Parameters
     ----------
     scene : Scene
     way : sequence of (2, 2) arrays [m]
-        Ends of the mirrors at their true places, the one that the radar looks into first; none for line of sight.
+        Ends of the mirrors at their true places, in the order in which a ray from the radar meets them; empty for line
+        of sight.
     truth, normals : (n, 2) arrays [m]
+        Points and their unit normals.
     grazing : bool, default False
-        At any angle, as walls are seen that are straight for many wavelengths; else up to 80 degrees from the normal.
+        Count points at any angle to the normal, for walls that are straight over many wavelengths; by default up to 80
+        degrees.
     """
     images = [_middle_of_array(scene)]
     for start, end in way:
@@ -144,13 +157,13 @@ def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array
 
 
 def _blockers(scene: Scene) -> Array:
-    """Straight pieces of all that is opaque, (n, 2, 2) [m]."""
+    """Straight pieces of all opaque surfaces, which block the view, (n, 2, 2) [m]."""
     opaque = [facets(some, CHORD) for some in scene.surface if getattr(some, "thickness", None) is None]
     return np.concatenate(opaque) if opaque else np.empty((0, 2, 2))
 
 
 def _middle_of_array(scene: Scene) -> Array:
-    """Between the middles of the transmitters and the receivers (2,) [m]."""
+    """The point (2,) [m] midway between the mean positions of the transmitters and of the receivers."""
     return np.asarray(0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2])
 
 
@@ -160,7 +173,7 @@ def farthest_range(band: Band) -> float:
 
 
 def facets(surface: Surface, spacing: float) -> Array:
-    """Straight pieces of a surface, (n, 2, 2) [m]."""
+    """Straight pieces of a surface, (n, 2, 2) [m]; curved surfaces in chords of at most `spacing` [m]."""
     return np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1) for piece in surface.pieces(spacing)])
 
 
@@ -168,10 +181,10 @@ def _seen(
     image: Array, path: list[tuple[Array, Array]], points: Array, normals: Array, blockers: Array, limit: float,
     grazing: bool = False,
 ) -> Mask:  # fmt: skip
-    """Whether points are seen from the radar's `image` in a chain of mirrors.
+    """Whether points (n, 2) [m] are seen from the `image` of the radar in a chain of mirrors, (n,).
 
-    `path` lists, from the radar on, the image before each mirror and the mirror (2, 2). The way back is walked from
-    the point: to its reflection in the last mirror, and so on to the radar.
+    `path` lists for each mirror, from the radar on, the image of the radar before reflection in it, and its ends
+    (2, 2). The path is followed back from each point: to the specular point on the last mirror, and so on to the radar.
     """
     seen = np.linalg.norm(points - image, axis=1) <= limit
     target = points
@@ -181,7 +194,7 @@ def _seen(
         seen &= np.abs(np.sum(sight * normals, axis=1)) >= SMALLEST_COSINE
     for before, (start, end) in reversed(path):
         along_ray, along_mirror = crossing(source, target, start, end)
-        # The virtual radar stands behind its mirror, the target in front of it.
+        # The image of the radar is behind the mirror, the target in front of it.
         seen &= (along_ray > 0.0) & (along_ray < 1.0 - 1e-9) & (along_mirror >= 0.0) & (along_mirror <= 1.0)
         bounce = start + np.clip(np.nan_to_num(along_mirror), 0.0, 1.0)[:, None] * (end - start)
         side = cross2(end - start, before - start) * cross2(end - start, target - start)
@@ -193,7 +206,7 @@ def _seen(
 
 
 def _free(origin: Array, target: Array, blockers: Array) -> Mask:
-    """Whether nothing stands between origins and targets (n, 2), apart from what they lie on."""
+    """Whether the view from origins to targets (n, 2) [m] is free; surfaces on which they lie do not count, (n,)."""
     free = np.ones(len(target), dtype=bool)
     length = np.maximum(np.linalg.norm(target - origin, axis=1), 1e-9)
     slack = TOUCHING / length

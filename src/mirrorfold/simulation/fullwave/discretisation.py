@@ -237,7 +237,7 @@ def _integral(power: int, x: ArrayLike) -> Array:
 
 
 def _lag(power: int) -> float:
-    """x minus `_integral` of the power at x, for large x."""
+    """Limit of ``x - _integral(power, x)`` for large x."""
     return {2: math.log(2.0), 3: 1.0, 4: math.log(2.0) + 0.5}[power]
 
 
