@@ -25,7 +25,7 @@ AnyAngle = Annotated[Finite, Quantity("angle")]
 """Types of numbers that a scene file may give with units."""
 
 Count = Annotated[int, Field(le=10**15)]
-"""A number of elements. The limit: no measurement has petabytes of data, and float64 no longer holds larger integers."""
+"""A number of elements. The limit: no measurement has petabytes of data, and much larger integers exceed float64."""
 
 STRICT = ConfigDict(extra="forbid")
 """Configuration of all dataclasses of scenes: unknown entries are errors."""

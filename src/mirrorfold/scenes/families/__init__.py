@@ -1,4 +1,4 @@
-"""Families of random scenes, on which methods are judged: their names, the radars that see them, and their scenes."""
+"""Families of random scenes, on which methods are benchmarked: their names, their radars, and drawing a scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["FAMILIES", "RADARS", "Family", "Radar", "draw", "family_named", "rad
 _MODULES = rays, curved, glass, waves, wave_mirrors, raster, raster_round, raster_studs
 
 FAMILIES = {family.name: family for module in _MODULES for family in module.FAMILIES}
-"""All families by their names."""
+"""All families, by name."""
 
 Named = TypeVar("Named", Family, Radar)
 
@@ -32,11 +32,11 @@ def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = Non
     Parameters
     ----------
     family : str or Family
-        One of `FAMILIES` by its name, or one's own.
+        Name of one of `FAMILIES`, or a family of one's own.
     seed : int, default 0
         The same seed gives the same scene.
     radar : str or Radar, optional
-        One of `RADARS` by its name, or one's own; by default the family's own, or the first that can see it.
+        Name of one of `RADARS`, or a radar of one's own; by default that of the family, or the first that can see it.
 
     Returns
     -------
@@ -69,24 +69,24 @@ def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = Non
 
 
 def radars_of(family: Family) -> list[Radar]:
-    """The radars that can see a family, the usual one first."""
+    """The radars that can see the scenes of a family, the default one first."""
     if family.radar is not None:
         return [family.radar if isinstance(family.radar, Radar) else radar_named(family.radar)]
     return [radar for radar in RADARS.values() if bool(radar.scanner) == (family.engine == "raster")]
 
 
 def family_named(name: str) -> Family:
-    """A family by its name, in which hyphens may stand for spaces; InputError if there is none."""
+    """A family by its name, in which hyphens may replace spaces and case is ignored; InputError if there is none."""
     return _named("family", name, FAMILIES)
 
 
 def radar_named(name: str) -> Radar:
-    """A radar by its name, likewise."""
+    """A radar by its name, in which hyphens may replace spaces and case is ignored; InputError if there is none."""
     return _named("radar", name, RADARS)
 
 
 def _named(what: str, name: str, known: Mapping[str, Named]) -> Named:
-    """What has a name, whatever its hyphens and capitals."""
+    """The entry of `known` with a name, ignoring hyphens and case; `what` says in messages what is looked for."""
     if not isinstance(name, str):
         raise wrong_kind(what, name, f"one of {', '.join(known)}")
     for candidate, found in known.items():

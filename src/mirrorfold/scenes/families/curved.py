@@ -1,7 +1,7 @@
 """Families of scenes in which only a curved mirror shows what is hidden: a pillar, a concave bay, an S-shaped wall.
 
-A rough screen before the radar hides the objects, as the first wall does between two walls; the mirror
-stands to the side. Its curvature is drawn first, then its place.
+A rough screen in front of the radar hides the objects, as the first wall does in the family "two walls". The mirror is
+at the side. The radius of curvature is drawn first, then the place.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mirrorfold.scenes.families.radars import Radar
 
 
 def _hidden(random: Generator, facing_deg: float) -> list[Surface]:
-    """One or two of a corner, an arc and a disc behind the screen, apart from each other."""
+    """One or two of a corner, an arc and a disc behind the screen, more than 0.5 m apart."""
     places: list[np.ndarray] = []
     while len(places) < 2:
         place = np.array([random.uniform(-0.8, -0.1), random.uniform(1.45, 2.2)])
@@ -36,7 +36,7 @@ def _screen(random: Generator) -> Surface:
 
 
 def pillar(random: Generator, radar: Radar) -> list[Surface]:
-    """A round pillar."""
+    """A round pillar as the mirror, a screen, and the hidden objects."""
     radius = random.uniform(0.10, 0.40)
     x = random.uniform(0.35, 0.55) + radius
     mirror = circle("pillar", (x, random.uniform(1.3, 1.7)), radius) | {"roughness": WALL_ROUGHNESS}
@@ -44,17 +44,17 @@ def pillar(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def bay(random: Generator, radar: Radar) -> list[Surface]:
-    """A concave wall, bent around the scene."""
+    """A concave wall, bent around the scene, as the mirror; a screen, and the hidden objects."""
     radius, length = random.uniform(1.0, 3.0), random.uniform(0.8, 1.2)
     middle = np.array([random.uniform(0.6, 0.85), random.uniform(1.2, 1.6)])
-    towards = np.radians(random.uniform(188.0, 205.0))  # where the wall faces
+    towards = np.radians(random.uniform(188.0, 205.0))  # direction that the wall faces
     center = middle + radius * np.array([np.cos(towards), np.sin(towards)])
     mirror = arc("bay", tuple(center), radius, float(np.degrees(towards)) - 180.0, float(np.degrees(length / radius)))
     return [_screen(random), mirror | {"roughness": WALL_ROUGHNESS}, *_hidden(random, -15.0)]
 
 
 def s_wall(random: Generator, radar: Radar) -> list[Surface]:
-    """A wall of two arcs that pass into each other, one convex, one concave."""
+    """A wall of a convex and a concave arc that join smoothly, as the mirror; a screen, and the hidden objects."""
     join = np.array([random.uniform(0.6, 0.85), random.uniform(1.25, 1.5)])
     towards = np.radians(random.uniform(190.0, 205.0))
     normal = np.array([np.cos(towards), np.sin(towards)])
@@ -63,7 +63,7 @@ def s_wall(random: Generator, radar: Radar) -> list[Surface]:
     for name, up in (("lower half", False), ("upper half", True)):
         radius, length = random.uniform(0.6, 1.5), random.uniform(0.45, 0.65)
         convex = up == upper_convex
-        # The center lies behind a convex half, before a concave one; the arc leaves the joint to its own side.
+        # The center is behind a convex half, and in front of a concave one; each arc runs from the joint to its own end.
         center = join - normal * radius if convex else join + normal * radius
         begin = towards if convex else towards + np.pi
         span = length / radius * (-1.0 if convex == up else 1.0)

@@ -1,6 +1,7 @@
-"""Random scenes of a family, drawn until what shall be hidden is hidden, and mirrors show it.
+"""Random scenes of a family, drawn until its hidden surfaces are hidden from the radar and mirrors show them.
 
-Families of full waves are sized to a radar, and check that themselves, in lengths of their own.
+Full-wave families are scaled to the wavelength of a radar, and make these checks themselves, with lengths of their own.
+Scenes in space are not checked here.
 """
 
 from __future__ import annotations
@@ -16,22 +17,25 @@ from mirrorfold.scenes.floor_plan import Scene, parse_scene
 from mirrorfold.scenes.visibility import visible_truth
 
 DRAWS = 2000
-"""After so many draws in vain a family's ranges count as impossible; the strictest of ours needs some tens."""
+"""Largest number of draws for one scene, after which the ranges of a family count as impossible; the strictest family
+here needs some tens."""
 
 HIDDEN = ("corner", "arc", "disc", "target")
 """First words of the names of surfaces that the radar must not see directly."""
 
 SPACING = 0.005
-"""Surfaces are sampled this densely [m], a third of today's resolution cell."""
+"""Spacing of the points that sample the surfaces [m]: a third of the range resolution of the 300 GHz radar."""
 
 APART = 0.12
-"""Hidden surfaces keep this distance from all others [m], eight cells of the usual radar."""
+"""Least distance of hidden surfaces from all others [m]: eight resolution cells of the 300 GHz radar."""
 
 FLAT_BOUNCES = 2
-"""Flat mirrors in a row that must not show what only a curved one shall show; more are too weak."""
+"""Length of the chains of flat mirrors that must not show what only a curved mirror shall show; longer chains are too
+weak to matter."""
 
 SHOWN, SHOWN_OF_CIRCLE = 0.5, 0.2
-"""Share of a hidden surface that mirrors must show; less of a circle, more than half of which is always turned away."""
+"""Least share of a hidden surface that mirrors must show; for a circle less, as more than half of it always faces
+away."""
 
 
 def scene_of(family: Family, seed: int, radar: Radar) -> Any:
@@ -40,7 +44,7 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
     Raises
     ------
     InputError
-        If none of many draws is valid, or if what the family makes is no scene.
+        If none of `DRAWS` draws is valid, or the family makes surfaces that are wrong.
     """
     places: dict[str, Any] = {"array": radar.array} if radar.array else {"dimensions": 3, "scanner": radar.scanner}
     if family.polarization != "TE":
@@ -58,9 +62,9 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
 
 
 def good(scene: Scene, bounces: int, curved: bool = False) -> bool:
-    """Whether every hidden surface is out of sight, touches no other, and a good part of it is shown by mirrors.
+    """Whether each hidden surface is out of sight, apart from all others, and a large part of it is shown by mirrors.
 
-    Where they shall be `curved`, no flat one may show any of it.
+    With `curved`, flat mirrors must not show any part of it.
     """
     parts = [surface.sample(SPACING)[:2] for surface in scene.surface]
     hidden = [i for i, surface in enumerate(scene.surface) if surface.name.split()[0] in HIDDEN]

@@ -1,4 +1,4 @@
-"""What a family of random scenes is."""
+"""The declaration of a family of random scenes."""
 
 from __future__ import annotations
 
@@ -22,23 +22,24 @@ class Family:
     ----------
     name : str
     what : str
-        One line: what the scenes hold, and the ranges that they are drawn from.
+        One line: what the scenes contain, and the ranges from which they are drawn.
     engine : {"rays", "fullwave", "raster"}
-        What simulates the sweep: rays or the integral equation in a floor plan, or a raster scan of a scene in space.
+        How the sweep is simulated: rays or integral equations in a floor plan, or a raster scan of a scene in space.
     make : callable
         Called as ``make(random, radar)`` with a `numpy.random.Generator` and a `Radar`; returns the surfaces of one
-        scene. A surface whose name begins with corner, arc, disc or target is meant to be hidden from the radar. Each
-        function draws numbers of its own: its name is a part of the seed.
+        scene. A surface whose name begins with corner, arc, disc or target must be hidden from the radar. The name of
+        the function is part of the seed, so that every function draws other random numbers.
     bounces : int, default 1
-        By how many mirrors, at most, the hidden surfaces must be reachable.
+        Largest number of mirrors by way of which the hidden surfaces must be reachable.
     snr_db : float [dB], optional
-        Signal over noise per sample; no noise by default.
+        Signal-to-noise ratio per sample; no noise by default.
     radar : str or Radar, optional
-        The radar that alone sees the family, one of `RADARS` by its name or another; any of them by default.
+        The only radar for the scenes of the family: the name of one of `RADARS`, or another radar. By default any of
+        them.
     curved : bool, default False
-        Whether the hidden surfaces must be out of reach of flat mirrors, so that only a curved one shows them.
+        Whether flat mirrors must not show the hidden surfaces, so that only a curved mirror does.
     polarization : {"TE", "TM", "both"}, default "TE"
-        Of the radar, in a floor plan.
+        Polarization of the radar.
     options : dict
         Further options of `mirrorfold.simulate`.
     """

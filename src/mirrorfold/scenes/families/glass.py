@@ -1,7 +1,7 @@
-"""A family of scenes with a half-transparent wall: objects before it, which it shows by reflection, and behind it.
+"""A family of scenes with a half-transparent wall: objects in front of it, which it reflects, and objects behind it.
 
-The objects before it are hidden by a screen, so that the wall alone shows them. In the image both kinds stand behind
-the wall. The angle of incidence is drawn first, then all else.
+Screens hide the objects in front of the wall from the radar, so that they are seen by reflection only. In the image,
+both kinds appear behind the wall. The middle of the wall and the angle of incidence are drawn first, then all else.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from mirrorfold.scenes.families.parts import Generator, Span, arc, circle, corne
 from mirrorfold.scenes.families.radars import Radar
 
 GLASS_ROUGHNESS = {"rms_height": 0.08e-3, "correlation_length": 0.4e-3}
-"""Of a wall that shows its face, and stays a mirror and a window: structured glass, a painted board."""
+"""Roughness of a wall [m] whose face is visible, but which remains a mirror and a window: structured glass, a painted
+board."""
 
 APART = 0.3
-"""Least distance of objects from each other in the image, and of their true places."""
+"""Least distance of objects from each other in the image, and so also between the true places on either side."""
 
 ATTEMPTS = 60
-"""Draws of the places of objects behind one wall."""
+"""Largest number of draws for the places of all objects of one wall."""
 
 
 def _direction(degrees: float) -> Array:
@@ -30,7 +31,7 @@ def _direction(degrees: float) -> Array:
 
 
 def _object(random: Generator, name: str, place: Array, facing_deg: float) -> Surface:
-    """A corner, an arc or a disc of that name."""
+    """A corner, an arc or a disc at a place, which faces about the given direction."""
     kind, facing = int(random.integers(3)), facing_deg + random.uniform(-20.0, 20.0)
     at = float(place[0]), float(place[1])
     return [
@@ -41,27 +42,27 @@ def _object(random: Generator, name: str, place: Array, facing_deg: float) -> Su
 
 
 def glass_door(random: Generator, radar: Radar) -> list[Surface]:
-    """A pane or board, one or two hidden objects before it and one or two behind it."""
+    """A pane or board, one or two hidden objects in front of it, and one or two objects behind it."""
     return half_transparent(random, distance=(1.1, 1.5), length=(0.9, 1.3), depth=(0.35, 0.9), most=2)
 
 
 def half_transparent(random: Generator, *, distance: Span, length: Span, depth: Span, most: int) -> list[Surface]:
-    """A half-transparent wall, hidden objects before it and others behind it.
+    """A half-transparent wall, hidden objects in front of it and other objects behind it.
 
     Parameters
     ----------
     random : numpy.random.Generator
     distance, length : pair of floats
-        Between which the distance of the wall's middle from the radar lies, and its length.
+        Ranges from which the distance of the wall's middle from the radar, and the length of the wall, are drawn.
     depth : pair of floats
-        Between which the ways lie from the wall to what it shows or lets through.
+        Range from which the distances between the wall and the objects, along the ray, are drawn.
     most : int
-        Objects on either side, at least one.
+        Largest number of objects on either side; there is at least one.
 
     Returns
     -------
     list of dict
-        Surfaces, in the unit of the lengths; the wall's thickness [m] is its own.
+        Surfaces, in the unit of the given lengths; the thickness of the wall is always in metres.
     """
     middle = random.uniform(*distance) * _direction(random.uniform(8.0, 28.0))
     sight = middle / np.linalg.norm(middle)
@@ -87,7 +88,7 @@ def half_transparent(random: Generator, *, distance: Span, length: Span, depth: 
     for number, image in enumerate(places):
         behind = number >= reflected
         place = image if behind else reflect(image, middle, normal)
-        # Where the waves come from: the radar, or its image in the wall.
+        # An object faces the radar, or the image of the radar in the wall.
         towards = -image if behind else 2.0 * (image @ normal) * normal - image
         facing = float(np.degrees(np.arctan2(towards[1], towards[0])))
         name = f"behind {number + 1 - reflected}" if behind else f"target {number + 1}"

@@ -1,7 +1,7 @@
-"""The radars that see the families of random scenes.
+"""The radars for the families of random scenes.
 
-The steps in frequency are such that 6 m are unambiguous, which holds every scene with its reflections; antennas stand
-half a wavelength apart at the upper end of the band.
+The frequency steps of the arrays are such that the ambiguous range is 6 m, which contains every scene with its
+reflections; that of the scanner is 4.5 m. Antennas are half a wavelength apart at the upper end of the band.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class Radar:
     band : dict
         ``{"start": ..., "stop": ..., "points": ...}`` [Hz].
     array : dict
-        The antennas of a radar in the floor plan, as in a scene file.
+        The antennas of a radar in the floor plan, as in a scene file; empty for a scanner.
     scanner : dict
-        The scanner of a radar in space, which has no array; see `Scanner`.
+        The scanner of a radar in space; see `Scanner`. Empty for an array.
     """
 
     name: str
@@ -97,4 +97,4 @@ RADARS = {
         ),
     )
 }
-"""By name, today's first; the scanner is that of the scenes in space."""
+"""All radars, by name. The first one is the default for floor plans, the scanner that for scenes in space."""

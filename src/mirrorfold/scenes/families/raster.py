@@ -1,8 +1,8 @@
-"""Families of scenes in space before a raster scanner: boards that scatter inside in several ways, bodies beside them.
+"""Families of scenes in space before a raster scanner: a body beside the view, shown by boards that scatter inside.
 
-A method that knows one profile of scattering inside a wall places the fronts of others wrongly, and all that it sees
-by way of them: so the profiles are those of `mirrorfold.scenes.materials.VolumeProfile`, with depths of 3 to 30 mm, and
-none at all.
+A method that is fitted to one depth profile of the scattering inside a wall misplaces the fronts of walls with other
+profiles, and everything that it sees by way of them. So all profiles of `mirrorfold.scenes.materials.VolumeProfile` are
+drawn, with depths of 3 to 30 mm, and walls that do not scatter inside.
 """
 
 from __future__ import annotations
@@ -33,38 +33,40 @@ PROFILES: dict[str, tuple[str | None, float, float]] = {
     "uniform": ("uniform", 0.006, 0.025),
     "layers": ("layers", 0.008, 0.020),
 }
-"""Profile of the scattering inside a wall, least and largest depth [m]; inside the first one nothing scatters."""
+"""Kinds of scattering inside a wall: profile, least and largest depth [m]. A wall of kind "face" has none inside."""
 
 TRUNK, ARM = 0.17, 0.38
-"""No part of a mannequin is further from its axis than ``height (TRUNK + ARM sin(a))``, its arms lifted by a."""
+"""Bound on a mannequin's horizontal reach: no part is farther from its axis than ``height (TRUNK + ARM sin(a))``, with
+arms lifted by the angle a."""
 
 MOST_DRAWS = 1000
+"""Largest number of draws for one scene."""
 
 SNR_DB = 20.0
-"""Per sample: the body then stands some 30 dB above the noise of the volume."""
+"""Signal-to-noise ratio per sample [dB]: the body is then some 30 dB above the noise of the volume."""
 
 
 def inside(random: Generator, kind: str | None = None) -> dict[str, Any]:
-    """How a wall scatters inside, in one of the ways of `PROFILES`; at random by default."""
+    """The entries of a wall that scatters inside in one of the ways of `PROFILES`, by default a random one."""
     profile, least, largest = PROFILES[kind or str(random.choice(list(PROFILES)))]
     depth = float(random.uniform(least, largest))
     return {"volume_depth": depth, "volume_profile": profile} if profile else {"volume_depth": 0.0}
 
 
 def shipped(name: str) -> list[Surface]:
-    """The surfaces of a shipped scene."""
+    """The surfaces of one of the shipped scene files."""
     content = files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml").read_text(encoding="utf-8")
     surfaces: list[Surface] = tomllib.loads(content)["surface"]
     return surfaces
 
 
 def named(surfaces: list[Surface], name: str) -> Surface:
-    """One of them."""
+    """The surface of that name."""
     return next(surface for surface in surfaces if surface["name"] == name)
 
 
 def drywall(random: Generator, lean_deg: float = 0.0) -> list[Surface]:
-    """A wall turned by 30 to 60 degrees, near or far, and a body anywhere behind its corner, in any pose."""
+    """A wall at 30 to 60 degrees and 1.9 to 2.4 m, and a body in a random pose, whose mirror image is in the view."""
     surfaces = shipped("drywall-mannequin")
     angle, distance = np.radians(random.uniform(30.0, 60.0)), random.uniform(1.9, 2.4)
     side = random.choice([-1.0, 1.0])
@@ -74,7 +76,7 @@ def drywall(random: Generator, lean_deg: float = 0.0) -> list[Surface]:
     wall, body = named(surfaces, "drywall"), named(surfaces, "mannequin")
     wall |= {"center": [0.0, distance, 0.0], "normal": normal.tolist(), "width": 3.0}
     wall["volume_depth"] = float(random.choice([0.0, random.uniform(0.005, 0.03)], p=[0.2, 0.8]))
-    # The ghost stands in the middle of the field of view, the body is its mirror image in the wall, upright.
+    # The ghost is in the middle of the field of view; the body, upright, is at the mirror image of it in the wall.
     seen = distance + random.uniform(1.25, 1.6)
     azimuth = np.radians(random.uniform(-3.0, 3.0))
     ghost = np.array([seen * np.sin(azimuth), seen * np.cos(azimuth), 0.0])
@@ -96,15 +98,15 @@ def drywall(random: Generator, lean_deg: float = 0.0) -> list[Surface]:
 
 
 def leaning_drywall(random: Generator) -> list[Surface]:
-    """The same with a wall that leans by 5 degrees."""
+    """As `drywall`, with a wall that leans by 5 degrees."""
     return drywall(random, lean_deg=5.0 * random.choice([-1.0, 1.0]))
 
 
 def corridor(random: Generator) -> list[Surface]:
-    """The corridor turned about the radar's line of sight, moved, its body elsewhere and in another pose."""
+    """The shipped corridor, turned by up to 5 degrees about a vertical axis and shifted; its body moved and posed anew."""
     surfaces = shipped("corridor")
     turn = np.radians(random.uniform(-5.0, 5.0))
-    # Turned about a point in the view, so that the walls stay in it.
+    # The corridor is turned about a point in the view, so that its walls stay in view.
     pivot = np.array([-0.1, 2.2])
     rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     shift = random.uniform([-0.05, -0.05], [0.05, 0.05])
@@ -133,7 +135,7 @@ def corridor(random: Generator) -> list[Surface]:
 
 
 def hidden(surfaces: list[Surface], radar: Radar) -> bool:
-    """Whether the body stands beside the field of view."""
+    """Whether the body is completely outside the field of view in azimuth."""
     body = named(surfaces, "mannequin")
     x, y, _ = body["position"]
     azimuth, _ = beam_angles([x, y, 0.0])
@@ -144,7 +146,11 @@ def hidden(surfaces: list[Surface], radar: Radar) -> bool:
 
 
 def scattering(name: str, draw: Draw, kind: str | None = None) -> Make:
-    """What makes scenes with a hidden body, whose walls scatter inside in one way; by default in a random one each."""
+    """The function `make` of a family: draws a scene until its body is hidden, and sets how its walls scatter inside.
+
+    All walls scatter in the way `kind` of `PROFILES`; by default each wall in a random way. `name` becomes the name of
+    the function, and so a part of the seed.
+    """
 
     @functools.wraps(draw)
     def make(random: Generator, radar: Radar) -> list[Surface]:
@@ -170,7 +176,7 @@ SCANNER = replace(
 
 
 def _family(name: str, what: str, draw: Draw, kind: str | None = None, bounces: int = 1) -> Family:
-    """A family before that scanner."""
+    """A family of scenes before `SCANNER`."""
     make = scattering(name, draw, kind)
     settings: dict[str, Any] = {"make": make, "bounces": bounces, "snr_db": SNR_DB, "radar": SCANNER}
     return Family(name=f"raster {name}", what=what, engine="raster", **settings)

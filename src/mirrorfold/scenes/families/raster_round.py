@@ -1,7 +1,7 @@
-"""Families of scenes in space in which only a pillar or a ball shows what stands beside the view of a raster scanner.
+"""Families of scenes in space in which only a pillar or a ball shows the objects beside the view of a raster scanner.
 
-A round mirror spreads what it shows, the more the wider the beam is where it meets it: the beam of this scanner is
-focused there.
+A round mirror spreads the beam, the more the wider the beam is at the mirror. So the beam of this scanner is focused
+there.
 """
 
 from __future__ import annotations
@@ -32,21 +32,22 @@ SCANNER = replace(
         "focus_distance": 2.1,
     },
 )
-"""The aperture of the usual scanner, of 7 cm radius, focused nearer: its beam is as much narrower there."""
+"""A scanner with the aperture of the usual one, 7 cm radius, focused nearer: its beam is accordingly narrower there."""
 
 STEEPEST = 0.3
-"""Cosine to the normal, 72 degrees, under which a mirror shows the middle of an object at least; limbs show nothing."""
+"""Least cosine of incidence, 72 degrees, at which a mirror must show the middle of an object: near its limb it shows
+nothing."""
 
 APART = 0.45
 """Distance of the middles of two hidden objects [m]."""
 
 CLOTH = {"material": {"permittivity": 2.6, "conductivity": 3.0}, "diffuse_fraction": 0.5}
 METAL = {"material": "pec", "diffuse_fraction": 0.5}
-"""How hidden objects scatter, as those of the shipped scenes."""
+"""Materials and scattering of hidden objects, as in the shipped scenes."""
 
 
 def _shown(shape: RoundSurface, place: np.ndarray, radar: Radar) -> bool:
-    """Whether a mirror shows a place (3,) [m] in the middle of the view, and not at its limb."""
+    """Whether a mirror shows a place (3,) [m] inside the view of the radar, and not near the mirror's limb."""
     hit, found = shape.reflection(np.zeros(3), place[None])
     if not found[0]:
         return False
@@ -57,7 +58,7 @@ def _shown(shape: RoundSurface, place: np.ndarray, radar: Radar) -> bool:
 
 
 def _hidden(random: Generator, shape: RoundSurface, radar: Radar) -> list[Surface]:
-    """One or two of a box, a ball and a body beside the view, apart from each other, where the mirror shows them."""
+    """One or two of a box, a ball and a body beside the view, `APART` from each other, where the mirror shows them."""
     count, places = int(random.integers(1, 3)), list[np.ndarray]()
     while len(places) < count:
         place = np.array([random.choice([-1.0, 1.0]) * random.uniform(0.85, 1.3), random.uniform(1.0, 1.9), 0.0])
@@ -85,13 +86,13 @@ def _hidden(random: Generator, shape: RoundSurface, radar: Radar) -> list[Surfac
 
 
 def _face(random: Generator, radius: float) -> np.ndarray:
-    """Middle of a mirror of that radius [m], whose face stands near the focus, (3,)."""
+    """Random middle (3,) [m] of a mirror of a radius [m], so that its face is near the focus of the beam."""
     azimuth, distance = np.radians(random.uniform(-4.0, 4.0)), random.uniform(1.8, 2.3) + radius
     return np.array([distance * np.sin(azimuth), distance * np.cos(azimuth), 0.0])
 
 
 def pillar(random: Generator, radar: Radar) -> list[Surface]:
-    """An upright pillar."""
+    """An upright pillar, and the hidden objects that it shows."""
     radius = float(random.uniform(0.10, 0.40))
     middle = _face(random, radius)
     ends = [[*middle[:2].tolist(), z] for z in (-1.2, 1.0)]
@@ -101,7 +102,7 @@ def pillar(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def ball(random: Generator, radar: Radar) -> list[Surface]:
-    """A ball."""
+    """A ball, and the hidden objects that it shows."""
     radius = float(random.uniform(0.15, 0.35))
     middle = _face(random, radius)
     middle[2] = random.uniform(-0.1, 0.1)

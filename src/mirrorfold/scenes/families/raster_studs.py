@@ -1,8 +1,8 @@
-"""A family of scenes in space with a board of drywall on studs: an object behind it, and another that it reflects.
+"""A family of scenes in space with a drywall board on studs: an object behind the board, and another that it reflects.
 
-The board is a mirror and a window at once. At 300 GHz plasterboard of 12.5 mm takes 30 dB of a wave on one way, by the
-fit of Recommendation ITU-R P.2040, and nothing behind it is seen: so the scanner works at 112 to 128 GHz, where it
-takes 6 dB. Half of the rooms hold a sheet of steel, too, which shows the same object beside the view.
+The board is a mirror and a window at once. At 300 GHz a plasterboard of 12.5 mm attenuates a wave by 30 dB one way, by
+the fit of Recommendation ITU-R P.2040, and nothing behind it is seen. So the scanner works at 112 to 128 GHz, where the
+attenuation is 6 dB. Half of the rooms also have a sheet of steel, which shows the same object beside the view.
 """
 
 from __future__ import annotations
@@ -32,24 +32,26 @@ SCANNER = Radar(
         "focus_distance": 2.4,
     },
 )
-"""An aperture of 11 cm radius; that of the usual scanner, 7 cm, would make the beam 27 mm wide."""
+"""A scanner with an aperture of 11 cm radius; with that of the usual scanner, 7 cm, the beam radius would be 27 mm."""
 
 THICKNESSES = 9.5e-3, 12.5e-3, 15e-3
-"""Of boards as they are sold [m]."""
+"""Thicknesses of boards as sold [m]."""
 
 STUD = 0.05, 0.075
 """Width and depth of a stud [m]."""
 
 HEIGHT = 2.4
-"""Of walls, from floor to ceiling [m]."""
+"""Height of walls, from floor to ceiling [m]."""
 
 CENTRES = 0.4, 0.625
-"""Distances of studs [m]: three or two to a board of 1.25 m."""
+"""Distances between the middles of studs [m]: three or two studs to a board of 1.25 m."""
 
 BESIDE_DEG = 12.0
-"""How far outside of the view the middle of the object before the board stands: half a body at 1.5 m."""
+"""Least angle [degree] by which the middle of the object in front of the board is outside the view: half a body at
+1.5 m."""
 
 WOOD = {"material": "wood", "diffuse_fraction": 0.5}
+"""Material and scattering of wooden studs."""
 
 
 def _direction(degrees: float) -> Array:
@@ -57,8 +59,8 @@ def _direction(degrees: float) -> Array:
     return np.array([np.sin(np.radians(degrees)), np.cos(np.radians(degrees)), 0.0])
 
 
-def _thing(random: Generator, name: str, place: Array, towards: Array) -> Surface:
-    """A box, a ball or a body at a place (3,) [m], seen from another."""
+def _object(random: Generator, name: str, place: Array, towards: Array) -> Surface:
+    """A box, a ball or a body at a place (3,) [m], which faces about the point `towards` (3,) [m]."""
     way = towards - place
     heading = float(np.degrees(np.arctan2(way[0], way[1]))) + float(random.uniform(-25.0, 25.0))
     kind = str(random.choice(["box", "ball", "body"]))
@@ -75,7 +77,7 @@ def _thing(random: Generator, name: str, place: Array, towards: Array) -> Surfac
 
 
 def studs(random: Generator, radar: Radar) -> list[Surface]:
-    """A board on studs turned by 25 to 50 degrees, an object behind it, one beside the view, maybe a sheet of steel."""
+    """A board on studs at 25 to 50 degrees, an object behind it, another beside the view, and perhaps a steel sheet."""
     steel = bool(random.random() < 0.5)
     edge = radar.scanner["azimuth"]["stop"] + BESIDE_DEG
     for _ in range(MOST_DRAWS):
@@ -87,10 +89,10 @@ def studs(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def _room(random: Generator, steel: bool) -> list[Surface]:
-    """One of them, wherever the objects stand."""
+    """A random room of this family; its objects may still be inside the view."""
     side = float(random.choice([-1.0, 1.0]))
     incidence, distance = float(random.uniform(25.0, 50.0)), float(random.uniform(1.7, 2.0))
-    # The steel takes the outer third of the view on the side to which the board reflects.
+    # The steel sheet occupies the outer third of the view, on the side to which the board reflects.
     middle = distance * _direction(side * (-6.0 if steel else 0.0))
     normal = _direction(180.0 - side * (incidence + 6.0 * steel))
     along, width = np.array([normal[1], -normal[0], 0.0]), float(random.uniform(1.0, 1.3))
@@ -109,13 +111,13 @@ def _room(random: Generator, steel: bool) -> list[Surface]:
         deep = middle - (0.5 * thickness + 0.5 * STUD[1]) * normal + (start + number * centres) * along
         found.append(finish | {"name": f"stud {number + 1}", "kind": "box", "center": deep.tolist(),
                                "size": [STUD[0], STUD[1], HEIGHT], "heading": heading})  # fmt: skip
-    # What is behind and the mirror image of what is before stand in different parts of the view.
+    # The object behind the board, and the mirror image of the one in front of it, are in different parts of the view.
     parts = random.permutation([-1.0, 1.0]) * random.uniform(0.17, 0.25)
     hits = [middle + part * width * along + np.array([0.0, 0.0, random.uniform(-0.1, 0.1)]) for part in parts]
     behind = hits[0] + float(random.uniform(0.35, 0.7)) * unit(hits[0])
     image = hits[1] + float(random.uniform(0.8, 1.2) + 0.3 * steel) * unit(hits[1])
     before = reflect(image, middle, normal)
-    found += [_thing(random, "behind", behind, np.zeros(3)), _thing(random, "target", before, hits[1])]
+    found += [_object(random, "behind", behind, np.zeros(3)), _object(random, "target", before, hits[1])]
     if steel:
         at = float(random.uniform(2.1, 2.3)) * _direction(side * 14.5)
         facing = unit(unit(-at) + unit(before - at) * [1.0, 1.0, 0.0])

@@ -12,7 +12,7 @@ from mirrorfold.scenes.families.radars import Radar
 
 
 def one_wall(random: Generator, radar: Radar) -> list[Surface]:
-    """A wall to the side shows what a pillar hides."""
+    """A pillar hides an object, and a wall at the side shows it."""
     pillar = circle("pillar", (random.uniform(-0.25, 0.0), random.uniform(0.9, 1.1)), random.uniform(0.14, 0.22))
     mirror = wall("wall", (random.uniform(0.6, 0.85), random.uniform(1.2, 1.6)), random.uniform(98.0, 112.0),
                   random.uniform(0.9, 1.3))  # fmt: skip
@@ -47,7 +47,7 @@ def corridor(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def three_bounces(random: Generator, radar: Radar) -> list[Surface]:
-    """A periscope: the first mirror shows the second, and the second the targets."""
+    """A periscope: the first mirror shows the second one, and the second mirror shows the target."""
     first = wall("mirror 1", (random.uniform(-0.1, 0.15), random.uniform(1.3, 1.5)), 45.0 + random.uniform(-4.0, 4.0),
                  random.uniform(0.9, 1.1))  # fmt: skip
     second = wall("mirror 2", (random.uniform(1.1, 1.3), random.uniform(1.3, 1.5)), 45.0 + random.uniform(-5.0, 5.0),
@@ -64,12 +64,12 @@ def three_bounces(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def drywall(random: Generator, radar: Radar) -> list[Surface]:
-    """Two walls of plasterboard that scatter from 1 to 3 cm deep."""
+    """As `two_walls`, of plasterboard that scatters inside down to 1 to 3 cm."""
     return two_walls(random, radar, material="plasterboard", volume_depth=random.uniform(0.01, 0.03))
 
 
 def discs(random: Generator, radar: Radar) -> list[Surface]:
-    """Small discs behind a wall."""
+    """Four small discs behind a wall, which another wall shows."""
     walls = two_walls(random, radar)[:2]
     places: list[np.ndarray] = []
     while len(places) < 4:
@@ -80,7 +80,7 @@ def discs(random: Generator, radar: Radar) -> list[Surface]:
 
 
 def empty(random: Generator, radar: Radar) -> list[Surface]:
-    """Nothing but noise."""
+    """No surfaces: the sweep is noise only."""
     return []
 
 

@@ -1,7 +1,8 @@
 """Families of full-wave scenes with mirrors that are not flat conductors: a half-transparent wall, a round pillar.
 
-They are those that `glass` and `curved` draw for rays, sized to the wavelength as all scenes of full waves are, see
-`waves`. A dielectric wall keeps its thickness and its permittivity, which say what it lets through.
+The scenes are drawn by `glass` and `curved`, which also draw those for rays, and scaled to the wavelength like all
+full-wave scenes, see `waves`. A dielectric wall is not scaled in thickness, as its thickness and permittivity determine
+what it transmits.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from mirrorfold.scenes.families.radars import RADARS
 from mirrorfold.scenes.families.waves import Generator, family, fitting, near
 
 FILLET, STEPS = 0.1, 24
-"""Radius of a rounded corner over the length of a leg, and points around it: in TM the solver takes no sharp ones."""
+"""Radius of a rounded corner over the length of its legs, and number of steps around it. Corners are rounded as in TM
+the solver takes no sharp vertices."""
 
 PANE_OUTLINE = 1200.0
-"""Length of all surfaces [wavelengths] where one of them is a dielectric wall, on which most of the unknowns lie."""
+"""Total length of all surfaces [wavelengths] if one of them is a dielectric wall, which has most of the unknowns."""
 
 FINE = near("230 GHz", 257)
-"""A pillar shows objects small: range cells of 0.75 cm tell them apart."""
+"""Radar for the pillar: objects appear small in a pillar, and its range resolution of 0.75 cm separates them."""
 
 SHORT = replace(
     near("122 GHz", 121),
@@ -30,11 +32,12 @@ SHORT = replace(
     what="116-128 GHz, 87 antennas 1.15 mm apart (10 cm); 1.5 m unambiguous",
     array=RADARS["122 GHz"].array | {"elements": 87},
 )
-"""The radar of the family for rays, by which glass is half transparent, with a shorter array: the rooms are smaller."""
+"""Radar for the pane: that of the ray family, at whose frequencies glass is half transparent, with a shorter array, as
+the rooms are smaller."""
 
 
 def rounded(surface: Surface) -> Surface:
-    """A corner of two equal legs at a right angle as a curve without a sharp vertex; other surfaces as they are."""
+    """A right-angled corner of two equal legs as a smooth curve without a sharp vertex; other surfaces unchanged."""
     if surface["kind"] != "polyline":
         return surface
     first, vertex, last = np.array(surface["points"])

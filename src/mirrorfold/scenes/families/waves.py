@@ -1,9 +1,10 @@
-"""Families of floor plans whose sweeps are solved as full waves: small enough to take a minute or two.
+"""Families of floor plans whose sweeps are simulated by the full-wave solver: small enough to take a minute or two.
 
-Scenes are drawn in a unit of length of their own, with walls about one unit long, and then sized by the wavelength, so
+Scenes are drawn in a unit of length of their own, with walls about one unit long, and then scaled by the wavelength, so
 that they have some 11 000 unknowns with any radar: a unit is about 300 wavelengths, 30 cm at 300 GHz, 1.1 m at 79 GHz.
-Echoes that go to and fro between the walls fade slowly, and wrap around the ambiguous range in the end. It is some six
-units, twice the way to what is hidden, except where wrapped echoes are what the family is about.
+Echoes that are reflected to and fro between walls fade slowly, and eventually wrap around the ambiguous range. The
+ambiguous range is some six units, twice the distance of the hidden objects, except in the family that tests wrapped
+echoes.
 """
 
 from __future__ import annotations
@@ -33,42 +34,43 @@ Draw = Callable[[Generator], list[Surface]]
 Make = Callable[[Generator, Radar], list[Surface]]
 
 OUTLINE = 1000.0
-"""Length of all surfaces together [wavelengths]: some 11 000 unknowns at the tolerance below. A dielectric wall counts
-twice on both of its faces, by the wavelength inside it."""
+"""Total length of all surfaces [wavelengths]: some 11 000 unknowns at the tolerance below. Each face of a dielectric
+wall counts double, and by the wavelength inside the wall; see `_unknowns`."""
 
 TOLERANCE = 5e-3
-"""Relative error of the sweeps, -46 dB: nothing that fades so far is claimed in any image."""
+"""Relative error of the sweeps, -46 dB: below the weakest echoes that are evaluated in any image."""
 
 CORRELATION, WALL_HEIGHT, OBJECT_HEIGHT, PANE_HEIGHT = 0.25, 0.05, 0.09, 0.035
-"""Roughness in wavelengths: correlation length, rms height of walls, of objects and of dielectric walls. Walls remain
-mirrors, dielectric ones windows, too, and objects are seen from all sides."""
+"""Roughness [wavelengths]: correlation length, and rms heights of walls, of objects and of dielectric walls. So walls
+remain mirrors, dielectric walls also windows, and objects are seen from all sides."""
 
 CLEAR = "clear", "behind"
-"""How the names of objects begin that the radar shall see, the latter through a half-transparent wall."""
+"""First words of the names of objects that the radar shall see: directly, or through a half-transparent wall."""
 
 OBJECTS = (*HIDDEN, *CLEAR)
-"""How the names of all objects begin; the radar must not see the hidden ones."""
+"""First words of the names of all objects; the radar must not see those in `HIDDEN`."""
 
 GAP, NEAREST = 0.07, 0.4
-"""Least distance between two surfaces, and from the antennas [units]."""
+"""Least distance between two surfaces, and between surfaces and antennas [units]."""
 
 SHOWN, SHOWN_OF_CLOSED = 0.45, 0.2
-"""Least share of a hidden surface that mirrors show; half of a closed one is turned away from any mirror."""
+"""Least share of a hidden surface that mirrors show; less for a closed one, half of which faces away from a mirror."""
 
 IN_SIGHT = 0.3
-"""Least share of a surface called clear that the radar sees directly."""
+"""Least share of a surface named in `CLEAR` that the radar sees directly."""
 
 EYES = 5
-"""Antennas along the array, its ends among them, from which what is hidden must not be seen."""
+"""Number of antennas along the array, its ends among them, from which hidden surfaces must not be visible."""
 
 MOST_DRAWS = 5000
+"""Largest number of draws for one scene."""
 
 LENGTHS = ("start", "end", "points", "center", "radius")
-"""What is scaled in a surface."""
+"""Entries of a surface that are scaled."""
 
 
 def places(random: Generator, count: int, x: Span, y: Span, apart: float) -> list[Span]:
-    """Places in a rectangle, apart from each other."""
+    """Random places in the rectangle x, y, more than `apart` from each other."""
     found: list[Span] = []
     while len(found) < count:
         place = float(random.uniform(*x)), float(random.uniform(*y))
@@ -80,7 +82,7 @@ def places(random: Generator, count: int, x: Span, y: Span, apart: float) -> lis
 
 
 def targets(random: Generator, count: int, x: Span, y: Span, facing_deg: float) -> list[Surface]:
-    """So many of a corner, an arc and a disc in a rectangle, which face a direction."""
+    """As many as `count` of a corner, an arc and a disc, at random places in a rectangle, facing about a direction."""
     facing = facing_deg + random.uniform(-25.0, 25.0)
     at = places(random, 3, x, y, 0.5)
     made = [
@@ -92,7 +94,7 @@ def targets(random: Generator, count: int, x: Span, y: Span, facing_deg: float) 
 
 
 def two(random: Generator) -> list[Surface]:
-    """A wall that hides what is behind it, and one to the right that shows it."""
+    """Two walls: one hides the objects behind it, the other, to the right, shows them."""
     return [
         wall("wall 1", (random.uniform(-0.5, -0.25), random.uniform(0.95, 1.2)), random.uniform(150.0, 185.0),
              random.uniform(0.9, 1.1)),
@@ -102,10 +104,11 @@ def two(random: Generator) -> list[Surface]:
 
 
 def fitting(*, bounces: int = 1, outline: float = OUTLINE, only_curved: bool = False) -> Callable[[Draw], Make]:
-    """What turns a function that draws surfaces [units] into one that makes those of a valid scene for a radar [m].
+    """Decorator: turns a function that draws surfaces [units] into the `make` of a family, with valid scenes [m].
 
-    The hidden surfaces can be seen by way of so many mirrors, and some of them by no fewer; if `only_curved`, none of
-    them by way of flat ones. `outline` [wavelengths] is the length of all surfaces.
+    Valid means that the hidden surfaces are seen by way of up to `bounces` mirrors, a part of them only by way of that
+    many; with `only_curved`, no part of them by way of flat mirrors. `outline` [wavelengths] is the total length of all
+    surfaces; see `OUTLINE`.
     """
 
     def decorate(draw: Draw) -> Make:
@@ -125,12 +128,12 @@ def fitting(*, bounces: int = 1, outline: float = OUTLINE, only_curved: bool = F
 
 
 def _scene(surfaces: list[Surface], radar: Radar) -> Scene:
-    """Those surfaces before that radar."""
+    """The scene of these surfaces with the array and the band of a radar."""
     return cast(Scene, parse_scene({"name": "draw", "array": radar.array, "band": radar.band, "surface": surfaces}))
 
 
 def sized(surfaces: list[Surface], radar: Radar, outline: float = OUTLINE) -> tuple[float, list[Surface]]:
-    """The unit [m] in which the surfaces are as long as `outline` [wavelengths], and the surfaces in metres."""
+    """The unit [m] in which all surfaces together are as long as `outline` [wavelengths], and the surfaces in metres."""
     wavelength = speed_of_light / radar.band["stop"]
     drawn = _scene(surfaces, radar).surface
     length = sum(_unknowns(surface, radar.band["stop"]) * surface.sample(0.05)[2].sum() for surface in drawn)
@@ -147,8 +150,9 @@ def sized(surfaces: list[Surface], radar: Radar, outline: float = OUTLINE) -> tu
 
 
 def _unknowns(surface: PlanSurface, frequency: float) -> float:
-    """Unknowns along a surface over those along a conductor of its length: a dielectric wall has two at every node, on
-    both faces, and its nodes are counted by the wavelength inside.
+    """Number of unknowns on a surface over that on a conductor of the same length.
+
+    A dielectric wall has nodes on both faces, two unknowns per node, and nodes spaced by the wavelength inside.
     """
     if getattr(surface, "thickness", None) is None:
         return 1.0
@@ -156,7 +160,7 @@ def _unknowns(surface: PlanSurface, frequency: float) -> float:
 
 
 def valid(scene: Scene, unit: float, bounces: int, only_curved: bool = False) -> bool:
-    """Whether surfaces are apart, what is to be hidden is so from all along the array, and mirrors show it."""
+    """Whether surfaces are apart, hidden ones are invisible from all along the array, and mirrors show them."""
     samples = [surface.sample(min(0.02 * unit, SPACING))[:2] for surface in scene.surface]
     antennas = scene.array.tx_position[:, :2]
     parts = [antennas, *(points for points, _ in samples)]
@@ -300,13 +304,13 @@ def curved(random: Generator) -> list[Surface]:
 
 
 def near(name: str, points: int) -> Radar:
-    """One of the usual radars with another number of frequencies: the time of a sweep grows with it."""
+    """One of `RADARS` with another number of frequencies, to which the time of a sweep is proportional."""
     radar = replace(RADARS[name], name=f"{name}, {points} frequencies", band=RADARS[name].band | {"points": points})
     return replace(radar, what=f"{radar.what}; {radar.cell * (points - 1):.1f} m unambiguous")
 
 
 def family(name: str, make: Make, radar: Radar, bounces: int = 1, **more: Any) -> Family:
-    """A family that says what its function says."""
+    """A full-wave family, whose description `what` is the docstring of the function `make`."""
     what = " ".join((make.__doc__ or "").split())
     settings: dict[str, Any] = {"bounces": bounces, "radar": radar, "options": {"tolerance": TOLERANCE}, **more}
     return Family(name=f"full-wave {name}", what=what, engine="fullwave", make=make, **settings)
