@@ -63,7 +63,7 @@ def s_wall(random: Generator, radar: Radar) -> list[Surface]:
     for name, up in (("lower half", False), ("upper half", True)):
         radius, length = random.uniform(0.6, 1.5), random.uniform(0.45, 0.65)
         convex = up == upper_convex
-        # The center is behind a convex half, and in front of a concave one; each arc runs from the joint to its own end.
+        # The center is behind a convex half, and in front of a concave one; each arc runs from the joint to its end.
         center = join - normal * radius if convex else join + normal * radius
         begin = towards if convex else towards + np.pi
         span = length / radius * (-1.0 if convex == up else 1.0)

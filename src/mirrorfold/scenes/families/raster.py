@@ -103,7 +103,7 @@ def leaning_drywall(random: Generator) -> list[Surface]:
 
 
 def corridor(random: Generator) -> list[Surface]:
-    """The shipped corridor, turned by up to 5 degrees about a vertical axis and shifted; its body moved and posed anew."""
+    """The shipped corridor, turned by up to 5 degrees about the vertical and shifted; its body moved and posed anew."""
     surfaces = shipped("corridor")
     turn = np.radians(random.uniform(-5.0, 5.0))
     # The corridor is turned about a point in the view, so that its walls stay in view.

@@ -133,7 +133,7 @@ def _scene(surfaces: list[Surface], radar: Radar) -> Scene:
 
 
 def sized(surfaces: list[Surface], radar: Radar, outline: float = OUTLINE) -> tuple[float, list[Surface]]:
-    """The unit [m] in which all surfaces together are as long as `outline` [wavelengths], and the surfaces in metres."""
+    """The unit [m] in which all surfaces together have the length `outline` [wavelengths]; the surfaces in metres."""
     wavelength = speed_of_light / radar.band["stop"]
     drawn = _scene(surfaces, radar).surface
     length = sum(_unknowns(surface, radar.band["stop"]) * surface.sample(0.05)[2].sum() for surface in drawn)
