@@ -86,15 +86,15 @@ def visible_truth(
                 if not _seen(images[-1], path, probe, normal, blockers, limit, grazing=True).any():
                     continue
                 longer.append(new)
-                open_ = ~reachable
+                unseen = ~reachable
                 path = [(images[i], mirrors[m]) for i, m in enumerate(new[0])]
-                reachable[open_] |= _seen(image, path, truth[open_], normals[open_], blockers, limit)
+                reachable[unseen] |= _seen(image, path, truth[unseen], normals[unseen], blockers, limit)
         chains = longer
     if bounces and curved:
         for surface in scene.surface:
             if isinstance(surface, Arc | Circle) and not reachable.all():
-                open_ = ~reachable
-                reachable[open_] |= _seen_in_arc(surface, radar, truth[open_], normals[open_], blockers, limit)
+                unseen = ~reachable
+                reachable[unseen] |= _seen_in_arc(surface, radar, truth[unseen], normals[unseen], blockers, limit)
     return direct, reachable
 
 
@@ -126,8 +126,8 @@ def _seen_in_arc(
     found = (incident * reflected > 0.0) & (np.abs(incident) >= SMALLEST_COSINE) & (length[0] + length[1] <= limit)
     found &= np.abs(np.sum(back * normals[who], axis=1)) >= SMALLEST_COSINE * length[1]
     hit = hit + OFF_ARC * side[:, None] * normal
-    found[found] &= _free(np.broadcast_to(radar, hit.shape)[found], hit[found], blockers)
-    found[found] &= _free(hit[found], target[found], blockers)
+    found[found] &= _unobstructed(np.broadcast_to(radar, hit.shape)[found], hit[found], blockers)
+    found[found] &= _unobstructed(hit[found], target[found], blockers)
     seen = np.zeros(len(points), dtype=bool)
     seen[who[found]] = True
     return seen
@@ -199,13 +199,13 @@ def _seen(
         bounce = start + np.clip(np.nan_to_num(along_mirror), 0.0, 1.0)[:, None] * (end - start)
         side = cross2(end - start, before - start) * cross2(end - start, target - start)
         seen &= side > 0.0
-        seen[seen] &= _free(bounce[seen], target[seen], blockers)
+        seen[seen] &= _unobstructed(bounce[seen], target[seen], blockers)
         target, source = bounce, before
-    seen[seen] &= _free(np.broadcast_to(source, target.shape)[seen], target[seen], blockers)
+    seen[seen] &= _unobstructed(np.broadcast_to(source, target.shape)[seen], target[seen], blockers)
     return np.asarray(seen)
 
 
-def _free(origin: Array, target: Array, blockers: Array) -> Mask:
+def _unobstructed(origin: Array, target: Array, blockers: Array) -> Mask:
     """Whether the view from origins to targets (n, 2) [m] is free; surfaces on which they lie do not count, (n,)."""
     free = np.ones(len(target), dtype=bool)
     length = np.maximum(np.linalg.norm(target - origin, axis=1), 1e-9)

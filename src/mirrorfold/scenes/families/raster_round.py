@@ -85,7 +85,7 @@ def _hidden(random: Generator, shape: RoundSurface, radar: Radar) -> list[Surfac
     return made
 
 
-def _face(random: Generator, radius: float) -> np.ndarray:
+def _mirror_middle(random: Generator, radius: float) -> np.ndarray:
     """Random middle (3,) [m] of a mirror of a radius [m], so that its face is near the focus of the beam."""
     azimuth, distance = np.radians(random.uniform(-4.0, 4.0)), random.uniform(1.8, 2.3) + radius
     return np.array([distance * np.sin(azimuth), distance * np.cos(azimuth), 0.0])
@@ -94,7 +94,7 @@ def _face(random: Generator, radius: float) -> np.ndarray:
 def pillar(random: Generator, radar: Radar) -> list[Surface]:
     """An upright pillar, and the hidden objects that it shows."""
     radius = float(random.uniform(0.10, 0.40))
-    middle = _face(random, radius)
+    middle = _mirror_middle(random, radius)
     ends = [[*middle[:2].tolist(), z] for z in (-1.2, 1.0)]
     mirror = {"name": "pillar", "kind": "cylinder", "start": ends[0], "end": ends[1], "radius": radius,
               "roughness": WALL_ROUGHNESS}  # fmt: skip
@@ -104,7 +104,7 @@ def pillar(random: Generator, radar: Radar) -> list[Surface]:
 def ball(random: Generator, radar: Radar) -> list[Surface]:
     """A ball, and the hidden objects that it shows."""
     radius = float(random.uniform(0.15, 0.35))
-    middle = _face(random, radius)
+    middle = _mirror_middle(random, radius)
     middle[2] = random.uniform(-0.1, 0.1)
     mirror = {"name": "ball", "kind": "sphere", "center": middle.tolist(), "radius": radius,
               "roughness": WALL_ROUGHNESS}  # fmt: skip

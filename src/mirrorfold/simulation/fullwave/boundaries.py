@@ -240,7 +240,7 @@ REACH = len(SLOPE)
 
 
 @njit(error_model="numpy", nogil=True)
-def _smooth(k: complex, k0: float, weight: float) -> tuple[complex, complex]:
+def _self_terms(k: complex, k0: float, weight: float) -> tuple[complex, complex]:
     """Matrix elements of a monopole and of a dipole at their own node: logarithm integrated, ``1 / r^2`` left out."""
     logarithm = np.log(k * weight / (4.0 * math.pi)) + np.euler_gamma
     square = (k / k0) ** 2
@@ -305,9 +305,9 @@ def _correct(
         node, test = node_of[row], dipole[row]
         w, b, k1 = weight[node], strength[surface[node]], inner[surface[node]]
         body = k1 != 0.0
-        own_monopole, own_dipole = _smooth(outer, k0, w)
+        own_monopole, own_dipole = _self_terms(outer, k0, w)
         if body:
-            within = _smooth(k1, k0, w)
+            within = _self_terms(k1, k0, w)
             own_monopole -= b * b * within[0]
             own_dipole -= within[1]
         for column in range(first[node], first[node + 1]):

@@ -120,7 +120,7 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
         while len(groups) > 1 and span * FAN_OUT <= LONGEST * wavelength * 1.5:
             joined = np.array_split(np.arange(len(groups)), -(-len(groups) // FAN_OUT))
             families = [tuple(groups[i] for i in family) for family in joined]
-            parts = [_between(members, [c.skeletons for c in family], equation) for family in families]
+            parts = [_nodes_spanned(members, [c.skeletons for c in family], equation) for family in families]
             groups = [
                 _skeletonise(equation, part, np.concatenate([c.skeletons for c in family]), family, antennas, k, finest)
                 for part, family in zip(parts, families, strict=True)
@@ -130,7 +130,7 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
     return tuple(roots)
 
 
-def _between(order: Indices, skeletons: list[Indices], equation: Equation) -> Indices:
+def _nodes_spanned(order: Indices, skeletons: list[Indices], equation: Equation) -> Indices:
     """Nodes of a surface from the first to the last one with a skeleton, in the surface's `order`; returned sorted."""
     found = np.flatnonzero(np.isin(order, equation.node[np.concatenate(skeletons)]))
     return np.sort(order[found[0] : found[-1] + 1])

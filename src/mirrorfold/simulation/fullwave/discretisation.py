@@ -145,7 +145,7 @@ def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequen
     count = 0
     for index, (arm, density) in enumerate(zip(arms, per_wavelength, strict=True)):
         place, position, weight = _nodes_of(arm, wavelength, density)
-        normal, curvature = _bending(arm, place)
+        normal, curvature = _normals_and_curvature(arm, place)
         normals.append(normal)
         curvatures.append(curvature)
         number = count + np.arange(len(weight))
@@ -169,7 +169,7 @@ def discretise(arms: Sequence[Arm], *, wavelength: float, per_wavelength: Sequen
     )
 
 
-def _bending(arm: Arm, place: Array) -> tuple[Array, Array]:
+def _normals_and_curvature(arm: Arm, place: Array) -> tuple[Array, Array]:
     """Unit normals (n, 2), to the right, and curvature (n,) [1/m] of an arm at the parameters `place` (n,)."""
     step = DIFFERENCE * arm.cell
     tangents = [arm.shape(np.clip(place + shift, 0.0, arm.length))[1] for shift in (-step, 0.0, step)]
@@ -212,7 +212,7 @@ def _graded(length: float, ends: tuple[End, End], wavelength: float, spacing: fl
     (a, p), (b, q) = (
         (min(wavelength * reach, length / SHORTEST_ARM), power) for reach, power in ((_GRADING[end]) for end in ends)
     )
-    duration = length + a * _lag(p) + b * _lag(q)
+    duration = length + a * _lag_behind(p) + b * _lag_behind(q)
     count = math.ceil(duration / min(spacing, a / FINEST, b / FINEST))
     step = duration / count
     t = (np.arange(count) + 0.5) * step
@@ -236,7 +236,7 @@ def _integral(power: int, x: ArrayLike) -> Array:
     return np.asarray(log_cosh - 0.5 * np.tanh(x) ** 2)
 
 
-def _lag(power: int) -> float:
+def _lag_behind(power: int) -> float:
     """Limit of ``x - _integral(power, x)`` for large x."""
     return {2: math.log(2.0), 3: 1.0, 4: math.log(2.0) + 0.5}[power]
 

@@ -93,7 +93,7 @@ def scattered(system: System, k: float) -> Complex:
     -------
     (tx, rx) complex64 array
     """
-    members, charges, _ = _solved(system, np.eye(len(system.tx), dtype=np.complex64), k)
+    members, charges, _ = _solve_last_system(system, np.eye(len(system.tx), dtype=np.complex64), k)
     return charges.T @ system.equation.at_points(system.rx, members, k)
 
 
@@ -112,7 +112,7 @@ def currents(system: System, excitation: Complex, k: float) -> Complex:
     (unknowns, n) complex64 array
         The scattered field is the sum of the fields of these unknowns; a unit current radiates ``H0^(2)(k r)``.
     """
-    members, charges, eliminated = _solved(system, excitation, k)
+    members, charges, eliminated = _solve_last_system(system, excitation, k)
     if not system.roots:
         return charges
     blocks = [group.response for group in eliminated]
@@ -156,7 +156,7 @@ BLOCK_ROWS = 256
 """Number of rows of the full matrix that are computed at a time when the matrix is not stored."""
 
 
-def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
+def _solve_last_system(system: System, excitation: Complex, k: float) -> tuple[Indices, Complex, list[_Eliminated]]:
     """Solve the last dense system.
 
     Returns the unknowns that are left (all skeletons of the largest groups), their currents ``-(I + M S)^-1 M b``, and
@@ -169,7 +169,7 @@ def _solved(system: System, excitation: Complex, k: float) -> tuple[Indices, Com
     eliminated = [_eliminate(root, system, k) for root in system.roots]
     blocks = [group.response for group in eliminated]
     members = np.concatenate([root.skeletons for root in system.roots])
-    right = _times(blocks, _incident(system, members, excitation, k))
+    right = _blockwise(blocks, _incident(system, members, excitation, k))
     joined = _coupling(system.equation, members, blocks, k)
     _identity_plus(blocks, joined, out=joined)
     return members, -_solve(joined, right), eliminated
@@ -189,7 +189,7 @@ def _eliminate(group: Group, system: System, k: float) -> _Eliminated:
         return _Eliminated(to_skeleton @ inward, inward, to_skeleton, np.empty((0, 0), np.complex64), ())
     blocks = [child.response for child in children]
     coupling = _coupling(system.equation, group.members, blocks, k)
-    inward = _solve(_identity_plus(blocks, coupling, out=np.empty_like(coupling)), _times(blocks, to_skeleton.T))
+    inward = _solve(_identity_plus(blocks, coupling, out=np.empty_like(coupling)), _blockwise(blocks, to_skeleton.T))
     return _Eliminated(to_skeleton @ inward, inward, to_skeleton, coupling, children)
 
 
@@ -224,7 +224,7 @@ def _split(array: Complex, blocks: Sequence[Complex]) -> list[Complex]:
     return np.split(array, np.cumsum([len(block) for block in blocks])[:-1])
 
 
-def _times(blocks: Sequence[Complex], array: Complex) -> Complex:
+def _blockwise(blocks: Sequence[Complex], array: Complex) -> Complex:
     """Product of a block diagonal matrix and an array."""
     return np.concatenate([block @ part for block, part in zip(blocks, _split(array, blocks), strict=True)])
 

@@ -151,7 +151,7 @@ def _over_chain(
     # In the model, waves cross the inside of a wall straight and as fast as in air: depths are as a radar image shows.
     inward = -speckle.depth[facing] / cosine
     place = speckle.foot[facing] + inward[:, None] * sight[facing] / distance[facing, None]
-    scattered = _scattered(scene, speckle, facing, cosine, frequency)
+    scattered = _scatterer_amplitude(scene, speckle, facing, cosine, frequency)
     position = to_image(place) - origin
     range_ = np.linalg.norm(position, axis=1)
     parts = [_no_echoes()]
@@ -165,7 +165,7 @@ def _over_chain(
     return Echoes3D.joined(parts)
 
 
-def _scattered(
+def _scatterer_amplitude(
     scene: Scene3D, speckle: Speckle, which: Index, cosine: Array, frequency: float
 ) -> NDArray[np.complex128]:
     """Amplitude [m^2] of the scatterers `which` (n,) over the intensity of the beam, without losses at mirrors.
@@ -193,7 +193,7 @@ def _over_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: Rou
     cosine = np.sum((place - foot) * speckle.normal[which], axis=1) / rest
     rest = rest + speckle.depth[which] / cosine
     found = spread(scene, face, place, rest, frequency)
-    amplitude = _scattered(scene, speckle, which, cosine, frequency) * mirrors[which] ** 2 * found.loss
+    amplitude = _scatterer_amplitude(scene, speckle, which, cosine, frequency) * mirrors[which] ** 2 * found.loss
     range_ = before + rest
     position = (range_ / before)[:, None] * (place - origin)
     echoes = Echoes3D(position, range_, amplitude, np.ones(len(which), np.int64), found.wide, found.narrow,
@@ -220,7 +220,7 @@ def _round_glint(scene: Scene3D, traced: TracedScene, face: RoundFace, frequency
     power, direction = face.shape.bending(way[None] / before, face.shape.outward(place[None]))
     alpha = 2.0 / float(scene.scanner.radius(before, wavelength)) ** 2
     beta = 2.0j * np.pi / wavelength * (1.0 / before + 0.5 * power[0])
-    coupled, width = _own_image(alpha, beta)
+    coupled, width = _self_coupling(alpha, beta)
     finish, sent = scene.surface[face.surface], named(scene.polarization)
     amplitude = specular_amplitude(finish, frequency, np.ones(1), sent) * coupled
     if width[0] < width[1]:
@@ -256,7 +256,7 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
     wavelength = speed_of_light / frequency
     width = float(scene.scanner.radius(0.5 * length, wavelength))
     alpha, beta = 2.0 / width**2, 4.0j * np.pi / (wavelength * length)
-    coupled, wide = _own_image(alpha, np.full(2, beta))
+    coupled, wide = _self_coupling(alpha, np.full(2, beta))
     half = 0.5 * length
     return Echoes3D.joined([
         Echoes3D.even(
@@ -267,7 +267,7 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
     ])  # fmt: skip
 
 
-def _own_image(alpha: float, beta: NDArray[np.complex128]) -> tuple[complex, Array]:
+def _self_coupling(alpha: float, beta: NDArray[np.complex128]) -> tuple[complex, Array]:
     """Coupling of a beam with its own mirror image, for beta (2,) along two orthogonal directions, see `_glint`.
 
     Returns the amplitude on the axis over the intensity of the beam [m^2], and the radii of the response (2,) [m].

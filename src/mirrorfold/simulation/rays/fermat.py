@@ -98,7 +98,7 @@ def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: A
 
 
 @njit(error_model="numpy", nogil=True)
-def _second(vx: float, vy: float, px: float, py: float, sign: float, arc: Array, angle: float) -> float:
+def _second_derivative(vx: float, vy: float, px: float, py: float, sign: float, arc: Array, angle: float) -> float:
     """Second derivative, along the arc, of the path length from v by the arc's point at `angle` to p, [1/m].
 
     v is the point from which the waves diverge (`sign` +1), or to which they converge (`sign` -1).
@@ -207,8 +207,8 @@ def walk(
                 curve = q / growth
                 wx, wy = vx - curve * dx / distance, vy - curve * dy / distance
                 sign = 1.0 if curve > 0.0 else -1.0
-                high = _second(wx, wy, target_x, target_y, sign, arcs[level], angle[level] + TURN)
-                low = _second(wx, wy, target_x, target_y, sign, arcs[level], angle[level] - TURN)
+                high = _second_derivative(wx, wy, target_x, target_y, sign, arcs[level], angle[level] + TURN)
+                low = _second_derivative(wx, wy, target_x, target_y, sign, arcs[level], angle[level] - TURN)
                 bend = abs(high - low) / (2.0 * TURN * radius)
         growth += side * 2.0 * q / (radius * incidence)
         ux, uy = vx, vy
@@ -253,7 +253,7 @@ def starts(
                 continue
             if (miss[i] < 0.0) != (miss[i - 1] < 0.0):
                 if count[p] < most:
-                    _between(angle, i, miss[i - 1] / (miss[i - 1] - miss[i]), found[p, count[p]])
+                    _interpolate(angle, i, miss[i - 1] / (miss[i - 1] - miss[i]), found[p, count[p]])
                     count[p] += 1
                 continue
             # Near a caustic two paths lie between the same two rays: roots of the parabola through three misses.
@@ -268,12 +268,12 @@ def starts(
                 for sign in (-1.0, 1.0):
                     share = (-slope + sign * np.sqrt(square)) / bend
                     if abs(share) <= 1.0:
-                        _between(angle, i if share <= 0.0 else i + 1, share % 1.0, found[p, count[p]])
+                        _interpolate(angle, i if share <= 0.0 else i + 1, share % 1.0, found[p, count[p]])
                         count[p] += 1
 
 
 @njit(error_model="numpy", nogil=True)
-def _between(angle: Array, i: int, share: float, out: Array) -> None:
+def _interpolate(angle: Array, i: int, share: float, out: Array) -> None:
     """Interpolate the angles at the fraction `share` between ray i - 1 and ray i; the result is written to `out`."""
     for j in range(angle.shape[1]):
         turn = (angle[i, j] - angle[i - 1, j] + np.pi) % (2.0 * np.pi) - np.pi

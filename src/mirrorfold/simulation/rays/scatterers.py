@@ -202,7 +202,7 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
         for law in _laws(surface, scene):
             laws.append(law)
             for side in (1.0, -1.0):
-                foot, normal, length = _along(world, obstacle, side, spacing, generator)
+                foot, normal, length = _points_along(world, obstacle, side, spacing, generator)
                 depth = np.zeros(len(foot))
                 if law.inside:
                     reach = surface.volume_depth
@@ -242,7 +242,7 @@ def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
     return laws
 
 
-def _along(
+def _points_along(
     world: Outline, obstacle: int, side: float, spacing: float, generator: np.random.Generator
 ) -> tuple[Array, Array, float]:
     """Points on one side of an obstacle, one at a random place in each of n equal cells.
