@@ -1,7 +1,7 @@
 """Calibration: from the sweep as it was measured to the sweep as an ideal instrument would have measured it.
 
-Each function takes a sweep and returns a new one, with one more line in its attribute `processing`; the raw sweep
-stays as it was, so that every step can be left out by starting again.
+Each function takes a sweep and returns a new one, with one more line in its attribute `processing`. The raw sweep is
+not changed, so a step can be left out by starting again from it.
 """
 
 from mirrorfold.calibration.autofocus import autofocus

@@ -1,9 +1,9 @@
-"""Autofocus: small errors of the elements' places, found from the measurement itself.
+"""Autofocus: small errors of the elements' positions, estimated from the measurement itself and removed as delays.
 
-The brightest points of the image are guide stars: for each, what every pair contributes should have the same phase.
-The delays of the elements that make it so for all of them together are those of phase-gradient autofocus (Wahl,
-Eichel, Ghiglia and Jakowatz, IEEE Trans. Aerosp. Electron. Syst. 30, 1994) for two arrays. They are kept only where
-the entropy of the image falls.
+The brightest points of the image serve as guide stars. If all positions were right, the contributions of all pairs to a
+guide star would have the same phase. So the delays of the elements are found that bring the contributions to all guide
+stars into phase, as far as possible: phase-gradient autofocus (Wahl, Eichel, Ghiglia and Jakowatz, IEEE Trans. Aerosp.
+Electron. Syst. 30, 1994), here for two arrays. The delays are kept only if the entropy of the image falls.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from mirrorfold.focusing.problem import pixel_axis
 from mirrorfold.sweep import wave_speed, wavenumber
 
 GUIDES = 32
-"""Guide stars: enough to average out their neighbours, few enough to be the bright ones."""
+"""Number of guide stars: so many that the echoes beside them average out, so few that all of them are bright."""
 
 ROUNDS = 4
-"""Choices of new guide stars in a sharper image."""
+"""Largest number of rounds; each chooses new guide stars in the sharper image of the round before."""
 
 ITERATIONS = 30
 """Alternations between transmitters and receivers in each round."""
 
 PIXELS = 300_000
-"""Of the image that guide stars are chosen in."""
+"""Largest number of pixels of the image in which guide stars are chosen."""
 
 TOLERANCE = 1e-2
 """Relative error of that image."""
 
 SEPARATION = 5
-"""Pixels around a guide star within which there is no other."""
+"""Smallest distance between two guide stars along x or y, in pixels."""
 
 
 def autofocus(
@@ -54,30 +54,30 @@ def autofocus(
     guides: int = GUIDES,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
-    """The sweep with small delays of the elements removed, such that its image is sharpest.
+    """Remove those small delays of the elements from the sweep that make its image sharpest.
 
-    Errors beyond a quarter of a wavelength, and those that move or tilt the whole image, cannot be found this way.
+    Errors beyond a quarter of a wavelength, and those that shift or tilt the whole image, cannot be found this way.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     x, y : 1D arrays [m], optional
-        The region of the guide stars, as for `mirrorfold.focus`; everything by default.
+        The region of the guide stars, as for `mirrorfold.focus`; by default everything that the array sees.
     guides : int, default 32
         Number of guide stars.
     progress : callable, optional
-        Called as ``progress(done, total)`` after every image; there may be fewer than the total.
+        Called as ``progress(done, total)`` after every image; there may be fewer images than the total.
 
     Returns
     -------
     xarray.Dataset
-        With the delays in `autofocus_tx_delay` and `autofocus_rx_delay` [m], and in its history the entropy and the
-        contrast of the image before and after; unchanged but for the history where nothing can be gained.
+        With the removed delays in the attrs `autofocus_tx_delay` and `autofocus_rx_delay` [m], and in its history the
+        entropy and the contrast of the image before and after. Where nothing can be gained, only the history changes.
 
     Raises
     ------
     InputError
-        If the sweep has less than three elements on both sides, or nothing to be seen.
+        If the sweep has less than three transmitters and less than three receivers, or its image is empty.
     """
     sweep = checked_pairs(sweep, "sweep")
     tx, rx = positions(sweep)
@@ -121,36 +121,39 @@ def autofocus(
 def _turned(
     tx_turn: Complex, rx_turn: Complex, samples: NDArray[np.complexfloating], some: slice
 ) -> NDArray[np.complexfloating]:
-    """Samples of some frequencies times what their two elements turn them by, (frequencies, elements) each."""
+    """Samples (frequencies, tx, rx) of `some` frequencies, times the phase factors of both elements.
+
+    The phase factors are (frequencies, tx) and (frequencies, rx), for all frequencies.
+    """
     return np.asarray(samples * (tx_turn[some, :, None] * rx_turn[some, None, :]))
 
 
 def guide_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
-    """Pixels x and y [m] of the image that guide stars are chosen in: everything that the array sees."""
+    """Pixels x and y [m] of the image in which guide stars are chosen: everything that the array sees."""
     frequency = sweep["frequency"].values.astype(float)
     return default_grid(frequency, *positions(sweep), wave_speed(sweep), maximum_pixels=PIXELS)
 
 
 def entropy(amplitude: NDArray[np.floating]) -> float:
-    """``-sum p ln p`` of the shares p of the pixels in the power: small for a sharp image."""
+    """Entropy ``-sum p ln p`` of an image, with each pixel's share p of the power; small for a sharp image."""
     power = np.abs(amplitude).astype(float).ravel() ** 2
     share = power[power > 0] / power.sum()
     return float(-np.sum(share * np.log(share)))
 
 
 def contrast(amplitude: NDArray[np.floating]) -> float:
-    """Standard deviation over mean of the power: large for a sharp image."""
+    """Contrast of an image: standard deviation over mean of the pixels' power; large for a sharp image."""
     power = np.abs(amplitude).astype(float) ** 2
     return float(power.std() / power.mean())
 
 
 def _image(sweep: xr.Dataset, x: Array, y: Array) -> NDArray[np.floating]:
-    """Amplitudes (y, x) with the spreading undone, so that far stars guide too."""
+    """Amplitudes (y, x) of the image, times range to undo the spreading of waves, so that distant guide stars count."""
     return np.asarray(np.abs(focus(sweep, x=x, y=y, tolerance=TOLERANCE, normalization="r").values))
 
 
 def _guide_stars(amplitude: NDArray[np.floating], x: Array, y: Array, count: int) -> Array:
-    """Places (stars, 3) [m] of the brightest separate maxima."""
+    """Positions (stars, 3) [m] of the brightest maxima of an image that are at least `SEPARATION` pixels apart."""
     peak = (amplitude == maximum_filter(amplitude, 2 * SEPARATION + 1)) & (amplitude > 0)
     row, column = np.nonzero(peak)
     if row.size == 0:
@@ -160,7 +163,7 @@ def _guide_stars(amplitude: NDArray[np.floating], x: Array, y: Array, count: int
 
 
 def _contributions(sweep: xr.Dataset, stars: Array) -> NDArray[np.complex128]:
-    """What every pair contributes to every star, (stars, tx, rx)."""
+    """Contribution of every pair to the image at every guide star, (stars, tx, rx)."""
     tx, rx = positions(sweep)
     s = sweep["s"].values
     k = wavenumber(sweep)
@@ -174,7 +177,11 @@ def _contributions(sweep: xr.Dataset, stars: Array) -> NDArray[np.complex128]:
 
 
 def _delays(contribution: NDArray[np.complex128], centre: float) -> tuple[Array, Array]:
-    """Delays [m] that make the stars brightest, ``sum over stars |sum_ik y_ik exp(j k (t_i + r_k))|^2``."""
+    """Delays t (tx,) and r (rx,) [m] that make the guide stars brightest.
+
+    They maximise ``sum over stars |sum_ik y_ik exp(j k (t_i + r_k))|^2`` with the contributions y (stars, tx, rx) and
+    the wavenumber k at mid-band, `centre` [rad/m], in turn over the transmitters and over the receivers.
+    """
     tx_turn = np.ones(contribution.shape[1], dtype=complex)
     rx_turn = np.ones(contribution.shape[2], dtype=complex)
     for _ in range(ITERATIONS):
@@ -192,11 +199,12 @@ def _delays(contribution: NDArray[np.complex128], centre: float) -> tuple[Array,
 
 
 def _unit(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Phase factors of complex numbers; one for zero."""
     magnitude = np.abs(value)
     return np.where(magnitude > 0, value / np.where(magnitude > 0, magnitude, 1.0), 1.0)
 
 
 def _without_shift(delay: Array, position: Array) -> Array:
-    """Delays without what merely moves or tilts the image: a constant and a slope along the array."""
+    """Delays without their constant and their slope along the array, which only shift or tilt the image."""
     columns = np.column_stack([np.ones(len(delay)), position - position.mean(axis=0)])
     return np.asarray(delay - columns @ np.linalg.lstsq(columns, delay, rcond=1e-6)[0])

@@ -1,4 +1,4 @@
-"""Diagnosis: what is wrong with a sweep, told from the sweep alone."""
+"""Diagnosis: mistakes in a sweep, such as conjugated samples or wrong units, recognised from the sweep alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mirrorfold.sweep import is_raster
 
 
 def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
-    """Everything that looks wrong with a valid sweep.
+    """Find everything that looks wrong with a valid sweep.
 
     Parameters
     ----------
@@ -25,9 +25,10 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     Returns
     -------
     findings : list of Finding
-        The surest mistakes first, none for a good sweep.
-    judged : dict
-        What could be judged at all: `waves` for the classic mistakes, `exchange` for transmitters and receivers.
+        The surest mistakes first; empty for a good sweep.
+    judged : dict of bool
+        Which mistakes the data suffice to recognise. `waves`: conjugated samples and reversed frequencies; `exchange`:
+        transmitters taken for receivers.
     """
     sweep = sweep.assign(s=sweep["s"].copy(data=moderate(sweep["s"].values)))
     found = sample_findings(sweep)
@@ -42,7 +43,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
 
 
 def _first_part(sweep: xr.Dataset) -> xr.Dataset:
-    """Of a recording or of several polarizations the first that holds anything; all parts have the same mistakes."""
+    """The first frame or polarization that is not zero throughout; all of them have the same mistakes."""
     leading = sweep["s"].dims[: sweep["s"].get_axis_num("frequency")]
     if not leading:
         return sweep

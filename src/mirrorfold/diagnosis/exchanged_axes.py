@@ -1,8 +1,8 @@
-"""Axes of equal length that were named the wrong way round: frequencies for antennas.
+"""Sweeps whose frequency axis was exchanged with an antenna axis of the same length.
 
-Where antennas transmit and receive, each pair is heard the same both ways (reciprocity), so that the samples are
-symmetric in two of their three axes; the third one is the frequency. Elsewhere the waves tell: echoes add up in phase,
-to a sharp image, for one order alone. Transmitters that were taken for receivers are found likewise, see `mistakes`.
+Where the same antennas transmit and receive, a pair gives the same samples in both directions (reciprocity). The
+samples are then symmetric in the two antenna axes, and the third axis is the frequency. Otherwise each order of the
+axes is tried: echoes add up in phase only in the right one. For transmitters taken for receivers see `mistakes`.
 """
 
 from __future__ import annotations
@@ -19,19 +19,25 @@ from mirrorfold.sweep import antenna_positions
 from mirrorfold.sweep.pairs import on_a_line, pairs_of
 
 FEWEST = 8
-"""Samples along an axis, below which nothing is judged."""
+"""Smallest number of frequencies for a judgement."""
 
 SYMMETRIC, DIFFERENT = 0.1, 0.5
-"""Largest relative difference from the transpose that reciprocity leaves, and the least of axes that are no pair."""
+"""Bounds on the rms difference between the samples and their transpose, divided by sqrt(2) times their rms: at most
+the first where the two transposed axes are those of the antennas, at least the second where they are not."""
 
 CLEARER = 2.0
-"""How much better echoes must add up in the other order; in simulated scenes the right one was 3 to 90 times better."""
+"""How many times more coherent the echoes must be after the exchange. In simulated scenes the right order of the axes
+was 3 to 90 times more coherent."""
 
 SURE_BY_RECIPROCITY, SURE_BY_WAVES = 0.98, 0.95
+"""Certainty of a finding by either test."""
 
 
 def axis_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Whether the frequencies of a valid sweep of pairs, or of one moving antenna, stand for antennas."""
+    """The finding that the frequency axis was exchanged with an antenna axis of the same length; empty otherwise.
+
+    `sweep` is a valid sweep of pairs, or of one moving antenna.
+    """
     first = sweep.isel(dict.fromkeys(sweep["s"].dims[: -3 if "rx" in sweep["s"].dims else -2], 0))
     s = first["s"].transpose("frequency", ...)
     equal = [str(name) for name in s.dims[1:] if s.sizes[name] == s.shape[0]]
@@ -47,7 +53,11 @@ def axis_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _by_reciprocity(sweep: xr.Dataset, s: NDArray[np.complexfloating]) -> tuple[str, float] | None:
-    """The axis that holds the frequencies, empty where it is the right one; None where reciprocity does not tell."""
+    """The axis, "tx" or "rx", that holds the frequencies, by reciprocity, and how sure that is.
+
+    The name is empty where the axes are right. None where antennas do not both transmit and receive, or the symmetry is
+    not clear.
+    """
     tx, rx = antenna_positions(sweep)
     if not np.allclose(tx, rx):
         return None
@@ -64,7 +74,10 @@ def _by_reciprocity(sweep: xr.Dataset, s: NDArray[np.complexfloating]) -> tuple[
 
 
 def _by_waves(sweep: xr.Dataset, equal: list[str]) -> tuple[str, float]:
-    """The axis with which frequency has to be exchanged for echoes to be waves, empty for none; how sure that is."""
+    """The axis with which frequency has to be exchanged for echoes to add up in phase, and how sure that is.
+
+    The name is empty where no exchange is clearly better.
+    """
     orders = [sweep, *(swap_axes(sweep, ("frequency", name)) for name in equal)]
     waves = [wavefronts(on_a_line(pairs_of(order)), exchange=False) for order in orders]
     fits = [0.0 if found is None else in_phase(found) for found in waves]

@@ -1,31 +1,32 @@
-"""What a diagnosis says: what is wrong, how sure that is, and the command that puts it right."""
+"""The result of a diagnosis: what is wrong with a sweep, how sure that is, and the command that corrects it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 CERTAIN = 1.0
+"""Certainty of findings that follow from the numbers without any doubt."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong with a sweep.
+    """One mistake in a sweep.
 
     Attributes
     ----------
     name : str
-        For programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
+        A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
         "non-uniform-steps", "aliasing", "grating-lobes", "not-reciprocal", "no-echo", "frequency-unit", "angle-unit",
         "no-phase", "axes-exchanged".
     what : str
-        For people, one sentence.
+        A sentence for people.
     sure : float
-        Between 0 and 1.
+        How sure the finding is, between 0 and 1.
     remedy : str
-        Arguments of ``mirrorfold calibrate SWEEP.nc -o OUT.nc`` that put it right, or advice where nothing does.
+        Arguments of ``mirrorfold calibrate SWEEP.nc -o OUT.nc`` that correct the mistake; advice where none do.
     by_command : bool
-        Whether `remedy` is such arguments.
+        Whether `remedy` holds arguments, not advice.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Finding:
     by_command: bool = True
 
     def command(self, path: str = "SWEEP.nc") -> str:
-        """The command that puts it right, or the advice."""
+        """The command that corrects the mistake in the file at `path`, or the advice."""
         if not self.by_command:
             return self.remedy
         stem, dot, ending = path.rpartition(".")
@@ -43,5 +44,5 @@ class Finding:
         return f"mirrorfold calibrate {path} -o {target} {self.remedy}"
 
     def sentence(self) -> str:
-        """All of it in one line."""
+        """What was found and, unless it is certain, how sure that is."""
         return f"{self.what} ({100 * self.sure:.0f} % sure)" if self.sure < CERTAIN else self.what

@@ -1,4 +1,10 @@
-"""The classic mistakes, told from how waves arrive; see `wavefronts` for the physics."""
+"""Which of the classic mistakes explain the wavefronts of a sweep; see `wavefronts` for the physics.
+
+The classic mistakes are conjugated samples, frequencies in reversed order, transmitters taken for receivers, and a
+range offset, such as the delay of a cable. Each mistake predicts another relation between the delay of an echo and the
+curvature of its wave. All combinations are compared with the measured curvatures. The combination that fits best is
+taken, where each mistake must improve the fit by a penalty. Random draws of the range gates tell how sure it is.
+"""
 
 from __future__ import annotations
 
@@ -14,43 +20,47 @@ from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.wavefronts import Wavefronts
 
 PENALTY = 0.03
-"""What each mistake, a range offset among them, has to explain more than the sweep as it stands, in the mean fit: a
-third of the smallest margin by which single mistakes showed in full-wave simulations of 3 cm arrays, a tenth of that of
-8 cm arrays. No wrong explanation fitted better than the right one for its free offset."""
+"""By how much each mistake, a range offset included, must improve the mean fit over that of the sweep without it.
+
+In full-wave simulations of 3 cm arrays, single mistakes changed the mean fit by at least three times as much, of 8 cm
+arrays by ten times. No wrong explanation fitted better than the right one by means of its free offset."""
 
 RESAMPLES = 200
-"""Draws of the gates, with repetition, that tell how sure a conclusion is (Efron, Ann. Statist. 7, 1979)."""
+"""Random draws of the gates, with repetition, that tell how sure a conclusion is: the bootstrap (Efron, Ann. Statist.
+7, 1979)."""
 
 SUREST = 0.99
-"""No conclusion from random draws is surer."""
+"""Highest certainty that is stated for a conclusion from random draws."""
 
 SURE_ENOUGH = 0.6
-"""Mistakes of which one is less sure are not named."""
+"""Mistakes that are less certain than this are not reported."""
 
 LEAST_OFFSETS = (2.0, 4.0)
-"""Range offsets that are named, in units of `SMALLEST_OFFSET`: of cables, and of delays that were taken away in excess,
-which is rarer."""
+"""Smallest range offsets that are reported, in units of the smaller length of `SMALLEST_OFFSET`: of positive offsets,
+as cables cause; and of negative ones, where too much delay was removed, which is rarer."""
 
 LEAST_GAIN = 0.01
-"""What an offset has to explain in the mean fit to be named: in correct full-wave sweeps of arrays from 5 mm on, echoes
-by mixed paths feigned offsets worth up to 0.007."""
+"""By how much an offset must improve the mean fit to be reported. In correct full-wave sweeps of arrays of 5 mm and
+more, echoes by mixed paths feigned offsets that improved the fit by up to 0.007."""
 
 OFFSET_STEPS = 300
-"""Steps of the search for a range offset in the ambiguous range."""
+"""Steps of the search for a range offset, counted over the whole ambiguous range."""
 
 SMALLEST_OFFSET = (0.1, 0.05)
-"""Range offsets below the smaller of a length [m] and a share of the ambiguous range are not told from an inexact delay
-reference, nor from the depth of focus."""
+"""A length [m] and a share of the ambiguous range. Range offsets below the smaller of both cannot be distinguished from
+an inexact delay reference, nor from the depth of focus."""
 
 OFFSET_SURE = (0.75, 0.95)
-"""Share of the draws that must agree on such an offset; echoes are few in some scenes."""
+"""Smallest share of the draws that must agree on the sign of an offset, for positive and for negative ones; some scenes
+have few echoes."""
 
 UNEXPLAINED = 0.02
-"""Share of a gate's power that fits to no wave, at least: a single gate must not outvote all others."""
+"""Share of a gate's power that is taken to fit no wave, in addition to what is measured: it bounds the logarithm, so
+that a single gate cannot outvote all others."""
 
 OFFSET_REACH = (-0.15, 0.6)
-"""Range offsets that are looked for, as shares of the ambiguous range: cables delay, and an excess of calibration
-advances."""
+"""Lowest and highest range offset that are tried, as shares of the ambiguous range. Cables make echoes late, and a
+calibration that removes too much makes them early."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +70,19 @@ class Explanation:
     Attributes
     ----------
     conjugated, reversed, exchanged : bool
-        Time convention; order of the frequencies; transmitters for receivers.
+        Whether the samples are conjugated; the frequencies in reversed order; transmitters taken for receivers.
     offset : float [m]
-        Range that echoes have too much; zero where none is certain.
+        By how much the ranges of echoes are too large; zero where no offset is certain.
     offset_error : float [m]
-        Half width of its interval of 80 % certainty, a step of the search at least.
+        Half the width between the 10 % and 90 % quantiles of the offset over the draws; at least a step of the search.
     sure : float
-        Share of the draws that agree, for the first three.
+        Share of the draws in which `conjugated`, `reversed` and `exchanged` come out the same.
     offset_sure : float
-        Share of the draws that agree on an offset.
+        Share of the draws in which the offset has the same sign and is not too small.
     told, exchange_told : bool
-        Whether the waves would show conjugation and reversal, and exchange, had they been made: from afar all waves are
-        flat, and apertures that are displaced across the plane of the echoes differ in nothing.
+        Whether the waves suffice to recognise conjugation and reversal, and exchange. They do not where all echoes are
+        so distant that their waves are flat. An exchange does not show where the apertures are displaced only across
+        the plane of the echoes.
     """
 
     conjugated: bool
@@ -86,7 +97,7 @@ class Explanation:
 
 
 def explain(waves: Wavefronts) -> Explanation:
-    """The fewest mistakes that explain how the waves arrive."""
+    """The combination of mistakes that explains best how the waves arrive, where each mistake costs a penalty."""
     reach = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     offsets = np.concatenate([[0.0], reach])
@@ -99,11 +110,11 @@ def explain(waves: Wavefronts) -> Explanation:
     for draw in draws:
         agree += _decide(fits[:, draw].mean(axis=1), number) == best
         found.append(offsets[int(fits[best][draw].mean(axis=0).argmax())])
-    away = np.array(found)
-    low, high = np.quantile(away, [0.1, 0.9])
+    drawn_offsets = np.array(found)
+    low, high = np.quantile(drawn_offsets, [0.1, 0.9])
     mean = fits[best].mean(axis=0)
     offset = float(offsets[int(mean.argmax())])
-    same_side = np.mean(away * np.sign(offset) > smallest) if offset else 0.0
+    same_side = np.mean(drawn_offsets * np.sign(offset) > smallest) if offset else 0.0
     side = 0 if offset > 0 else 1
     certain = (
         abs(offset) > LEAST_OFFSETS[side] * smallest
@@ -123,15 +134,19 @@ def explain(waves: Wavefronts) -> Explanation:
 
 
 def _cases(exchange: bool) -> Iterator[tuple[bool, bool, bool]]:
-    """Combinations of conjugated, reversed, exchanged; the fewest mistakes first."""
+    """All combinations of (conjugated, reversed, exchanged), the fewest mistakes first.
+
+    Without `exchange`, the third entry is always False.
+    """
     cases = product((False, True), (False, True), (False, True) if exchange else (False,))
     yield from sorted(cases, key=sum)
 
 
 def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, offsets: Array) -> Array:
-    """Fit of every gate to a case, at every range offset (gates, offsets): minus the log of the power left over.
+    """Fit of every gate to a combination of mistakes at every range offset, (gates, offsets).
 
-    Conjugation and reversal each turn the range axis around, so that both together leave it.
+    The fit is ``-ln(share of power that does not add up in phase)`` at the curvature ``+-1 / range`` that the
+    combination and the offset predict. Conjugation and reversal each reverse the range axis, and cancel together.
     """
     around = conjugated != reversed_
     stated = waves.ambiguous_range - waves.range if around else waves.range
@@ -140,21 +155,25 @@ def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, 
     table = waves.coherence[int(exchanged), int(reversed_)]
     splines = CubicSpline(waves.curvature, table, axis=1)
     pieces = [PPoly(splines.c[..., row], splines.x) for row in range(len(table))]
-    # An echo may also come from beyond the ambiguous range, whatever else is wrong.
+    # An echo may also have wrapped around from beyond the ambiguous range, whatever else is wrong.
     curvature, beyond = sign / true, sign / (true + waves.ambiguous_range)
     coherence = [np.maximum(piece(q), piece(late)) for piece, q, late in zip(pieces, curvature, beyond, strict=True)]
     fit = _explained(np.stack(coherence))
-    # Nearer than the strongest curvature looked for, echoes tell nothing.
+    # At ranges so short that the curvature exceeds the tried ones, the fit is the mean over all curvatures.
     return np.where(np.abs(curvature) <= waves.curvature[-1], fit, _explained(table).mean(axis=1, keepdims=True))
 
 
 def _explained(coherence: Array) -> Array:
-    """Minus the log of the share of power that is left over."""
+    """``-ln(1 - coherence + UNEXPLAINED)``: minus the log of the share of power that does not add up in phase."""
     return np.asarray(-np.log(1.0 - np.clip(coherence, 0.0, 1.0) + UNEXPLAINED))
 
 
 def _tells(fit: Array, cases: Sequence[tuple[bool, ...]], best: tuple[bool, ...], mistake: int) -> bool:
-    """Whether fits (cases, offsets) to the best case and to the one that differs in one mistake lie apart enough."""
+    """Whether the waves suffice to recognise one mistake, given by its place in a case.
+
+    They do where the best case fits by more than `PENALTY` better than the case that differs from it in this mistake
+    alone; `fit` is (cases, offsets).
+    """
     other = tuple(made != (n == mistake) for n, made in enumerate(best))
     if other not in cases:
         return False
@@ -163,6 +182,9 @@ def _tells(fit: Array, cases: Sequence[tuple[bool, ...]], best: tuple[bool, ...]
 
 
 def _decide(fit: Array, number: NDArray[np.int64]) -> int:
-    """The best of all cases (cases, offsets), no offset first; each mistake has to be worth its penalty."""
+    """Index of the best case by the fits (cases, offsets), with a penalty for each mistake, also for an offset.
+
+    The first offset is zero; `number` (cases,) counts the mistakes of each case.
+    """
     worth = np.maximum(fit[:, 0], fit.max(axis=1) - PENALTY) - PENALTY * number
     return int(worth.argmax())

@@ -1,4 +1,8 @@
-"""Whether the waves of a sweep behave: the classic mistakes, as findings."""
+"""The classic mistakes in a sweep of pairs, or of one moving antenna, as findings.
+
+First the unit of the positions is checked, then whether echoes add up in phase at all. If they do, `mistakes` explains
+their wavefronts. If they do not, coarser tests remain: the size of the array, and the waves directly between antennas.
+"""
 
 from __future__ import annotations
 
@@ -17,34 +21,37 @@ from mirrorfold.sweep import doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 COARSE_PITCH = 15.0
-"""Pitch in wavelengths from which on positions are suspected to be in another unit: sparse arrays have less."""
+"""Smallest pitch, in wavelengths, at which the positions are suspected to be in another unit; sparse arrays have
+less."""
 
 FINE_PITCH = (0.05, 2.0)
-"""Pitches in wavelengths that make sense once the unit is right."""
+"""Smallest and largest pitch, in wavelengths, that make sense once the unit is right."""
 
 IN_PHASE = 25.0
-"""Median coherence of the gates, over that of random phases, from which on positions fit to the waves. Noise stays
-below 15, the maximum over the directions and curvatures that are tried."""
+"""Smallest median coherence of the gates, relative to that of random phases, at which the positions fit the waves.
+Noise stays below 15, although the largest coherence of all tried directions and curvatures is taken."""
 
 SURE_OF_UNIT = 0.97
-"""A coherence that needs the right positions of hundreds of pairs does not come about by chance."""
+"""Certainty that the positions are in another unit, where the waves fit it: hundreds of pairs add up in phase only at
+the right positions, not by chance."""
 
 SURE_OF_DISTANCE = 0.9
-"""Nobody sets up antennas so far apart that what goes straight from one to the other wraps around, but one could."""
+"""Certainty that a unit is wrong, judged by distances alone. Antennas could stand so far apart that the direct wave
+between them wraps around the ambiguous range, but nobody sets them up like that."""
 
 
 def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
-    """The classic mistakes that the waves of a valid sweep of pairs show.
+    """Find the classic mistakes that show in the waves of a valid sweep of pairs, or of one moving antenna.
 
     Returns
     -------
     findings : list of Finding
-    judged : dict
-        `waves`: whether the array and the echoes allow a judgement. `exchange`: whether exchanged transmitters and
-        receivers would show; where both stand at the same places, reciprocity hides it, and it does no harm. Neither
-        where the waves are too flat to tell.
+    judged : dict of bool
+        `waves`: whether the array and the echoes allow a judgement. `exchange`: whether an exchange of transmitters and
+        receivers would show; where both stand at the same places, reciprocity hides the exchange, and it does no harm.
+        Both are false where the waves are too flat.
     """
-    if "rx" not in sweep.dims and sweep.attrs.get("scene_center") is not None:  # delays count from there
+    if "rx" not in sweep.dims and sweep.attrs.get("scene_center") is not None:  # ranges count from the scene's centre
         found, judged = sharpness_findings(sweep)
         return found, {"waves": judged, "exchange": False}
     every = pairs_of(sweep)
@@ -69,7 +76,10 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
 
 
 def _findings(made: Explanation, index: float) -> list[Finding]:
-    """The mistakes of an explanation that is sure enough; cables are as long as for light in vacuum."""
+    """Findings of all mistakes in an explanation, where it is sure enough.
+
+    `index` is the speed of light over the wave speed, because the length of a cable is stated as for light in vacuum.
+    """
     found = []
     if made.sure >= SURE_ENOUGH:
         if made.conjugated:
@@ -98,12 +108,12 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
 
 
 def _rounded(value: float, error: float) -> str:
-    """A number with the decimals that its error allows, at least as fine as a half of it."""
+    """A number as text, with so many decimals that the last one is at most half its error."""
     return f"{value:.{max(0, int(np.ceil(-np.log10(0.5 * error))))}f}"
 
 
 def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Positions or directions that are probably in another unit, by their size alone."""
+    """Findings of positions or directions that are probably in another unit, judged by their size alone."""
     return [
         Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option)
         for doubt in doubts(sweep)
@@ -112,6 +122,7 @@ def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _unit_finding(unit: str) -> Finding:
+    """The finding that positions are in `unit`, such as "mm", instead of metres."""
     what = (
         f"The waves fit to positions a factor {1 / UNITS[unit]:g} smaller: they are in {_NAMES[unit]}, not in metres."
     )
@@ -119,7 +130,11 @@ def _unit_finding(unit: str) -> Finding:
 
 
 def _far_apart(pairs: Pairs) -> list[Finding]:
-    """Millimetres, where the waves do not tell but the way from transmitter to receiver is beyond any delay."""
+    """The finding that positions are in millimetres, not metres.
+
+    It is made where transmitters and receivers stand farther apart than the longest path that the frequency steps can
+    measure, ``c / df``.
+    """
     if pairs.wavenumber.size < 2:
         return []
     longest = 2.0 * np.pi * (pairs.wavenumber.size - 1) / float(np.ptp(pairs.wavenumber))
@@ -137,7 +152,10 @@ _NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "inch":
 
 
 def _unit(pairs: Pairs) -> str | None:
-    """The unit in which the positions of a far too coarse array make sense and fit to the waves."""
+    """The unit, such as "mm", in which the positions of a far too coarse array make sense and fit the waves best.
+
+    None where the array is not too coarse, or no unit fits.
+    """
     pitch = _pitch(pairs) / pairs.wavelength
     if pitch < COARSE_PITCH:
         return None
@@ -151,12 +169,12 @@ def _unit(pairs: Pairs) -> str | None:
 
 
 def in_phase(waves: Wavefronts) -> float:
-    """Median coherence over that of random phases."""
+    """Median over the gates of the largest coherence, relative to that of random phases, ``1 / pairs``."""
     return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 
 
 def _pitch(pairs: Pairs) -> float:
-    """Median distance of neighbours in the finer array [m]; zero for a single place."""
+    """Median distance between neighbours in the finer of both arrays [m]; zero for a single place."""
     pitches = []
     for places in (pairs.tx, pairs.rx):
         unique = np.unique(places, axis=0)
@@ -166,5 +184,5 @@ def _pitch(pairs: Pairs) -> float:
 
 
 def _same_places(pairs: Pairs) -> bool:
-    """Whether transmitters and receivers stand at the same places, to a fraction of a wavelength."""
+    """Whether transmitters and receivers stand at the same places, to a tenth of a wavelength."""
     return bool(np.abs(pairs.tx - pairs.rx).max() < 0.1 * pairs.wavelength)

@@ -1,4 +1,4 @@
-"""What can be wrong with the samples and the axes of a sweep, whatever the scene."""
+"""Mistakes in the samples and the axes of a sweep that can be recognised whatever the scene is."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from mirrorfold.diagnosis.findings import CERTAIN, Finding
 from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of
 
 MASK = "--mask"
+"""Option of `mirrorfold calibrate` that masks bad channels and fills in bad frequencies."""
 
 SURE_OF_UNIT = 0.95
-"""The other explanation is a forgotten speed of the waves."""
+"""Certainty that frequencies are in another unit; the other explanation is that the wave speed was not stated."""
 
 
 def sample_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Samples that are missing, dead, clipped or noise, and frequencies that are not equally spaced.
+    """Find samples that are missing, dead, clipped, noise or without phase, and frequencies with wrong steps or units.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Samples without a phase, whose largest values and ranges tell nothing more."""
+    """The finding that the samples are magnitudes, real parts or imaginary parts alone, and so have no phase."""
     s = sweep["s"]
     part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0)) if "frequency" in s.dims else None
     if part is None:
@@ -41,10 +42,10 @@ def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _unit_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Frequencies that are too low for the array, whatever the waves."""
+    """The finding that the frequencies are far too low for the array, and so probably in another unit."""
     try:
         unit = frequency_unit_of(sweep)
-    except (KeyError, ValueError, TypeError):  # without places or frequencies there is nothing to compare
+    except (KeyError, ValueError, TypeError):  # no positions or no frequencies to compare
         return []
     if unit is None:
         return []
@@ -54,6 +55,7 @@ def _unit_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
+    """One finding for each kind of bad channels or frequencies, as `find_bad` found them."""
     missing = int(np.count_nonzero(~np.isfinite(sweep["s"].values)))
     channels = bad.dead.size
     found = []
@@ -82,6 +84,7 @@ def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
 
 
 def _step_findings(sweep: xr.Dataset) -> list[Finding]:
+    """The finding that frequencies fall, are not sorted, or do not have equal steps."""
     frequency = np.asarray(sweep["frequency"].values, dtype=float) if "frequency" in sweep.variables else np.empty(0)
     if frequency.size < 2 or not np.isfinite(frequency).all():
         return []
@@ -100,5 +103,5 @@ def _step_findings(sweep: xr.Dataset) -> list[Finding]:
 
 
 def _equal(step: NDArray[np.float64]) -> bool:
-    """Whether all frequency steps are positive and the same."""
+    """Whether the frequency steps [Hz] are the same, to `STEP_TOLERANCE`, and their mean is positive."""
     return bool(step.mean() > 0 and np.abs(step - step.mean()).max() <= STEP_TOLERANCE * step.mean())

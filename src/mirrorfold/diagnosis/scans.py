@@ -1,11 +1,16 @@
-"""Whether the range axis of a raster scan runs the right way.
+"""Whether the range axis of a raster scan is reversed.
 
-The beams of a scanner leave one place, so that there is no wavefront to look at. Three things tell the direction of
-time. Walls are flat, and only where range runs forward: reversed, a plane bulges by twice its sagitta over the scan.
-What leaks inside the instrument, and is the same in all beams, arrives before any echo; where it stands at the end of
-the ambiguous range, time runs backwards. And a focused beam is wider, in angle, near the radar than in its focus:
-neighbouring beams see the same speckle as far as the beam reaches. Conjugated samples and reversed frequencies make the
-same image of a scan, range for range, so that either repair does.
+All beams of a scanner start at one place, so there is no wavefront across an array to look at. Three other tests tell
+whether range runs forward:
+
+* Walls are flat in the image only if it does. With a reversed range axis, a plane bulges by twice its sagitta over the
+  scan.
+* Leakage inside the instrument, which is the same in all beams, arrives before any echo. If it stands at the end of the
+  ambiguous range, the range axis is reversed.
+* A focused beam is wider, in angle, near the radar than in its focus. How far neighbouring beams see the same speckle
+  tells this width at each range.
+
+Conjugated samples and reversed frequencies give the same image of a scan, range for range, so either repair will do.
 """
 
 from __future__ import annotations
@@ -25,35 +30,42 @@ from mirrorfold.focusing import focus
 from mirrorfold.sweep import ambiguous_range, wave_speed
 
 LEAKAGE_SHARE = 0.25
-"""Leakage is looked for in this share of the range axis at either end."""
+"""Share of the range axis, at either end, in which leakage is searched."""
 
 LEAKAGE_RATIO = 10.0
-"""Power of the stronger end over the other, in what all beams have in common, that shows leakage; it is that much above
-the typical level between the ends too."""
+"""Ratio of powers that shows leakage. In the range profile that all beams have in common, the stronger end must exceed
+the other end by this ratio, and the typical level of the profile too."""
 
 ABOVE_NOISE = 10.0
-"""Power over the noise of the echoes whose beams are compared."""
+"""Smallest power, relative to the noise, of the range bins in which neighbouring beams are compared."""
 
 FEWEST_CELLS = 30
-"""Echoes, in range cells, that make a judgement of the beam's width."""
+"""Smallest number of range bins with echoes for a judgement by the beam's width."""
 
 MARGIN = 0.15
-"""Difference of the mean squared misfits of the log widths that decides: a beam is then off by 40 % on average."""
+"""Smallest difference that decides between the mean squared misfits of the log widths for range running forward and
+backward, as a share of the larger misfit."""
 
 WALL_CELLS = 10.0
-"""Smallest width and height of a wall, in resolution cells: random echoes are not flat over as many by chance."""
+"""Smallest width and height of a wall, in resolution cells; random echoes are not flat over so many by chance."""
 
 STRAIGHT_DEG = 0.3
-"""Largest error of a wall's direction: planes that chance finds in a cloud of echoes are known to 0.5 to 1 degree."""
+"""Largest standard error of a wall's direction [degree]. Planes found by chance in a cloud of echoes have errors of 0.5
+to 1 degree."""
 
 WALLS_RATIO = 3.0
-"""Beams that meet walls with range running one way over those with the other, for the walls to tell."""
+"""How many times more beams must meet walls with range running one way than with range running the other way."""
 
 SURE_BY_WALLS, SURE_BY_LEAKAGE, SURE_BY_BEAM, SURE_BY_BOTH = 0.99, 0.95, 0.9, 0.99
+"""Certainty of a finding by each test alone, and by leakage and beam width together."""
 
 
 def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
-    """Whether the range axis of a valid raster scan is reversed; see `mirrorfold.diagnosis.diagnose`."""
+    """The finding that the range axis of a valid raster scan is reversed, and what could be judged.
+
+    The two results are those of `mirrorfold.diagnosis.diagnose`. Walls decide where there are any, otherwise leakage
+    and the beam width.
+    """
     s = sweep["s"].values.reshape(-1, *sweep["s"].shape[-3:])[0]
     if s.shape[0] < 32 or s.shape[1] * s.shape[2] < 9:
         return [], {"waves": False, "exchange": False}
@@ -80,7 +92,7 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
 
 
 def _by_walls(sweep: xr.Dataset) -> int:
-    """+1 where walls are flat as the range axis stands, -1 where they are when it is reversed, 0 without walls."""
+    """+1 where walls are flat in the sweep as it is, -1 where they are flat with the range axis reversed, else 0."""
     first = sweep.isel(dict.fromkeys(sweep["s"].dims[:-3], 0))
     if min(first["s"].shape) < 4 or not np.any(first["s"].values):
         return 0
@@ -97,11 +109,14 @@ def _by_walls(sweep: xr.Dataset) -> int:
 
 
 def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
-    """+1 where what all beams have in common arrives early, -1 where it arrives late, 0 where there is none."""
+    """+1 where leakage arrives early, -1 where it arrives late, 0 where there is none.
+
+    `common` (ranges,) is the power of the range profile that all beams have in common, `s` the samples.
+    """
     count = common.size
     ends = max(int(LEAKAGE_SHARE * count), 4)
     early, late = float(common[:ends].max()), float(common[-ends:].max())
-    # What a median over independent samples leaves of them falls with their number.
+    # Power that the median over the beams leaves of independent echoes: it falls with the number of beams.
     own = float(np.mean(np.abs(s) ** 2)) / count / (s.shape[1] * s.shape[2])
     typical = max(float(np.median(common)), own)
     stronger, weaker = max(early, late), min(early, late)
@@ -111,7 +126,7 @@ def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
 
 
 def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
-    """+1 where the beams' widths fit to the range axis as it stands, -1 reversed, 0 where they do not tell."""
+    """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0."""
     if not {"spot_radius", "focus_distance"} <= set(sweep.attrs):
         return 0
     count = profile.shape[0]
@@ -135,7 +150,7 @@ def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
     usable = np.isfinite(misfit[0]) & np.isfinite(misfit[1])
     if usable.sum() < FEWEST_CELLS:
         return 0
-    # How the width of the correlation goes with that of the beam is a constant, the same for both.
+    # The ratio of correlation width to beam width is an unknown constant, the same for both: its log is subtracted.
     weight = power[usable] ** 0.25
     spread = []
     for one in misfit:
@@ -147,7 +162,11 @@ def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
 
 
 def _angular_width(cell: NDArray[np.complexfloating], sweep: xr.Dataset) -> float:
-    """Angle [rad] over which neighbouring beams see the same, from their correlation one step apart."""
+    """Angle [rad] over which neighbouring beams see the same speckle, from their correlation one step apart.
+
+    The correlation is taken for ``exp(-(step / width)^2)``; `cell` (azimuth, elevation) is one range bin. NaN where the
+    correlation is too close to 0 or 1.
+    """
     widths = []
     for axis, name in enumerate(("azimuth", "elevation")):
         if cell.shape[axis] < 3:

@@ -1,9 +1,10 @@
-"""Mistakes of an antenna that moves far around a scene, told by how sharp the image is.
+"""Mistakes in the sweep of one antenna that moves around a distant scene, recognised by the sharpness of the image.
 
-From afar all waves are nearly flat, and one antenna hears no other. But over the angle of its path each echo must move
-in range as its phase says. Frequencies in the opposite order let it move the wrong way; conjugated samples show the
-scene turned about its centre, whose echoes then bend the wrong way. Either smears the image. Where the path is so short
-or so far that nothing smears, nothing is said.
+Waves from far away are nearly flat, and there are no direct waves between antennas, so other tests fail. But along the
+antenna's path the range of each echo must change as its phase does. With the frequencies in reversed order the range
+changes the wrong way. Conjugated samples show the scene turned about its centre, where its echoes are curved the wrong
+way. Either mistake smears the image. So the sweep is focused as it is and with each repair, and the sharpest image
+tells. If the path is so short or so distant that nothing smears, there is no finding.
 """
 
 from __future__ import annotations
@@ -17,21 +18,25 @@ from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.focusing import focus, sweep_grid
 
 FEWEST = 16
-"""Positions and frequencies."""
+"""Smallest number of positions, and of frequencies, for a judgement."""
 
 PIXELS = 250
-"""Each way, of the image that is looked at: speckle needs no finer sampling than a resolution cell."""
+"""Pixels of the image along x and along y; speckle needs no finer sampling than a resolution cell."""
 
 BLOCKS = 5
-"""Each way, into which the image is cut: the sharpest of echoes shall not speak for all."""
+"""Blocks along x and along y into which the image is cut, so that a single sharp echo does not decide."""
 
 SHARPER = 1.3
-"""How much sharper a repaired sweep must be."""
+"""How many times sharper the best image must be than all others."""
 
 RESAMPLES = 200
+"""Random draws of the blocks, with repetition."""
+
 SUREST = 0.99
+"""Highest certainty that a finding states."""
+
 SURE_ENOUGH = 0.9
-"""Share of random draws of the blocks in which the same repair is that much sharper than all others."""
+"""Smallest share of these draws in which the best image must be sharper than all others by `SHARPER`."""
 
 REPAIRS = {
     (): lambda sweep: sweep,
@@ -39,6 +44,7 @@ REPAIRS = {
     ("frequency-reversed",): reverse_frequency,
     ("conjugated", "frequency-reversed"): lambda sweep: reverse_frequency(conjugate(sweep)),
 }
+"""Repairs of a sweep by the mistakes that they correct."""
 
 WHAT = {
     "conjugated": (
@@ -52,12 +58,13 @@ WHAT = {
         "--reverse-frequency",
     ),
 }
+"""The sentence and the remedy of a finding, by the name of the mistake."""
 
 
 def sharpness_findings(sweep: xr.Dataset) -> tuple[list[Finding], bool]:
-    """The mistakes that smear the image of a moving antenna, and whether any of the four images stood out.
+    """Findings of the mistakes that smear the image, and whether one of the four images stood out.
 
-    Of a sweep ``s(frequency, position)`` with the attribute `scene_center`.
+    `sweep` is that of a moving antenna, ``s(frequency, position)``, with the attribute `scene_center`.
     """
     if min(sweep["s"].shape[-2:]) < FEWEST:
         return [], False
@@ -79,7 +86,7 @@ def sharpness_findings(sweep: xr.Dataset) -> tuple[list[Finding], bool]:
 
 
 def _sharpness(image: NDArray[np.complex64]) -> NDArray[np.float64]:
-    """``mean |I|^4 / (mean |I|^2)^2`` in each block: 2 for speckle, more for few bright echoes."""
+    """Sharpness ``mean |I|^4 / (mean |I|^2)^2`` of each block, (blocks,): 2 for speckle, more for few bright echoes."""
     power = np.abs(image).astype(float) ** 2
     rows = (np.array_split(part, BLOCKS, axis=1) for part in np.array_split(power, BLOCKS, axis=0))
     return np.array([np.mean(block**2) / max(np.mean(block) ** 2, 1e-300) for row in rows for block in row])

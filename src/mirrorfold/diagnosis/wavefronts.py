@@ -1,24 +1,25 @@
-"""How waves arrive: direction, curvature and delay of the echoes, straight from the samples of a sweep.
+"""The wavefronts of a sweep: direction, curvature and delay of its echoes, measured on the samples.
 
-An echo from the direction u and the distance rho reaches the elements with deviations ``D_i = R_i - rho`` of its path
-from that to the middle of the array. Its samples are in phase after multiplication with ``exp(+j k_c (D_i + D_k))`` at
-the delays ``L + D_i + D_k``. Here, direction, curvature q = 1 / rho and delay L are kept apart, and q may be negative,
-for a wave that contracts, and the delays may shift the wrong way:
+An echo from the direction u and the distance rho travels the one-way path R_i to element i, which deviates by
+``D_i = R_i - rho`` from the path to the middle of the array. The echo arrives in the pair (i, k) at the delay
+``L + D_i + D_k``, and all pairs are in phase there after multiplication with ``exp(+j k_c (D_i + D_k))``. Here,
+direction, curvature q = 1 / rho and delay L are free of each other. The curvature may be negative, for a wave that
+contracts, and the delays may shift in the opposite sense. So each mistake in a sweep shows:
 
 * In a correct sweep, waves expand, q = 2 / L, and delays follow the phases.
-* Conjugation turns time around: waves contract, from a distance that counts from the ambiguous range down.
-* Reversed frequencies turn the delays around and leave the phases at mid-band: waves expand, but late echoes have the
+* Conjugation reverses time: waves contract, and their distance counts down from the ambiguous range.
+* Reversed frequencies reverse the delays but not the phases at mid-band: waves expand, but late echoes have the
   stronger curvature, and delays shift against the phases.
-* A cable adds to L and leaves q alone.
-* Exchanged transmitters and receivers stand on the wrong sides: parallax has the wrong sign where the apertures are
-  displaced.
-* Positions in the wrong unit fit to no wave at all.
+* A cable adds to L and leaves q as it is.
+* Exchanged transmitters and receivers have each other's positions: where the apertures are displaced from each other,
+  the parallax has the wrong sign.
+* Positions in the wrong unit fit no wave at all.
 
-Echoes of small objects and of flat faces differ: a face shows the image of the transmitter, so that the path changes
-with the distance of transmitter and receiver alone, by ``(x_i - x_k)^2 / 4 rho`` for a face ahead, while a point adds
-``(x_i^2 + x_k^2) / 2 rho``. Taken for a point, a face seems to stand at twice its distance. Each gate is taken for that
-of the two to which it fits better: what the distance of transmitter and receiver adds to the path is the same for both,
-and for any shape between them (Hubral, Geophysics 48, 1051-1062, 1983).
+Small objects and flat faces give different echoes. A face shows the mirror image of the transmitter, so the path
+depends only on the distance between transmitter and receiver: it grows by ``(x_i - x_k)^2 / 4 rho`` for a face ahead.
+For a point it grows by ``(x_i^2 + x_k^2) / 2 rho``. A face that is taken for a point seems to stand at twice its
+distance. So each gate is taken for the one of both that it fits better. What the distance between transmitter and
+receiver adds to the path is the same for both, and for any shape between them (Hubral, Geophysics 48, 1051-1062, 1983).
 """
 
 from __future__ import annotations
@@ -34,62 +35,66 @@ from mirrorfold.focusing.echoes.coherence import FACE, OVERSAMPLING, POINT, Comp
 from mirrorfold.sweep.pairs import Pairs
 
 PAIRS = (300, 600)
-"""Fewest and most pairs that are looked at, a random choice: an echo stands out of their incoherent sum by this."""
+"""Smallest and largest number of pairs that are looked at, chosen at random. An echo that is in phase in all of them
+exceeds random phases by this factor."""
 
 LARGEST_WORK = 4e8
-"""Pair-pixels per table, a quarter of a second of work; fewer gates and pairs are looked at where there would be
-more."""
+"""Largest product of the numbers of pairs, directions, curvatures and gates for each table of coherences: a quarter of
+a second of work. Where it would be exceeded, fewer gates and pairs are looked at."""
 
 MOST_DIRECTIONS = 1500
-"""Directions that a beam resolves, above which the array is too long to be judged quickly."""
+"""Largest number of directions that the array resolves; a longer array could not be judged quickly."""
 
 GATES = 128
 FEWEST_GATES = 10
-"""Largest number of range bins that are looked at, and the number below which pairs are saved instead."""
+"""Largest and smallest number of range bins that are looked at; rather than take fewer, the number of pairs and of
+curvatures is reduced."""
 
 NEAREST = (0.3, 0.05)
-"""Distance of the strongest curvature looked for: the smaller of a length [m] and a share of the ambiguous range, or
-the aperture where that is more."""
+"""The strongest curvature that is tried is one over a distance: the smaller of this length [m] and this share of the
+ambiguous range, but at least twice the distance of the outermost element from the middle."""
 
 CURVATURE_STEP = 1.5
-"""Phase at the edge of the array from one curvature to the next [rad]."""
+"""By how much the phase at the edge of the array changes from one curvature to the next [rad], before the steps are
+made finer (`FINEST`) or their number is limited (`MOST_CURVATURES`)."""
 
 MOST_CURVATURES = 60
-"""Largest number of curvatures of either sign."""
+"""Largest number of curvatures of each sign."""
 
 FINEST = 2.0
-"""Short arrays have few directions and curvatures, whose steps are made finer by up to this: their echoes hardly change
-from one to the next, and what is read between two of them counts."""
+"""Largest factor by which the steps of direction and curvature are made finer. It is used for short arrays, which have
+few of both, so that values interpolated between two steps are exact enough."""
 
 WIDEST = 0.95
-"""Largest sine of the angle off broadside."""
+"""Largest sine of the angle off broadside that is tried."""
 
 ABOVE_NOISE = 4.0
-"""Power of a range bin that is looked at over the quietest tenth of them."""
+"""Smallest power of a range bin that is looked at, relative to the noise."""
 
 QUIET = 0.1
+"""Share of the range bins whose powers are taken to lie below that of the noise."""
 
 DIRECT_DB = 30.0
-"""Echoes so far below the strongest [dB] have mostly come by way of several mirrors, out by one and back by another,
-which bends their waves like those of none."""
+"""Level below the strongest echo [dB] under which echoes have mostly come by mixed paths, out by one mirror and back by
+another. The curvature of such waves fits no single distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wavefronts:
-    """How well the echoes of a sweep fit to waves of every curvature.
+    """How well the echoes of a sweep fit waves of each curvature.
 
     Attributes
     ----------
     range : (gates,) array [m]
-        Half the path, as the sweep has it.
+        Half the path, as the sweep states it.
     curvature : (curvatures,) array [1/m]
         Rising, negative for contracting waves.
     coherence : (arrangements, 2, gates, curvatures) array
-        Largest share of a gate's power that adds up in phase, over all directions, for points and for flat faces.
-        First axis: as stated, and with transmitters and receivers exchanged where that makes a difference; second:
-        with delays that follow the phases, and that shift against them.
+        Share of a gate's power that adds up in phase: the largest over all directions, and over points and flat faces.
+        First axis: antennas as stated, and with transmitters and receivers exchanged if that is tried; second axis:
+        delays that follow the phases, and delays that shift against them.
     pairs : int
-        Number of pairs: random phases would make a coherence of one over this.
+        Number of pairs; random phases have a coherence of ``1 / pairs``.
     ambiguous_range : float [m]
     """
 
@@ -101,13 +106,13 @@ class Wavefronts:
 
 
 def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
-    """Look at the waves of a sweep; None where there is nothing to look at, or the array is none that can be judged.
+    """Measure the wavefronts of a sweep; None where it has too few echoes, or its array is too short or too long.
 
     Parameters
     ----------
     pairs : Pairs
     exchange : bool
-        Try transmitters and receivers exchanged too.
+        Whether to try exchanged transmitters and receivers too.
     """
     places = np.concatenate([pairs.tx, pairs.rx])
     along = np.linalg.svd(places, full_matrices=False)[2][0]
@@ -119,7 +124,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     if not 8 <= directions <= MOST_DIRECTIONS or pairs.wavenumber.size < 16:
         return None
     ahead = np.cross([0.0, 0.0, 1.0], along)
-    if np.linalg.norm(ahead) < 0.5:  # the array stands upright: any direction across it does
+    if np.linalg.norm(ahead) < 0.5:  # an upright array: any direction across it will do
         ahead = np.array([0.0, 1.0, 0.0])
     ahead = ahead / np.linalg.norm(ahead) * (1.0 if ahead[1] >= 0 else -1.0)
     farthest = np.pi * (pairs.wavenumber.size - 1) / float(pairs.wavenumber[-1] - pairs.wavenumber[0])
@@ -138,7 +143,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, GATES)))
     if gate.size < 2:
         return None
-    around = windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
+    windowed = windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     arrangements = [(pairs.tx, pairs.rx), (pairs.rx, pairs.tx)][: 2 if exchange else 1]
     found = np.zeros((len(arrangements), 2, curvature.size, gate.size))
@@ -147,7 +152,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
         n, m, at = task
         for shape in (POINT, FACE):
             coherence(
-                *(around, step, (1.0, -1.0)[m], shape, *arrangements[n], tx_of, rx_of, centre, u),
+                *(windowed, step, (1.0, -1.0)[m], shape, *arrangements[n], tx_of, rx_of, centre, u),
                 *(curvature[at], along, ahead, found[task]),
             )
 
@@ -162,9 +167,11 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
 
 
 def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
-    """Points of the profile at which to look: the strongest of each of equal pieces, spread evenly.
+    """Points of the range profile (pairs, points) that are looked at, (gates,), rising.
 
-    Above the noise, and not far below the strongest, unless there are few.
+    The profile is cut into equal pieces, and the strongest point of each that exceeds the noise is a candidate. Of
+    these the strongest are taken, at most `most`, and only those less than `DIRECT_DB` below the strongest point,
+    unless fewer than `FEWEST_GATES` were left.
     """
     power = np.mean(np.abs(profile) ** 2, axis=0)
     cells = power.size // OVERSAMPLING

@@ -1,14 +1,19 @@
-"""The Sweep: one raw radar measurement as an `xarray.Dataset`, its checks, what it can resolve, noise.
+"""The Sweep: one raw radar measurement as an `xarray.Dataset`; its checks, its resolution, and added noise.
 
-Variable ``s(frequency, tx, rx)``, complex64, with coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
-``rx_position(rx, axis)`` [m]; of one moving antenna that hears only itself ``s(frequency, position)`` with
-``antenna_position(position, axis)`` [m]; of a raster scan ``s(frequency, azimuth, elevation)`` with ``azimuth`` and
-``elevation`` [degree] and the attr ``origin`` [m]; time convention ``exp(+jwt)``, so that a path of length d
-contributes ``exp(-j k d)``.
+The samples are a complex64 variable ``s``. There are three kinds of sweeps:
 
-Optional: the attr ``wave_speed`` [m/s] where it is not that of light; the attr ``scene_center`` [m], around which the
-unambiguous range then lies instead of beginning at the antennas; the coordinate ``measured(tx, rx)``, false for pairs
-that were not measured or are masked, whose samples are zero and therefore missing from every sum.
+* pairs of antennas: ``s(frequency, tx, rx)`` with the coordinates ``frequency`` [Hz], ``tx_position(tx, axis)`` and
+  ``rx_position(rx, axis)`` [m];
+* monostatic, where each antenna receives only its own signal, as one moving antenna does: ``s(frequency, position)``
+  with ``antenna_position(position, axis)`` [m];
+* raster scans: ``s(frequency, azimuth, elevation)`` with ``azimuth`` and ``elevation`` [degree] and the attr ``origin``
+  [m].
+
+The time convention is ``exp(+jwt)``, so that a path of length d contributes ``exp(-j k d)``.
+
+Optional: the attr ``wave_speed`` [m/s], where waves do not travel at the speed of light; the attr ``scene_center`` [m],
+around which the unambiguous range then lies, instead of beginning at the antennas; the coordinate ``measured(tx, rx)``,
+false for pairs that were not measured or are masked. Samples of such pairs are zero and contribute to no sum.
 """
 
 from __future__ import annotations

@@ -38,19 +38,20 @@ from mirrorfold.sweep.facts import (
 from mirrorfold.sweep.polarization import polarizations
 
 STEP_TOLERANCE = 1e-3
-"""Largest deviation of a frequency step from the mean one, as a share of it: at 1000 steps a phase error of a few
-degrees at the end of the unambiguous range."""
+"""Largest deviation of a frequency step from the mean step, as a share of the mean step. With 1000 steps it causes a
+phase error of a few degrees at the end of the unambiguous range."""
 
 
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
-    """The sweep in the project's own convention, or a plain word on what is wrong with it.
+    """Check a sweep, and return it in the time convention ``exp(+jwt)``.
 
-    Data of the other time convention, ``exp(-jwt)``, is conjugated.
+    Data in the other time convention, ``exp(-jwt)``, is conjugated.
 
     Raises
     ------
     InputError
-        With what is missing or wrong, the first if there are several; `source` names the file in the message.
+        If the sweep is not valid. The message tells the first thing that is missing or wrong, and names the sweep as
+        `source` says.
     """
 
     def refuse(message: str) -> InputError:
@@ -133,13 +134,16 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
 
 
 def frequency_unit_of(sweep: xr.Dataset) -> str | None:
-    """The unit that the frequencies are probably in; None where hertz make sense."""
+    """The unit in which the frequencies probably are, such as "GHz"; None where hertz make sense."""
     length, step = _length_and_pitch(sweep)
     return frequency_unit(float(sweep["frequency"].max()), length, step, wave_speed(sweep))
 
 
 def _length_and_pitch(sweep: xr.Dataset) -> tuple[float, float]:
-    """Extent of the array and distance of neighbours [m]; of a raster scan the width of the focus, zero if unknown."""
+    """Extent of the array and distance between neighbouring antennas [m].
+
+    Of a raster scan, both are the diameter of the beam in its focus, zero if unknown.
+    """
     if is_raster(sweep):
         width = 2.0 * float(sweep.attrs.get("spot_radius", 0.0))
         return width, width
@@ -148,18 +152,18 @@ def _length_and_pitch(sweep: xr.Dataset) -> tuple[float, float]:
 
 
 def _speed_may_follow(sweep: xr.Dataset) -> bool:
-    """Whether the speed of the waves is not said and may be that of sound, which `focus` takes as an argument too."""
+    """Whether the sweep states no wave speed and may be one of sound, whose speed `focus` takes as an argument too."""
     length, step = _length_and_pitch(sweep)
     return "wave_speed" not in sweep.attrs and may_be_sound(float(sweep["frequency"].max()), length, step)
 
 
 def check_waves(sweep: xr.Dataset) -> None:
-    """Refuse to image a valid sweep whose frequencies make no sense at the speed of its waves, light by default.
+    """Refuse to image a valid sweep whose frequencies make no sense at its wave speed, by default that of light.
 
     Raises
     ------
     InputError
-        With the unit that was probably meant.
+        If the frequencies make no sense; the message tells the unit that was probably meant.
     """
     unit = frequency_unit_of(sweep)
     if unit is not None:
@@ -171,7 +175,7 @@ def check_waves(sweep: xr.Dataset) -> None:
 
 
 def _size(sweep: xr.Dataset) -> str:
-    """The array in wavelengths, for messages."""
+    """The size of the array, or of the beam, in metres and wavelengths, for messages."""
     length = _length_and_pitch(sweep)[0]
     if not length:
         return f"waves of {wave_speed(sweep):g} m/s, which no instrument sends so slowly"
@@ -181,7 +185,7 @@ def _size(sweep: xr.Dataset) -> str:
 
 
 class Doubt(NamedTuple):
-    """What is probably wrong with the numbers of a valid sweep, and the option of `calibrate` that puts it right."""
+    """What is probably wrong with the numbers of a valid sweep, and the option of `calibrate` that corrects it."""
 
     name: str
     what: str
@@ -189,12 +193,12 @@ class Doubt(NamedTuple):
 
     @property
     def advice(self) -> str:
-        """What to do."""
+        """What to do about it, as a part of a sentence."""
         return f"give them in the right unit, or mirrorfold calibrate SWEEP.nc -o OUT.nc {self.option}"
 
 
 def doubts(sweep: xr.Dataset) -> list[Doubt]:
-    """Numbers of a valid sweep that make little sense together: positions or angles in another unit."""
+    """Find frequencies, positions or angles of a valid sweep that are probably in another unit than expected."""
     wavelength = wave_speed(sweep) / float(sweep["frequency"].max())
     unit = frequency_unit_of(sweep)
     if unit is not None:
@@ -224,7 +228,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse a wave speed that is no positive number, and a centre of the scene that is no place."""
+    """Refuse a `wave_speed` that is no positive number, and a `scene_center` or `origin` that is no place in space."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if isinstance(speed, bool) or not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
         raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
@@ -239,7 +243,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
-    """Refuse antenna positions that are no places, or whose columns are not in the order x, y, z."""
+    """Refuse antenna positions that are not finite, too far away, or whose columns are not in the order x, y, z."""
     for name in names:
         dim = name.removesuffix("_position").replace("antenna", "position")
         if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
@@ -256,7 +260,7 @@ def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable
 
 
 def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse beam directions that are no rising angles."""
+    """Refuse beam directions that are not rising angles between -90 and 90 degrees."""
     for name in ("azimuth", "elevation"):
         angle = sweep[name].values
         if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():

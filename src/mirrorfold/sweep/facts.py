@@ -1,4 +1,4 @@
-"""What a sweep says of itself: its kind, its places and waves, and what it can resolve."""
+"""What follows from a sweep's coordinates and attributes: its kind, antenna positions, wavenumbers and resolution."""
 
 from __future__ import annotations
 
@@ -23,41 +23,44 @@ AXES_REMEDY = (
     'name the axes of the positions anew when importing (axes = ["y", "-x", "z"]), or give the place of the scene as '
     "scene_center, or the pixels x and y"
 )
-"""Where antennas do not stand along x."""
+"""Advice where the antennas do not stand along x."""
 
 ASKEW, UPRIGHT = 0.5, 0.01
-"""An array turned by more than 63 degrees, which sees its own side; and one as wide as the errors of its positions."""
+"""Largest extents by which `end_on` recognises an array along another axis than x.
+
+Along x, as a share of the extent along y: below it, the array is turned by more than 63 degrees, and looks aside.
+Along x and y, as a share of the extent along z: below it, the array is only as wide as its positions are inexact."""
 
 
 def is_raster(sweep: xr.Dataset) -> bool:
-    """Whether a sweep is that of a raster scan."""
+    """Whether a sweep is a raster scan, ``s(frequency, azimuth, elevation)``."""
     return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS
 
 
 def is_monostatic(sweep: xr.Dataset) -> bool:
-    """Whether a sweep is that of antennas that hear only themselves."""
+    """Whether every antenna of a sweep receives only its own signal, ``s(frequency, position)``."""
     return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-2:] == MONOSTATIC_DIMENSIONS
 
 
 def antenna_positions(sweep: xr.Dataset) -> tuple[Array, Array]:
-    """Positions of the transmitters and of the receivers [m], (tx, 3) and (rx, 3); of one moving antenna twice."""
+    """Positions of the transmitters and of the receivers [m], (tx, 3) and (rx, 3); the same in monostatic sweeps."""
     names = ("antenna_position",) * 2 if "antenna_position" in sweep.variables else ("tx_position", "rx_position")
     tx, rx = (np.asarray(sweep[name].values, dtype=np.float64) for name in names)
     return tx, rx
 
 
 def wave_speed(sweep: xr.Dataset) -> float:
-    """Speed of the waves [m/s]: the attr `wave_speed`, that of light in vacuum without it."""
+    """Speed of the waves [m/s]: the attr `wave_speed`, by default the speed of light in vacuum."""
     return float(sweep.attrs.get("wave_speed", speed_of_light))
 
 
 def wavenumber(sweep: xr.Dataset) -> NDArray[np.float64]:
-    """Wavenumbers [rad/m] at the frequencies, ``2 pi f / c`` with the sweep's own speed of waves."""
+    """Wavenumbers [rad/m] at the frequencies, ``2 pi f / c`` with the sweep's own wave speed c."""
     return np.asarray(2.0 * np.pi * sweep["frequency"].values.astype(float) / wave_speed(sweep))
 
 
 def radar_position(sweep: xr.Dataset) -> Array:
-    """The mean of the tx and rx positions, or where the beams start, shape (3,) [m]."""
+    """Position of the radar, (3,) [m]: midway between the mean tx and mean rx positions, or where the beams start."""
     if is_raster(sweep):
         return np.array(sweep.attrs.get("origin", (0.0, 0.0, 0.0)), dtype=float)
     tx, rx = antenna_positions(sweep)
@@ -65,8 +68,10 @@ def radar_position(sweep: xr.Dataset) -> Array:
 
 
 def end_on(sweep: xr.Dataset) -> str | None:
-    """The axis, y or z, along which all antennas stand that should stand along x: in the floor plan that lies before
-    them in y they tell ranges, and hardly a direction. None where they stand otherwise, or around a scene.
+    """The axis, "y" or "z", along which all antennas stand instead of along x; None where they do not.
+
+    The floor plan lies before the array, in the direction y. An array along y or z hardly tells directions in it. None
+    too for raster scans and for antennas around a scene, which have a `scene_center`.
     """
     if is_raster(sweep) or sweep.attrs.get("scene_center") is not None:
         return None
@@ -77,7 +82,7 @@ def end_on(sweep: xr.Dataset) -> str | None:
 
 
 def frequency_step(sweep: xr.Dataset) -> float:
-    """Mean distance of neighbouring frequencies [Hz]; infinite for a single one."""
+    """Mean distance between neighbouring frequencies [Hz]; infinite for a single frequency."""
     frequency = sweep["frequency"].values
     return float((frequency[-1] - frequency[0]) / (frequency.size - 1)) if frequency.size > 1 else float("inf")
 

@@ -1,4 +1,4 @@
-"""Sweeps from arrays, checked."""
+"""Sweeps made from arrays and checked; noise added to a sweep."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS,
 from mirrorfold.sweep.samples import complex_samples, real_numbers
 
 Coordinates = dict[str, tuple[tuple[str, ...], ArrayLike, str]]
-"""Dimensions, values and unit by name."""
+"""Coordinates of a sweep: by name, the dimensions, the values and the unit of each."""
 
 
 def make_sweep(
@@ -30,20 +30,21 @@ def make_sweep(
     polarization: str | Sequence[str] | None = None,
     **attrs: Any,
 ) -> xr.Dataset:
-    """A MIMO or synthetic-aperture Sweep.
+    """Make the Sweep of pairs of antennas, of a MIMO array or a synthetic aperture.
 
     Parameters
     ----------
     s : (frequencies, tx, rx), (frames, ...) or (polarizations, ...) complex array
-        Scattering parameter of every pair, time convention ``exp(+jwt)``; of a recording for every frame, of a radar
-        with two polarizations for each.
+        Scattering parameter of every pair, time convention ``exp(+jwt)``. A recording has a first dimension for its
+        frames, a radar with two polarizations one for these.
     frequency : (frequencies,) array [Hz]
         In uniform steps.
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
     time : (frames,) array [s], optional
         When each frame was measured.
     polarization : str or sequence of str, optional
-        "TE", E along the vertical axis, or "TM", E in the floor plan; of several the names, in the order of `s`.
+        "TE", E along the vertical axis, or "TM", E in the floor plan. Where `s` has several polarizations: their names,
+        in the order of `s`.
     **attrs
         What else is known: `title`, `instrument`, `processing`, `wave_speed` [m/s] ...
 
@@ -82,7 +83,7 @@ def make_monostatic_sweep(
     time: ArrayLike | None = None,
     **attrs: Any,
 ) -> xr.Dataset:
-    """The Sweep of one moving antenna that transmits and receives, or of antennas that hear only themselves.
+    """Make the Sweep of one moving antenna that transmits and receives, or of antennas that receive only themselves.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def make_raster_sweep(
     time: ArrayLike | None = None,
     **attrs: Any,
 ) -> xr.Dataset:
-    """The Sweep of a raster scan.
+    """Make the Sweep of a raster scan.
 
     Parameters
     ----------
@@ -164,8 +165,10 @@ def _made(
     attrs: dict[str, Any],
     polarization: Sequence[str] | None = None,
 ) -> xr.Dataset:
-    """A checked sweep of samples and coordinates with units; a dimension before `dims` holds the polarizations where
-    these are named, and else is `frame`.
+    """A checked sweep of samples and coordinates with units.
+
+    Where the samples have one dimension more than `dims`, it comes first: `polarization` where polarizations are named,
+    otherwise `frame`.
     """
     if time is not None:
         coords["time"] = (("frame",), time, "s")
@@ -207,7 +210,7 @@ def _made(
 
 
 def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
-    """The sweep with white complex Gaussian noise, on all pairs that were measured.
+    """Add white complex Gaussian noise to the samples of all pairs that were measured.
 
     Parameters
     ----------
@@ -219,17 +222,17 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        With attr `snr_db`.
+        With the attrs `snr_db` and `noise_seed`.
 
     Raises
     ------
     InputError
-        If the sweep is not valid, or `snr_db` or `seed` is no such number.
+        If the sweep is not valid, `snr_db` is no number or so low that the noise overflows, or `seed` no whole number.
     """
     sweep = check_sweep(sweep)
     snr_db, seed = number("snr_db", snr_db, "dB"), whole_number("seed", seed)
     s = sweep["s"].values
-    # Part by part: magnitudes in double precision would take as much as the samples.
+    # Part by part, because the magnitudes in double precision would take as much memory as the samples.
     power = sum(float(np.sum(np.abs(part).astype(float) ** 2)) for part in s) / s.size * 10.0 ** (-snr_db / 10.0)
     measured = sweep["measured"].values if "measured" in sweep else np.ones(1, dtype=bool)
     power /= max(float(measured.mean()), 1.0 / s.size)

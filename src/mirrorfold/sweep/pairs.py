@@ -1,4 +1,4 @@
-"""A sweep as a list of pairs, whichever way it was measured."""
+"""A sweep as a list of pairs of a transmitter and a receiver, whether it was measured by arrays or a moving antenna."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.sweep.facts import antenna_positions, radar_position, wavenumber
 
 LINE_WIDTH = 0.5
-"""Half width, in wavelengths, of the line of elements that is taken out of a planar array."""
+"""Half width, in wavelengths, of the row of elements that is picked from a planar array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,9 @@ class Pairs:
     wavenumber : (frequencies,) array [rad/m]
         Rising.
     tx, rx : (tx, 3) and (rx, 3) arrays [m]
-        Around the middle of the array.
+        Positions relative to the middle of the array.
     tx_of, rx_of : (pairs,) arrays of int
+        Indices of each pair's transmitter in `tx` and receiver in `rx`.
     """
 
     s: NDArray[np.complexfloating]
@@ -38,18 +39,18 @@ class Pairs:
 
     @property
     def wavelength(self) -> float:
-        """At mid-band [m]."""
+        """Wavelength at mid-band [m]."""
         return float(2.0 * np.pi / self.wavenumber.mean())
 
     def scaled(self, factor: float) -> Pairs:
-        """The same with all positions multiplied by a factor."""
+        """The same samples with all positions multiplied by a factor."""
         return replace(self, tx=factor * self.tx, rx=factor * self.rx)
 
 
 def pairs_of(sweep: xr.Dataset) -> Pairs:
     """The pairs of a sweep ``s(frequency, tx, rx)``, or of one moving antenna, ``s(frequency, position)``.
 
-    Of a leading dimension, such as polarization, the first entry is taken.
+    If the samples have further dimensions before these, such as polarization, the first entry of each is taken.
     """
     k, (tx, rx), origin = wavenumber(sweep), antenna_positions(sweep), radar_position(sweep)
     if "antenna_position" in sweep.variables:
@@ -62,7 +63,7 @@ def pairs_of(sweep: xr.Dataset) -> Pairs:
 
 
 def on_a_line(pairs: Pairs) -> Pairs:
-    """The pairs whose antennas stand on one line along the array: of a planar array, its middle row."""
+    """The pairs whose antennas stand on one line along the array; for a planar array, those of its middle row."""
     offsets = np.concatenate([pairs.tx - pairs.tx.mean(axis=0), pairs.rx - pairs.rx.mean(axis=0)])
     across = np.linalg.svd(offsets, full_matrices=False)[2][1:]
     width = LINE_WIDTH * pairs.wavelength
@@ -74,7 +75,7 @@ def on_a_line(pairs: Pairs) -> Pairs:
 
 
 def _near_middle(across: Array, width: float) -> NDArray[np.bool_]:
-    """Which places (n, 2) lie within a width of the row nearest to the middle."""
+    """Which places (n, 2), given across the array, lie within a width of the row nearest to the middle; (n,)."""
     middle = across - np.median(across, axis=0)
     row = across[np.argmin(np.linalg.norm(middle, axis=1))]
     return np.asarray(np.abs(across - row).max(axis=1) <= width)

@@ -1,4 +1,4 @@
-"""Polarizations of sweeps and images: their names, two sweeps as one, and one of several."""
+"""Polarizations of sweeps and images: their names, sweeps joined into one, and one picked from several."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import CONJUGATED, TIME_CONVENTION, antenna_positions, wave_speed
 
 SAME = 1e-6
-"""Grids agree where their values differ by less than this share of their span."""
+"""Two grids agree where their values differ by less than this share of the largest value; for angles, by less than
+this number of degrees."""
 
 Labelled = TypeVar("Labelled", xr.Dataset, xr.DataArray)
 
@@ -22,12 +23,12 @@ EXPECTED = "expected TE, E along the vertical axis, and TM, E in the floor plan"
 
 
 def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
-    """Names along the dimension `polarization` of a sweep or an image; none where it has no such dimension.
+    """Names along the dimension `polarization` of a sweep or an image; empty where it has no such dimension.
 
     Raises
     ------
     InputError
-        If they have no names, other names, or two the same name.
+        If the polarizations have no names, other names than TE and TM, or two have the same name.
     """
     held = obj["s"] if isinstance(obj, xr.Dataset) and "s" in obj else obj
     if not isinstance(held, xr.DataArray) or "polarization" not in held.dims:
@@ -41,22 +42,23 @@ def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
 
 
 def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """One sweep of several that were measured with one polarization each.
+    """Join sweeps that were measured with one polarization each into one sweep.
 
     Parameters
     ----------
     sweeps : mapping of str to xarray.Dataset
-        By "TE", E along the vertical axis, and "TM", E in the floor plan; of the same frequencies and antennas.
+        The sweeps by the names of their polarizations: "TE", E along the vertical axis, and "TM", E in the floor plan.
+        All have the same frequencies and antennas.
 
     Returns
     -------
     xarray.Dataset
-        ``s(polarization, frequency, tx, rx)``, with the attributes of the first, time convention ``exp(+jwt)``.
+        ``s(polarization, frequency, tx, rx)``, with the attributes of the first sweep, time convention ``exp(+jwt)``.
 
     Raises
     ------
     InputError
-        If a name is another one, or the grids differ.
+        If a name is neither TE nor TM, or the grids differ.
     """
     if not isinstance(sweeps, Mapping):
         raise wrong_kind("sweeps", sweeps, "a dict of sweeps by polarization, such as {'TE': sweep, 'TM': other}")
@@ -92,7 +94,7 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
 
 
 def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
-    """In what the grids of two sweeps differ first; None if they agree."""
+    """The first difference between the grids of two sweeps, in words; None if they agree."""
     if one["s"].dims != other["s"].dims or one["s"].shape != other["s"].shape:
         sizes = [" x ".join(map(str, sweep["s"].shape)) for sweep in (one, other)]
         return f"their shapes, {sizes[0]} and {sizes[1]}"
@@ -116,13 +118,16 @@ def _difference(one: xr.Dataset, other: xr.Dataset) -> str | None:
 
 
 def picked(obj: Labelled, name: str) -> Labelled:
-    """One polarization of a sweep or an image that has several."""
+    """The polarization called `name` of a sweep or an image that has several."""
     names = [str(one) for one in obj["polarization"].values]
     return obj.isel(polarization=names.index(name)).drop_vars("polarization")
 
 
 def first_polarization(image: xr.DataArray) -> xr.DataArray:
-    """Of an image with several polarizations the first, TE if it is there, with its name as a scalar coordinate."""
+    """The image of one polarization, TE if there is one, with its name as a scalar coordinate.
+
+    An image without a dimension `polarization` is returned as it is.
+    """
     names = polarizations(image, "image")
     if not names:
         return image
@@ -130,12 +135,21 @@ def first_polarization(image: xr.DataArray) -> xr.DataArray:
 
 
 def polarized(image: Any, sweep: xr.Dataset | None) -> tuple[dict[str, xr.DataArray], Any, xr.Dataset | None]:
-    """The complex images by polarization, where there are both; and the image and the sweep of the first of them.
+    """Split an image and its sweep by polarization.
+
+    Returns
+    -------
+    both : dict of str to xarray.DataArray
+        The complex images by polarization, where there are both TE and TM; otherwise empty.
+    image : xarray.DataArray
+        The image of the first polarization, TE if there is one.
+    sweep : xarray.Dataset, or None
+        The sweep of the same polarization.
 
     Raises
     ------
     InputError
-        If polarizations are not named, or the image has others than the sweep.
+        If polarizations are not named, or the image has other ones than the sweep.
     """
     of_image, of_sweep = polarizations(image, "image"), polarizations(sweep)
     if of_sweep and of_image != of_sweep:

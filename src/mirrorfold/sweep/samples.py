@@ -1,4 +1,4 @@
-"""Arrays as users give them, checked: masked, with named dimensions, or without numbers."""
+"""Checks of arrays as users give them: that they hold numbers, that none is masked, and how dimensions are called."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from mirrorfold.sweep.facts import AXES
 
 
 def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
-    """Numbers as an array.
+    """The value as an array of numbers.
 
     Raises
     ------
     InputError
-        If these are no numbers, or some are masked.
+        If the value does not consist of numbers, or some of them are masked.
     """
     held = value.data if isinstance(value, xr.DataArray) else value
     masked = int(np.count_nonzero(held.mask)) if isinstance(held, np.ma.MaskedArray) else 0
@@ -39,7 +39,7 @@ def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
 
 
 def real_numbers(name: str, value: ArrayLike | xr.DataArray) -> Array:
-    """Real numbers as an array; columns that are named x, y and z come in this order."""
+    """The value as an array of real numbers; columns with the names x, y and z are brought into this order."""
     if isinstance(value, xr.DataArray) and "axis" in value.dims:
         value = value.transpose(..., "axis")
         if "axis" in value.coords and set(value["axis"].values.tolist()) == set(AXES):
@@ -51,17 +51,19 @@ def real_numbers(name: str, value: ArrayLike | xr.DataArray) -> Array:
 
 
 def complex_samples(name: str, value: ArrayLike | xr.DataArray, dims: tuple[str, ...]) -> NDArray[np.complexfloating]:
-    """Complex samples as an array, whose last dimensions are `dims`; named ones are brought into this order.
+    """The value as an array of complex samples, whose last dimensions are `dims`.
+
+    Dimensions with these names are brought into this order; dimensions without names are taken to be in this order.
 
     Raises
     ------
     InputError
-        If these are no complex numbers, or the dimensions have other names.
+        If the samples are not complex numbers, or the dimensions have other names.
     """
     if isinstance(value, xr.DataArray):
         if set(dims) <= set(value.dims):
             value = value.transpose(..., *dims)
-        elif not all(str(dim).startswith("dim_") for dim in value.dims):  # as xarray names what nobody has named
+        elif not all(str(dim).startswith("dim_") for dim in value.dims):  # xarray's names for unnamed ones
             raise InputError(
                 f"{name} has the dimensions ({', '.join(map(str, value.dims))}), expected ({', '.join(dims)}); rename "
                 "them, or give its values in this order"
