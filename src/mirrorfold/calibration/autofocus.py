@@ -43,7 +43,7 @@ TOLERANCE = 1e-2
 """Relative error of that image."""
 
 SEPARATION = 5
-"""Smallest distance between two guide stars along x or y, in pixels."""
+"""Distance in pixels, along x and along y, within which a guide star is the brightest point."""
 
 
 def autofocus(
@@ -153,7 +153,7 @@ def _image(sweep: xr.Dataset, x: Array, y: Array) -> NDArray[np.floating]:
 
 
 def _guide_stars(amplitude: NDArray[np.floating], x: Array, y: Array, count: int) -> Array:
-    """Positions (stars, 3) [m] of the brightest maxima of an image that are at least `SEPARATION` pixels apart."""
+    """Positions (stars, 3) [m] of the brightest maxima of an image; each is the maximum within `SEPARATION` pixels."""
     peak = (amplitude == maximum_filter(amplitude, 2 * SEPARATION + 1)) & (amplitude > 0)
     row, column = np.nonzero(peak)
     if row.size == 0:

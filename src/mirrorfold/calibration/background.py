@@ -1,4 +1,4 @@
-"""Background: what is measured without the object of interest, and what leaks inside the instrument."""
+"""Subtraction of a background: a sweep without the object of interest, or the leakage that all channels share."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from mirrorfold.sweep import check_sweep
 
 
 def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: bool = False) -> xr.Dataset:
-    """The sweep without what a second sweep shows as well.
+    """Subtract a background, a second sweep, from a sweep.
 
     Parameters
     ----------
     sweep, background : xarray.Dataset
-        Measured in the same way: the second of the empty scene, or of the scene with the target turned, in which case
-        the target shows twice, once negative. Of a recording one background may serve for all frames.
+        Two sweeps measured in the same way. The background shows the empty scene, or the scene with the target turned;
+        then the target shows twice, once negative. One background may serve for all frames of a recording.
     match : bool, default False
-        Multiply the background by the one complex number that leaves least, which removes a drift of gain and phase
-        between the two. Not where the target is stronger than the background.
+        Multiply the background by the complex number that leaves the least power, which removes a drift of gain and
+        phase between the two sweeps. Do not use it where the target is stronger than the background.
 
     Returns
     -------
     xarray.Dataset
-        Pairs that either was not measured for, see `mirrorfold.sweep`, are zero.
+        Samples of pairs that were not measured in one of the two sweeps are zero; see `mirrorfold.sweep`.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
 
 
 def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) -> complex:
-    """The complex number times which the other samples leave least of the first ones, those lacking left out."""
+    """The complex number g that minimises the power of ``s - g other``, where samples are not `lacking`."""
     product, power = 0.0j, 0.0
     for some in blocks(len(s), s.nbytes):
         mine, its = s[some].astype(complex), np.where(lacking[some], 0.0, other[some].astype(complex))
@@ -71,7 +71,10 @@ def _gain(s: NDArray[np.complexfloating], other: NDArray[np.complexfloating], la
 
 
 def _without_middle(s: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
-    """Samples (frequencies, channels) without the medians of real and imaginary parts over the channels there are."""
+    """Samples (frequencies, channels) minus the medians of their real and imaginary parts over the channels.
+
+    Channels that are `lacking` (channels,) do not count, and become zero.
+    """
     left = np.zeros_like(s)
     there = s[:, ~lacking]
     real, imag = (np.median(part, axis=1, keepdims=True) for part in (there.real, there.imag))
@@ -80,10 +83,10 @@ def _without_middle(s: NDArray[np.complexfloating], lacking: NDArray[np.bool_]) 
 
 
 def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep without what all its channels or beams have in common, frequency by frequency: leakage.
+    """Subtract what all channels or beams of a sweep have in common at each frequency: leakage.
 
-    The mean is taken over real and imaginary parts separately as the median, which bright echoes in some channels
-    do not move.
+    It is estimated as the median over the channels, of real and imaginary parts separately. Bright echoes in some
+    channels do not shift the median, as they would the mean.
 
     Parameters
     ----------
@@ -92,6 +95,11 @@ def subtract_mean(sweep: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the sweep has a single channel, or nothing is left.
     """
     sweep = check_sweep(sweep)
     s = sweep["s"].values

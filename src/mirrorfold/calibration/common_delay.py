@@ -1,13 +1,13 @@
-"""The delay that all pairs share - metres of cable - from the echo of a reflector at a known place.
+"""The delay that all pairs share, such as that of metres of cable, from the echo of a reflector at a known place.
 
-The way over the reflector is taken out of every pair, so that its echo stands at the common delay in all of them. There
-the samples of all pairs form a matrix (tx, rx) of rank one, ``g_i h_k``, whatever the gains and phases of the elements
-are. A wall has another length in every pair, which no product of two factors follows. So the common delay is where the
-largest singular value of that matrix is largest.
+The known path over the reflector is removed from every pair, so that the reflector's echo stands at the common delay in
+all pairs. At this delay the samples of all pairs form a matrix (tx, rx) of rank one, ``g_i h_k``, whatever the gains
+and phases of the elements are. The echo of a wall has another path length in every pair, and does not form such a
+matrix. So the common delay is the one at which the largest singular value of the matrix is largest.
 
-What goes straight from every transmitter to every receiver is often stronger than the reflector. It has the same common
-delay, and its lengths are known as well. So both are asked for together: a delay at which one and the other are heard
-is better than one at which something louder stands alone.
+The coupling, which goes directly from each transmitter to each receiver, is often stronger than the reflector's echo.
+Its path lengths are known too, and it has the same common delay. So both are searched together: a delay at which the
+reflector and the coupling both show is preferred to one at which something stronger shows alone.
 """
 
 from __future__ import annotations
@@ -32,24 +32,26 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
 COUPLING_WEIGHT = 0.9
-"""What coupling counts against the reflector, in the sum of the logarithms of their powers over noise. Below one: where
-coupling was taken away, the reflector alone must not pass for it. Above the share by which the reflector's logarithm
-may lie below that of coupling, which in 60 dB over noise is 6 dB."""
+"""Weight w of the coupling in the score ``log(reflector) + w log(coupling)`` of a common delay, with both powers over
+noise. It is below one, so that the reflector's echo is not taken for coupling where the coupling was removed. It is
+close to one, because the coupling is taken for the reflector where the reflector's level over noise is below ``1 - w``
+times that of the coupling: below 6 dB, where the coupling has 60 dB."""
 
 NO_CABLE = np.log(10.0)
-"""An echo where the reflector would stand without any cable may have a tenth of the loudest one's power, and is still
-taken for it: cables are often taken away before, and a wall may return more than a sphere."""
+"""Bonus on the score for a common delay of about zero: the reflector's echo is still found there if it has a tenth of
+the power of the strongest echo. The delay of cables is often removed before, and a wall may return more than a
+sphere."""
 
 COUPLING_CELLS = 2.0
-"""Resolution cells, half the main lobe of the taper, by which the cut of a strong coupling reaches beyond the elements'
-own delays."""
+"""Resolution cells by which the gate that removes a strong coupling reaches beyond the elements' own delays: half the
+width of the taper's main lobe."""
 
 POWER_ITERATIONS = 8
-"""Steps towards the largest singular value; where one echo stands out the first few find it."""
+"""Steps of the power iteration for the largest singular value; where one echo dominates, the first few suffice."""
 
 
 def _places(at: Any) -> list[Any]:
-    """One place or several as a list."""
+    """One place, or several places, as a list of places."""
     several = isinstance(at, list | tuple | np.ndarray) and getattr(at, "ndim", 1) > 0
     return list(at) if several and any(np.ndim(one) > 0 for one in at) else [at]
 
@@ -62,31 +64,31 @@ def fit_reflectors(
     largest_error: float,
     largest_common: float | None,
 ) -> list[tuple[xr.Dataset, Array, Fit]]:
-    """Delays and gains of all elements from sweeps of a sphere, one after the other.
+    """Fit the delays and gains of all elements to one or several sweeps of a sphere.
 
     Parameters
     ----------
     sweep : xarray.Dataset, or several
         With s(frequency, tx, rx).
     at : (2,) or (3,) [m], or several
-        The middle of the sphere, in each of the sweeps.
+        The middle of the sphere in each sweep.
     radius : float [m]
     largest_error : float [m]
         Largest difference between the delay of one element and that of the others.
     largest_common : float [m], optional
-        Largest delay that all pairs share; where None, anything up to the period ``c / df`` of the sweep, modulo which
-        it is known.
+        Largest delay that all pairs share. If None, any delay up to the period ``c / df`` of the sweep is searched; the
+        common delay is known modulo this period.
 
     Returns
     -------
     list of (sweep, place (3,) [m], Fit)
-        What all pairs share is halved between both sides.
+        One entry for each sweep. The delay that all pairs share is divided equally between both sides.
 
     Raises
     ------
     InputError
         If the numbers of sweeps and places differ, a largest delay is not positive, the sweeps are not of the same
-        frequencies, or the reflector is not heard.
+        frequencies, or the reflector's echo does not show.
     """
     given: list[Any] = list(sweep) if isinstance(sweep, list | tuple) else [sweep]
     places = _places(at)
@@ -102,7 +104,7 @@ def fit_reflectors(
         centre = place(where, "at")
         fit = _fit(one, centre, radius, largest_error, largest_common)
         if found:
-            # Near the ends of the period one sweep may tell a little more than none, another a little less than all.
+            # Near the ends of the period, one sweep may give a delay just above zero, another just below the period.
             period = 2.0 * ambiguous_range(one)
             fit = fit.later(period * np.round((found[0][2].common - fit.common) / period))
         found.append((one, centre, fit))
@@ -110,7 +112,7 @@ def fit_reflectors(
 
 
 def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, largest_common: float | None) -> Fit:
-    """The fit to one sweep."""
+    """The fit to one sweep: its common delay, the coupling removed if it is stronger, then the elements' delays."""
     tx, rx = positions(sweep)
     k, s = wavenumber(sweep), moderate(sweep["s"].values)
     length, apart = sphere_paths(tx, rx, centre, radius), np.linalg.norm(tx[:, None] - rx, axis=-1)
@@ -136,7 +138,7 @@ def find_common_delay(
     largest_error: float = 0.0,
     largest_common: float | None = None,
 ) -> tuple[float, bool]:
-    """The delay of all echoes of a reflector, to a fraction of a resolution cell.
+    """Find the delay that a reflector's echo has in all pairs, to a fraction of a resolution cell.
 
     Parameters
     ----------
@@ -144,7 +146,7 @@ def find_common_delay(
     k : (frequencies,) array [rad/m]
         Wavenumbers.
     length, apart : (tx, rx) arrays [m]
-        The way over the reflector, and the straight one.
+        Lengths of the path over the reflector, and of the direct path.
     largest_error, largest_common : float [m]
         See `fit_reflectors`.
 
@@ -152,7 +154,7 @@ def find_common_delay(
     -------
     delay : float [m]
     coupled : bool
-        Whether what goes straight from transmitters to receivers is louder than the reflector.
+        Whether the coupling is stronger than the reflector's echo.
 
     Raises
     ------
@@ -167,7 +169,7 @@ def find_common_delay(
     first = -2.0 * largest_error - cell if largest_common is None else -largest_common
     last = first + period if largest_common is None else min(first + period, largest_common + cell)
     tried = np.arange(np.floor(first / cell), np.ceil(last / cell)).astype(int)
-    # Summed over three neighbours the power hardly depends on where between two steps of a cell an echo lies.
+    # Averaged over three neighbours, the power hardly depends on where an echo lies between two delays.
     sharp = _power(s, k, length)
     power = uniform_filter1d(np.stack([sharp, _power(s, k, apart)]), 3, axis=1, mode="wrap")
     by_reflector, straight = np.log(np.maximum(power / (np.median(power) + np.finfo(float).tiny), 1.0))
@@ -183,9 +185,14 @@ def find_common_delay(
 
 
 def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
-    """How loud coupling is at every common delay; none where the same echo adds up better by way of the reflector.
+    """Strength of the coupling at every common delay; zero where the same echo adds up better over the reflector.
 
-    Coupling comes `earlier` than the reflector's echo would, by a number of cells (tx, rx) below zero.
+    Parameters
+    ----------
+    by_reflector, straight : (delays,) arrays
+        Log of the power over noise, with the paths over the reflector and the direct paths removed.
+    earlier : (tx, rx) array
+        Direct path minus path over the reflector in resolution cells, below zero.
     """
     middle, half = 0.5 * (earlier.max() + earlier.min()), 0.5 * np.ptp(earlier) + COUPLING_CELLS
     around = maximum_filter1d(by_reflector, 2 * int(np.ceil(half)) + 1, mode="wrap")
@@ -194,7 +201,10 @@ def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
 
 
 def _power(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
-    """Power of echoes by way of a length of path (tx, rx), at delays in steps of a cell: of the part of rank one."""
+    """Power of the echoes at each common delay beyond the path `length` (tx, rx) [m], in steps of a resolution cell.
+
+    It is the square of the largest singular value of the pairs' matrix at this delay, (frequencies,).
+    """
     taper = hann(k.size)[:, None, None]
 
     def profile(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:

@@ -1,4 +1,11 @@
-"""Delays of single elements from the samples of all pairs, robustly, to micrometres: the heart of `elements`."""
+"""The fit behind `elements`: delays and gains of single elements, from the samples of all pairs, to micrometres.
+
+The known path over a reflector and the common delay are removed from all samples. What is left in pair (i, k) is the
+delay ``t_i + r_k``. First the delay of each pair is searched, and medians over the pairs give first values of t and r.
+Then transmitters and receivers are refined in turn: for each element, the samples of its pairs are added up, and the
+delay is taken at which the sum over frequency is strongest. Pairs that do not fit count less. Finally the phase at the
+carrier refines the delays, if the elements' phases agree.
+"""
 
 from __future__ import annotations
 
@@ -13,39 +20,45 @@ from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
 
 STEPS_PER_CELL = 16
-"""Steps of the search for a delay in one resolution cell ``c / B`` of the path: the parabola through the best three
-is then exact to a few micrometres, and Newton's method does the rest."""
+"""Steps per resolution cell of the path, ``c / B``, in the search for a delay. The parabola through the best three is
+then exact to a few micrometres, and Newton's method does the rest."""
 
 ITERATIONS = 8
-"""Alternations between transmitters and receivers; each gains an order of magnitude."""
+"""Alternations between transmitters and receivers; each reduces the error by an order of magnitude."""
 
 SEARCHES = 3
-"""Of these, the first ones that search for delays and trust no phase yet; the others only refine."""
+"""Number of the first alternations, which search for delays over an interval; the later ones only refine them."""
 
 MISFIT = 3.0
 """Pairs whose misfit exceeds this many robust standard deviations count less, by the square of the excess (Huber and
 Ronchetti, Robust Statistics, 2009, with a redescending tail)."""
 
 LARGEST_EXCESS = 1e6
-"""Excess beyond which pairs count no less: they count nothing by then."""
+"""Largest excess that lowers the weight of a pair; with it, a pair practically does not count."""
 
 HEARD = 0.25
-"""Share of the power that an element's median neighbour makes of the echo which it must have itself."""
+"""An element is valid if the strength of the reflector's echo, its median over the pairs of the element, exceeds this
+share of the median over all elements."""
 
 DETECTION = 20.0
 NOISE_PER_ELEMENT = 3.5
-"""The reflector's echo, added up over all pairs, must have this power, and so much more for each element, against what
-random phases would make of it. Noise alone, to which delays and gains of 6 to 82 elements were fitted at the best of up
-to 1001 common delays, reached 2.6 for each element above the first in 235 draws."""
+"""Smallest power of the reflector's echo, added up over all pairs and frequencies, relative to what random phases would
+give: `DETECTION`, plus `NOISE_PER_ELEMENT` for each element. Noise alone, with delays and gains of 6 to 82 elements
+fitted to it at the best of up to 1001 common delays, reached 2.6 for each element above the first in 235 draws."""
 
 LARGEST_PHASE_SPREAD = 0.7
-"""Standard deviation of the elements' carrier phases [rad] up to which they are taken to have none of their own, so
-that the phase refines the delay: a tenth of a wavelength, well within the half at which phases become ambiguous."""
+"""Largest standard deviation of the elements' carrier phases [rad] at which these are taken for the effect of small
+delays, so that they refine the delays. It is a tenth of a wavelength, well below the half at which phases become
+ambiguous."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Delays [m] and complex gains of all elements as one place of the reflector shows them; see `fit_delays`."""
+    """Delays [m] and complex gains of all elements, from one sweep of the reflector at one place; see `fit_delays`.
+
+    `tx_valid` and `rx_valid` say which elements received its echo, and `residual` [m] is the root mean square of what
+    the delays leave unexplained.
+    """
 
     tx_delay: Array
     rx_delay: Array
@@ -57,16 +70,18 @@ class Fit:
 
     @property
     def common(self) -> float:
-        """Delay that all valid pairs share [m], in the mean."""
+        """Delay that all pairs share [m]: the mean over the valid transmitters plus that over the valid receivers."""
         return float(self.tx_delay[self.tx_valid].mean() + self.rx_delay[self.rx_valid].mean())
 
     def later(self, common: float) -> Fit:
-        """The same with a delay [m] more that all pairs share, half of it on either side."""
+        """The same fit with a common delay [m] added to all pairs, half of it to each side."""
         return replace(self, tx_delay=self.tx_delay + 0.5 * common, rx_delay=self.rx_delay + 0.5 * common)
 
 
 def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, largest_error: float) -> Fit:
-    """Fit ``S = a[m] g_i h_k exp(-j k_m (d_ik + t_i + r_k))``.
+    """Fit the model ``S[m, i, k] = a[m] g_i h_k exp(-j k_m (d_ik + t_i + r_k))`` to samples.
+
+    The delays t, r [m] and the complex gains g, h belong to the transmitters i and the receivers k.
 
     Parameters
     ----------
@@ -74,9 +89,9 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     k : (frequencies,) array [rad/m]
         Wavenumbers.
     length : (tx, rx) array [m]
-        The paths d over the reflector.
+        The paths d over the reflector, a delay common to all pairs included.
     largest_error : float [m]
-        Of t and of r; what all pairs share beyond that belongs to d.
+        Largest magnitude of t and of r.
 
     Returns
     -------
@@ -85,11 +100,11 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     Raises
     ------
     InputError
-        If the reflector is not heard.
+        If the reflector's echo does not show.
     """
     centre = float(k.mean())
     taper = hann(k.size)[:, None, None]
-    # The way over the reflector is taken out, so that its echo stands at a delay near zero in every pair.
+    # The path over the reflector is removed, so that its echo stands at a delay near zero in every pair.
     aligned = np.empty(s.shape, dtype=np.complex128)
     for some in blocks(k.size, aligned.nbytes):
         aligned[some] = taper[some] * s[some] * np.exp(1j * k[some, None, None] * length)
@@ -105,7 +120,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     tx_gain, rx_gain = np.ones(s.shape[1], complex), np.ones(s.shape[2], complex)
     for iteration in range(ITERATIONS):
         reach = max(0.5 * cell, largest_error) if iteration < SEARCHES else 0.0
-        # Least squares: divided by the power of the weights, or an element of little weight would seem to be silent.
+        # Least squares: divided by the power of the weights, or an element of little weight would seem too weak.
         own = _summed(aligned, k, np.zeros_like(tx_delay), rx_delay, weight * np.conj(rx_gain), axis=2)
         own /= weight @ np.abs(rx_gain) ** 2
         tx_delay, tx_gain = _element(own, k, offset, tx_delay, reach, cell)
@@ -139,7 +154,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
 def _summed(
     aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, weight: Complex | Array | float = 1.0, *, axis: int
 ) -> Complex:
-    """The samples with delays taken out and times a weight (tx, rx), summed over one axis, block by block."""
+    """The samples with the elements' delays removed, times a weight (tx, rx), summed over one axis, block by block."""
     parts = []
     for some in blocks(k.size, aligned.nbytes):
         turned = _without(aligned[some], k[some], tx_delay, rx_delay)
@@ -149,14 +164,14 @@ def _summed(
 
 
 def _without(aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array) -> Complex:
-    """The samples with delays taken out, (frequencies, tx, rx)."""
+    """The samples with the elements' delays removed, (frequencies, tx, rx)."""
     turned = aligned * np.exp(1j * k[:, None] * tx_delay)[:, :, None]
     turned *= np.exp(1j * k[:, None] * rx_delay)[:, None, :]
     return turned
 
 
 def _best_delay(samples: Complex, offset: Array, reach: float, cell: float) -> tuple[Array, Array]:
-    """Delays [m] within +-reach that add up samples (frequencies, ...) best, and the sums' magnitudes there."""
+    """Delays [m] within +-reach at which samples (frequencies, ...) add up to the largest sum, and its magnitude."""
     steps = max(int(np.ceil(reach / cell * STEPS_PER_CELL)), 2)
     search = np.linspace(-reach, reach, 2 * steps + 1)
     shape, samples = samples.shape[1:], samples.reshape(offset.size, -1)
@@ -175,7 +190,11 @@ def _best_delay(samples: Complex, offset: Array, reach: float, cell: float) -> t
 def _element(
     samples: Complex, k: Array, offset: Array, delay: Array, reach: float, cell: float
 ) -> tuple[Array, Complex]:
-    """Delays and gains that explain ``g exp(-j k t)`` best, samples (frequencies, elements), near known delays."""
+    """Delays t [m] and gains g for which ``g exp(-j k t)`` fits samples (frequencies, elements) best.
+
+    They are searched within +-reach [m] of the known `delay` (elements,), then refined by Newton's method. The gains
+    are relative to the median magnitude.
+    """
     if reach > 0:
         change, _ = _best_delay(samples * np.exp(1j * k[:, None] * delay), offset, reach, cell)
         delay = delay + change
@@ -194,7 +213,10 @@ def _element(
 
 
 def _median_polish(delay: Array, usable: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Delays t, r whose sums explain most pairs (Tukey, Exploratory Data Analysis, 1977, chapter 11)."""
+    """Delays t (tx,) and r (rx,) whose sums fit most delays (tx, rx) of pairs: the median polish.
+
+    Pairs that are not `usable` do not count (Tukey, Exploratory Data Analysis, 1977, chapter 11).
+    """
     left = np.where(usable, delay, np.nan)
     tx_delay, rx_delay = np.zeros(delay.shape[0]), np.zeros(delay.shape[1])
     for _ in range(ITERATIONS):
@@ -207,7 +229,7 @@ def _median_polish(delay: Array, usable: NDArray[np.bool_]) -> tuple[Array, Arra
 
 
 def _pair_weights(misfit: Array, strength: Array) -> Array:
-    """Weights of the pairs from how far their delays lie off, and none for those that are silent."""
+    """Weights of the pairs by the misfit of their delays; practically zero for silent pairs; (tx, rx)."""
     usable = strength > 0
     if not usable.any():
         raise InputError("the sweep is silent at the reflector's range; check its place")
@@ -217,7 +239,10 @@ def _pair_weights(misfit: Array, strength: Array) -> Array:
 
 
 def _coherence_weights(left: Complex, gain: Complex) -> Array:
-    """Weights of the pairs from how far their sums lie off the model, as a share of its magnitude."""
+    """Weights of the pairs (tx, rx) by how far their sums over frequency, `left`, deviate from the model, `gain`.
+
+    The ratio of both is the same for all pairs that fit; its deviation from the median ratio counts.
+    """
     expected = np.abs(gain)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(expected > 0, left / gain, 0.0)
@@ -229,7 +254,10 @@ def _coherence_weights(left: Complex, gain: Complex) -> Array:
 
 
 def _heard(strength: Array, axis: int) -> NDArray[np.bool_]:
-    """Which elements hear the reflector: the median over their partners is not far below everybody's."""
+    """Which elements see the reflector: the median strength over their pairs is not far below that of the others.
+
+    The median is taken over the axis of the other side's elements.
+    """
     own = np.median(strength, axis=axis)
     return np.asarray(own > HEARD * np.median(own))
 
@@ -237,7 +265,10 @@ def _heard(strength: Array, axis: int) -> NDArray[np.bool_]:
 def _check_heard(
     aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, tx_gain: Complex, rx_gain: Complex
 ) -> None:
-    """Refuse a sweep in which the elements do not agree on an echo: random phases would add up to a power of one."""
+    """Refuse a sweep in which the echoes of all pairs do not add up in phase.
+
+    Their gain of power is compared with `DETECTION` and `NOISE_PER_ELEMENT`; random phases have a gain of one.
+    """
     turned = _summed(aligned, k, tx_delay, rx_delay, axis=0)
     turned *= np.exp(-1j * (np.angle(tx_gain)[:, None] + np.angle(rx_gain)))
     power = float(np.vdot(aligned, aligned).real)
@@ -250,17 +281,18 @@ def _check_heard(
 
 
 def _refine_by_carrier(delay: Array, gain: Complex, valid: NDArray[np.bool_], centre: float) -> tuple[Array, Complex]:
-    """Delays refined by the phase of the carrier, and gains without it, where the elements' phases agree.
+    """Refine the delays [m] by the gains' phases at the carrier, where the phases of the elements agree.
 
-    Either way the gains lose the phase they have in common, which is that of the reflector.
+    The refined delays contain the phases, and the gains become real. Where the phases do not agree, both stay as they
+    are, but for the phase that all gains have in common, which belongs to the reflector and is removed either way.
     """
     common = np.angle(np.exp(1j * np.angle(gain[valid])).sum())
     phase = np.angle(gain * np.exp(-1j * common))
-    for _ in range(3):  # the circular mean of a few outliers is off; the median is not
+    for _ in range(3):  # a few outliers shift the circular mean, but not the median
         middle = float(np.median(phase[valid]))
         phase, common = np.angle(np.exp(1j * (phase - middle))), common + middle
     spread = 1.4826 * float(np.median(np.abs(phase[valid])))
     if spread > LARGEST_PHASE_SPREAD:
         return delay, gain * np.exp(-1j * common)
-    phase -= float(phase[valid].mean())  # delays stay as they are in the mean: their envelope alone tells that
+    phase -= float(phase[valid].mean())  # the mean delay stays: the phase does not tell it
     return delay - phase / centre, np.abs(gain).astype(complex)

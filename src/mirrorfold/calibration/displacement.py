@@ -1,4 +1,9 @@
-"""The displacement between the transmitting and the receiving aperture, from a reflector at known places."""
+"""The displacement of the receiving from the transmitting aperture, from the echoes of a reflector at known places.
+
+If all receivers stand away from their stated positions by the same vector, the path over the reflector changes by the
+component of this vector along the direction to the reflector. So the delays of the receivers, measured for several
+directions to the reflector, give the vector by least squares.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +27,8 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import wavenumber
 
 CONDITION = 1e-3
-"""Components of the displacement along which the measured directions differ by less, in the root mean square, are left
-at zero."""
+"""Smallest rms difference of the measured directions, unit vectors, along a component of the displacement; components
+along which they differ by less are not measured and left at zero."""
 
 
 def estimate_displacement(
@@ -34,12 +39,13 @@ def estimate_displacement(
     largest: float = 4.0 * LARGEST_ERROR,
     largest_common: float | None = None,
 ) -> tuple[Array, float]:
-    """How far the receivers stand from where they are said to stand, all by the same vector.
+    """Estimate the displacement of all receivers from their stated positions, the same vector for all.
 
-    The ways over the reflector at place n lengthen by ``c - u_nk . delta`` with the direction u from receiver k to
-    the reflector and a common delay c, and by what is of higher order in delta. What all directions share is the delay;
-    only how they differ tells of a displacement: places of the reflector in several directions do. Of one place the
-    directions from the receivers differ a little, along the array alone.
+    With the displacement delta, the path over the reflector at place n to receiver k is longer by ``c - u_nk . delta``,
+    and terms of higher order in delta. Here u is the direction from the receiver to the reflector, and c a common
+    delay. What all directions have in common cannot be separated from this delay; only their differences tell the
+    displacement. So put the reflector at places in several directions. For a single place, the directions from the
+    receivers differ a little, and only along the array.
 
     Parameters
     ----------
@@ -49,7 +55,7 @@ def estimate_displacement(
     radius : float [m], default 0
         Of the sphere.
     largest : float [m], default 20 mm
-        Largest displacement that is looked for.
+        Largest displacement that is searched.
     largest_common : float [m], optional
         Largest common delay; by default any, modulo the period ``c / df`` of the sweep.
 
@@ -58,22 +64,23 @@ def estimate_displacement(
     displacement : (3,) array [m]
         To be added to the receivers' positions: see `displace_receivers`.
     cable_length : float [m]
-        The common delay as a path.
+        The common delay as a path length.
 
     Raises
     ------
     InputError
-        If the numbers of sweeps and places differ, the reflector is not heard, or the displacement is larger.
+        If the numbers of sweeps and places differ, the reflector's echo does not show, or the displacement is larger
+        than `largest`.
     """
     found = fit_displacement(sweep, at=at, radius=radius, largest=largest, largest_common=largest_common)
     return found.vector, found.cable_length
 
 
 class Displacement(NamedTuple):
-    """The displacement of the receivers (3,) [m] and the common delay as a path [m], as `estimate_displacement` says.
+    """The displacement of the receivers (3,) [m] and the common delay as a path length [m].
 
-    `error` (3,) are the standard errors of the displacement [m], by noise and by delays of the receivers' own: infinite
-    where the measured directions do not tell. Wrong places of the reflector are not in them.
+    `error` (3,) holds the standard errors of the displacement [m], caused by noise and by the receivers' own delays;
+    infinite along axes that the directions do not measure. Errors in the reflector's places are not included.
     """
 
     vector: Array
@@ -89,7 +96,7 @@ def fit_displacement(
     largest: float = 4.0 * LARGEST_ERROR,
     largest_common: float | None = None,
 ) -> Displacement:
-    """The displacement with its errors; the arguments are those of `estimate_displacement`."""
+    """Estimate the displacement with its standard errors; the arguments are those of `estimate_displacement`."""
     largest = number("largest", largest, "m", above=0.0)
     found = fit_reflectors(sweep, at, radius, largest_error=largest, largest_common=largest_common)
     measured = np.concatenate([(fit.rx_delay + fit.tx_delay[fit.tx_valid].mean())[fit.rx_valid] for *_, fit in found])
@@ -122,10 +129,22 @@ def fit_displacement(
 
 
 def _solved(delay: Array, towards: Array) -> tuple[Array, float, Array, float]:
-    """The displacement (3,) and common delay [m] that explain delays (n,) seen in directions (n, 3) best; the weights
-    of the delays, and the share of the best told direction below which others are left at zero.
+    """Solve ``delay = common - towards . displacement`` by least squares, in which single wrong receivers do not count.
 
-    Least squares, in which single wrong receivers do not count.
+    Parameters
+    ----------
+    delay : (n,) array [m]
+    towards : (n, 3) array
+        Unit vectors from the receivers to the reflector.
+
+    Returns
+    -------
+    displacement : (3,) array [m]
+    common : float [m]
+    weight : (n,) array
+        Weights of the delays.
+    rcond : float
+        Singular values below this share of the largest one are left out; the displacement along them is zero.
     """
     weight: Array = np.ones(len(delay))
     used, rcond, step, common = weight, 1.0, np.zeros(3), 0.0
@@ -142,9 +161,10 @@ def _solved(delay: Array, towards: Array) -> tuple[Array, float, Array, float]:
 
 
 def _common_error(k: Array, fit: Fit) -> float:
-    """Standard error of the delay that all pairs share [m], by how far the phases of single pairs are off.
+    """Standard error of the delay that all pairs share [m], from the scatter of the phases of single pairs.
 
-    Of a phase the samples are summed, weighted by the taper; of a delay besides by ``k - mean k``.
+    A phase is estimated from the sum of the samples weighted by the taper, a delay from their sum weighted by the taper
+    times ``k - mean k``. The ratio of both errors turns the scatter of phases into an error of the delay.
     """
     taper, offset = hann(k.size), k - k.mean()
     phase = np.linalg.norm(taper) / taper.sum()
@@ -161,11 +181,11 @@ def _sums(group: Index, rows: Array) -> Array:
 
 
 def _errors(matrix: Array, rcond: float, own: Array, shared: Array) -> Array:
-    """Standard errors (3,) of the solution of least squares with a matrix (n, 3).
+    """Standard errors (3,) of the least-squares solution with a matrix (n, 3).
 
-    A receiver's own delay is the same wherever the reflector stands, so that all of its rows err together (Liang and
-    Zeger, Biometrika 73, 1986), and so do all receivers at one place: `own` and `shared` are the sums of their rows
-    times errors, (receivers, 3) and (places, 3).
+    A receiver's own delay is the same wherever the reflector stands, so the errors of all of its rows are correlated
+    (Liang and Zeger, Biometrika 73, 1986). So are the errors of all rows of one place of the reflector. `own`
+    (receivers, 3) and `shared` (places, 3) are the sums of rows times errors of each receiver and each place.
     """
     _, size, ways = np.linalg.svd(matrix, full_matrices=False)
     told = size > rcond * size[0]
@@ -177,17 +197,18 @@ def _errors(matrix: Array, rcond: float, own: Array, shared: Array) -> Array:
 
 
 TOLD = 0.99
-"""Share of an axis along which the directions tell of a displacement, for an error to be known there."""
+"""Smallest squared projection of a coordinate axis onto the measured components of the displacement, at which the error
+along this axis is finite."""
 
 NEWTON_STEPS = 4
-"""Each squares what is left, as a share of the distance to the reflector."""
+"""Steps of Newton's method; each squares the error that is left, as a share of the distance to the reflector."""
 
 ROBUST_ITERATIONS = 10
 """Rounds of reweighting, after which single wrong receivers no longer count."""
 
 
 def displace_receivers(sweep: xr.Dataset, displacement: ArrayLike) -> xr.Dataset:
-    """The sweep with all receivers moved by a vector [m]."""
+    """Add a displacement vector [m] to the positions of all receivers."""
     sweep = checked_pairs(sweep, "sweep", several=True)
     vector = place(displacement, "displacement")
     moved = (sweep["rx_position"].dims, sweep["rx_position"].values + vector, sweep["rx_position"].attrs)

@@ -1,12 +1,12 @@
-"""Every element's own delay, gain and phase, from the echo of a sphere or another point-like reflector.
+"""Delay, gain and phase of every element, from the echo of a sphere or another point-like reflector.
 
-Element i of the transmitters, k of the receivers, and a reflector over which the way is d long give
+Transmitter i, receiver k, and a reflector with the path length d_ik over it give at the wavenumber k_m the sample
 
 ``S[m, i, k] = a[m] g_i h_k exp(-j k_m (d_ik + t_i + r_k))``
 
 with the delays t, r as path lengths [m] and complex gains g, h. Only the sums t_i + r_k can be observed; the common
-part is shared equally, so that the mean of t is that of r. A displaced phase centre shows as a delay that depends on
-the direction: with the reflector at several places it is told from the delay of a cable.
+part is divided equally, so that the mean of t equals the mean of r. The displacement of an element's phase centre shows
+as a delay that depends on the direction. With the reflector at several places it can be separated from other delays.
 """
 
 from __future__ import annotations
@@ -29,35 +29,38 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
 LARGEST_ERROR = 5e-3
-"""Largest difference between one element's delay and the others' that is looked for [m], unless told otherwise."""
+"""Largest difference between one element's delay and the others' that is searched by default [m]; also the largest
+difference between the antenna positions of a sweep and those of a calibration for it."""
 
 CALIBRATION = "an ElementCalibration, as estimate_elements and load_elements return"
-"""What messages call one."""
+"""Description of an element calibration in messages."""
 
 ROUNDING = 1e-9
-"""By which stated positions of the same antenna may differ [m] where several stand at one place."""
+"""Rounding error of stated positions [m]: another element must be closer to a position by more than this before the
+order of the antennas is taken to be wrong."""
 
 OFFSET_CONDITION = 1e-3
-"""Directions that the reflectors' places tell apart worse than this, as a share of the best, are left alone: there
-noise would become phase-centre offsets of centimetres."""
+"""Smallest singular value of the directions to the reflectors, as a share of the largest, along which a phase-centre
+offset is estimated. Along others, noise would give offsets of centimetres."""
 
 
 @dataclass(frozen=True, eq=False)
 class ElementCalibration:
-    """What is particular to every element.
+    """Delays, gains and phase-centre offsets of all elements of an array.
 
     Attributes
     ----------
     tx_delay, rx_delay : (tx,) and (rx,) arrays [m]
-        Path length that the element adds on its one way; half of what all pairs share, such as cables, is in each.
+        Path length that the element adds. Each includes half of the path length that all pairs share, such as cables.
     tx_gain, rx_gain : (tx,) and (rx,) complex arrays
-        Relative to the median element.
+        Gains relative to the median element.
     tx_offset, rx_offset : (tx, 3) and (rx, 3) arrays [m]
-        Of the phase centre from the stated position; zero where one place of the reflector was measured.
+        From the stated position to the phase centre; zero if the reflector was measured at one place only.
     tx_valid, rx_valid : (tx,) and (rx,) arrays of bool
-        Whether the element heard the reflector; one that did not has the mean delay of the others.
+        Whether the reflector's echo showed in the element's pairs; an element without it has the mean delay of the
+        others.
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
-        The stated positions, to recognise the array by.
+        The stated positions, by which the array is recognised.
     residual : float [m]
         Root mean square of what the delays leave unexplained, over the valid pairs.
     """
@@ -76,7 +79,7 @@ class ElementCalibration:
 
     @property
     def common_delay(self) -> float:
-        """Path length that all pairs share [m]: the cables. Known modulo the period ``c / df`` of the sweep."""
+        """Path length that all pairs share [m], that of the cables, known modulo the period ``c / df`` of the sweep."""
         return float(self.tx_delay[self.tx_valid].mean() + self.rx_delay[self.rx_valid].mean())
 
 
@@ -88,17 +91,18 @@ def estimate_elements(
     largest_error: float = LARGEST_ERROR,
     largest_common: float | None = None,
 ) -> ElementCalibration:
-    """Delays, gains and phase-centre offsets of all elements, from a point-like reflector at known places.
+    """Estimate delays, gains and phase-centre offsets of all elements, from a point-like reflector at known places.
 
-    What all pairs share is found first, see `mirrorfold.calibration.common_delay`. Then pairs vote by their medians,
-    and every element's delay is the one that adds up its samples best; pairs that do not fit count less, and where the
-    elements have no phases of their own the carrier refines the delay. Single channels that are dead or wrong, and
-    other echoes that arrive more than a range cell later, do not matter.
+    First the delay that all pairs share is found, see `mirrorfold.calibration.common_delay`. Medians over the pairs
+    then give first values of every element's delay, and these are refined until the element's samples add up to the
+    largest sum. Pairs that do not fit count less. If the elements have no phases of their own, the phase of the carrier
+    refines the delays further. Single channels that are dead or wrong, and other echoes that arrive more than a range
+    cell later, do no harm.
 
     Parameters
     ----------
     sweep : xarray.Dataset, or several
-        Of the reflector, best with the background subtracted; one for each place.
+        Sweeps of the reflector, best with the background subtracted; one for each place.
     at : (2,) or (3,) [m], or several
         The middle of the sphere, in each of the sweeps.
     radius : float [m], default 0
@@ -106,8 +110,8 @@ def estimate_elements(
     largest_error : float [m], default 5 mm
         Largest difference between the delay of an element and that of the others.
     largest_common : float [m], optional
-        Largest delay that all elements share, such as what is left of cables. By default anything: metres of cable
-        are found too, modulo the period ``c / df`` of the sweep, which images do not show.
+        Largest delay that all pairs share, such as what is left of cables. By default any delay, so that metres of
+        cable are found too, modulo the period ``c / df`` of the sweep, which makes no difference in images.
 
     Returns
     -------
@@ -116,7 +120,7 @@ def estimate_elements(
     Raises
     ------
     InputError
-        If the sweeps are not of the same array, or the reflector is not heard.
+        If the sweeps are not of the same array, or the reflector's echo does not show.
     """
     found = fit_reflectors(sweep, at, radius, largest_error=largest_error, largest_common=largest_common)
     for other, *_ in found[1:]:
@@ -144,15 +148,15 @@ def estimate_elements(
 
 
 def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains: bool = True) -> xr.Dataset:
-    """The sweep as elements without delays and gains of their own would have measured it, at their phase centres.
+    """Remove the elements' delays and gains from a sweep, and move the antenna positions to their phase centres.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        Of the array that was calibrated; of a recording or of two polarizations each part alike.
+        A sweep of the array that was calibrated; all frames and polarizations are treated alike.
     calibration : ElementCalibration
     gains : bool, default True
-        Undo the complex gains too, not only the delays.
+        Remove the complex gains too, not only the delays.
 
     Returns
     -------
@@ -215,10 +219,13 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
 def _resolve_offsets(
     fits: Sequence[Fit], tx: Array, rx: Array, centres: Sequence[Array]
 ) -> tuple[Array, Array, Array, Array]:
-    """Delays and phase-centre offsets from the delays seen from every place, ``e_n = t - u_n . delta + c_n``.
+    """Delays t and phase-centre offsets delta from the delays of several fits, ``e_n = t - u_n . delta +- c_n``.
 
-    The offset of a phase centre towards a reflector, in direction u, shortens the way. How delays are shared between
-    transmitters and receivers is free in every fit, hence the constants ``c_n``, of one sign there, of the other here.
+    The reflector at place n lies in the direction u_n from the element. An offset of the phase centre towards the
+    reflector shortens the path. How a fit divides delays between transmitters and receivers is arbitrary, hence the
+    constants ``c_n``, added to all transmitters and subtracted from all receivers.
+
+    Returns the delays (tx,) and (rx,), and the offsets (tx, 3) and (rx, 3) [m].
     """
     if len(fits) == 1:
         return fits[0].tx_delay, fits[0].rx_delay, np.zeros_like(tx), np.zeros_like(rx)
@@ -244,15 +251,19 @@ def _resolve_offsets(
 
 
 SHARING_ITERATIONS = 20
-"""Alternations between the elements' unknowns and how delays are shared, until neither moves."""
+"""Alternations between the delays and offsets of the elements and the constants ``c_n``, until neither changes."""
 
 
 def _per_element(measured: Array, direction: Array) -> tuple[Array, Array]:
-    """Delay (elements,) and offset (elements, 3) that explain delays (places, elements) best, the smallest of those."""
+    """Delays t (elements,) and offsets delta (elements, 3) that fit ``e_n = t - u_n . delta`` best, per element.
+
+    `measured` (places, elements) holds e, `direction` (places, elements, 3) u. Of several solutions with the same
+    misfit, the offset is the smallest.
+    """
     delay, offset = np.empty(measured.shape[1]), np.empty((measured.shape[1], 3))
     for element in range(measured.shape[1]):
         towards = direction[:, element]
-        # What all places share is the delay; only how the directions differ tells of an offset.
+        # A delay is the same for all places of the reflector; only the differences of the directions tell the offset.
         spread = towards - towards.mean(axis=0)
         inverse = np.linalg.pinv(spread, rcond=OFFSET_CONDITION)
         offset[element] = -inverse @ (measured[:, element] - measured[:, element].mean())

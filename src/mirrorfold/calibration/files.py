@@ -1,4 +1,4 @@
-"""Element calibrations on disk: JSON, to be read by people too."""
+"""Element calibrations in JSON files, which people can read too."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from mirrorfold.errors import InputError
 from mirrorfold.io.files import written_whole
 
 KIND = "element calibration"
+"""The value of `mirrorfold_kind` in a file, by which it is recognised."""
 
 LARGEST_FILE = 64_000_000
-"""Bytes; a hundred thousand elements need fewer."""
+"""Largest size of a file that is read [bytes]; a hundred thousand elements need less."""
 
 
 def save_elements(calibration: ElementCalibration, path: str | Path) -> Path:
-    """Write an element calibration; returns the path.
+    """Write an element calibration to a JSON file, and return its path.
 
     Raises
     ------
     InputError
-        If it is none, or nothing can be written there.
+        If `calibration` is no element calibration, or the file cannot be written.
     """
     if not isinstance(calibration, ElementCalibration):
         raise wrong_kind("calibration", calibration, CALIBRATION, reader="mf.calibrate.load_elements")
@@ -45,7 +46,7 @@ def save_elements(calibration: ElementCalibration, path: str | Path) -> Path:
 
 
 def load_elements(path: str | Path) -> ElementCalibration:
-    """Read an element calibration.
+    """Read an element calibration from a JSON file.
 
     Raises
     ------
@@ -86,4 +87,5 @@ def load_elements(path: str | Path) -> ElementCalibration:
 
 
 def _type(name: str) -> Any:
+    """Type of the numbers of an entry."""
     return bool if name.endswith("valid") else complex if name.endswith("gain") else float

@@ -1,4 +1,4 @@
-"""The time gate: keeping what arrives between two ranges."""
+"""The time gate: it keeps the echoes between two ranges and removes all others."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, antenna_positions, check_sweep, is_monostatic, is_raster
 
 FLANK_CELLS = 3.0
-"""Length of the flanks of a gate in range cells: the transform of a raised cosine of that length has died out before
-it moves an echo's neighbours."""
+"""Length of each flank of a gate, in range cells: the transform of a raised cosine of this length decays so fast that
+the gate does not change neighbouring echoes."""
 
 
 def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None = None) -> xr.Dataset:
-    """The sweep without what arrives before one range and after another.
+    """Remove from a sweep what arrives before one range or after another one.
 
-    Nothing late is cut unless asked for: echoes of many bounces are what one wants to see. The flanks of the gate lie
-    outside of it, half a raised cosine of three range cells each.
+    Late echoes are removed only where `stop` is given, because echoes of many bounces are of interest. The flanks of
+    the gate lie outside of both ranges; each is half a raised cosine, three range cells long.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     start : float [m], optional
-        Range, half a path, from which on echoes are kept. By default everything early is kept too.
+        Range, half a path, from which on echoes are kept; by default all early echoes are kept.
     stop : float [m], optional
-        Range up to which echoes are kept; by default up to the ambiguous range. Of a sweep with a `scene_center` both
-        lie within half of that range around this place.
+        Range up to which echoes are kept; by default the ambiguous range. If the sweep has a `scene_center`, both
+        ranges lie at most half the ambiguous range from that of this place.
 
     Returns
     -------
@@ -67,7 +67,10 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
 
 
 def _unambiguous(sweep: xr.Dataset, span: float) -> tuple[Array, Array]:
-    """The ranges [m] between which each channel tells echoes apart: its own, or all the same."""
+    """First and last unambiguous range [m], for each channel where there is a `scene_center`, else the same for all.
+
+    `span` is the ambiguous range [m].
+    """
     centre = sweep.attrs.get("scene_center")
     if centre is None or is_raster(sweep):
         return np.zeros(()), np.full((), span)
@@ -79,8 +82,10 @@ def _unambiguous(sweep: xr.Dataset, span: float) -> tuple[Array, Array]:
 def gate_samples(
     s: NDArray[np.complexfloating], farthest: float, start: ArrayLike, stop: ArrayLike
 ) -> NDArray[np.complex128]:
-    """Samples (frequency, ...) of what arrives between two ranges [m], the same or one for each channel (...), which
-    count around the ambiguous range [m].
+    """Gate samples (frequency, ...): keep what arrives between the ranges `start` and `stop` [m].
+
+    The ranges are the same for all channels, or arrays (...) with one for each. They are understood modulo the
+    ambiguous range, `farthest` [m].
     """
     count = len(s)
     flank = FLANK_CELLS * farthest / count

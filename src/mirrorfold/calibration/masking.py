@@ -1,4 +1,4 @@
-"""Bad channels and bad frequencies: found from the data, left out or filled in."""
+"""Bad channels and bad frequencies of a sweep: found in the data; then channels are left out, frequencies filled in."""
 
 from __future__ import annotations
 
@@ -17,58 +17,60 @@ from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
-"""Level of a dead channel against the median channel [dB]; echoes and pattern make no such difference between the pairs
-of an array."""
+"""Largest level of a dead channel relative to the median channel [dB]; echoes and antenna patterns cause no such
+differences between the pairs of an array."""
 
 CLIPPED_SHARE = 0.02
-"""Share of a channel's samples at its very largest real or imaginary value, from which on it is saturated."""
+"""Smallest share of real and imaginary parts at their largest magnitude for which a channel counts as saturated."""
 
 FEWEST_CLIPPED = 4
-"""Fewer samples at the largest value than this are no proof: every channel has one or two."""
+"""Smallest number of real and imaginary parts at their largest magnitude in a saturated channel; every channel has one
+or two."""
 
 NOISE_FLATNESS = 0.85
-"""Median over mean of an element's range profile, summed over its partners, from which on it holds noise alone; noise
-has a flat one."""
+"""Flatness above which an element holds noise alone: median over mean of its range profile, summed over its partners,
+the elements of the other side. Noise has a flat profile."""
 
 ECHO_FLATNESS = 0.6
-"""The same of the median element, below which the sweep as a whole holds echoes."""
+"""Flatness of the median element below which the sweep as a whole holds echoes; otherwise no element is judged."""
 
 FEWEST_PARTNERS = 8
-"""Partners whose profiles are summed: with fewer, noise itself is not flat."""
+"""Smallest number of partners whose profiles are summed; with fewer, the profile of noise is not flat."""
 
 SPUR_DB = 3.0
-"""Smallest step of a bad frequency out of its neighbours [dB]."""
+"""Smallest deviation of a bad frequency's level from the median of its neighbours [dB]."""
 
 SPUR_DEVIATIONS = 8.0
-"""The same in robust standard deviations of all frequencies."""
+"""The same in robust standard deviations of the deviations of all frequencies."""
 
 NEIGHBOURS = 11
-"""Frequencies that a bad one is compared with."""
+"""Number of neighbouring frequencies over which this median is taken, the frequency itself included."""
 
 LARGEST_BAD_SHARE = 0.1
-"""Share of the frequencies that may be bad; where more stand out, that is how the scene is."""
+"""Largest share of the frequencies that can be bad; where more stand out, the scene causes it."""
 
 FEWEST_CHANNELS = 8
-"""In a single channel, echoes that fade against each other look like spurs, in frame after frame."""
+"""Smallest number of channels in which spurs are searched. In a single channel, echoes that cancel each other at some
+frequencies look like spurs, in every frame."""
 
 ENOUGH = {"frequencies": 100, "channels": 4000, "partners": 16}
-"""Of more than these, as many evenly spread ones are looked at: medians come out to a tenth of a decibel, profiles of
-noise flat to some percent."""
+"""Largest numbers that are looked at, evenly spread, where there are more: medians are then exact to a tenth of a
+decibel, and profiles of noise flat to some percent."""
 
 CHANNEL_DIMENSIONS = ("frequency", "tx", "rx", "position", "azimuth", "elevation")
-"""Of a sweep; along any other, such as `frame`, the same channels are measured again."""
+"""Dimensions of frequencies and channels; along any other, such as `frame`, the same channels are measured again."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bad:
-    """What should not be used.
+    """Channels and frequencies that should not be used.
 
     Attributes
     ----------
     dead, saturated, noise, undefined : arrays of bool, one for each channel or beam
-        Silent; clipped; without echoes; with samples that are not finite.
+        Whether the channel is silent; clipped; without echoes; partly not finite.
     frequencies : (frequencies,) array of bool
-        Spurs and gaps.
+        Whether the frequency is a spur or a gap.
     """
 
     dead: NDArray[np.bool_]
@@ -83,7 +85,7 @@ class Bad:
         return self.dead | self.saturated | self.noise | self.undefined
 
     def sentences(self) -> list[str]:
-        """What was found, in words."""
+        """What was found, a phrase for each kind of bad channels and for bad frequencies."""
         found = []
         for name, mask in (
             ("silent", self.dead),
@@ -103,12 +105,12 @@ class Bad:
 
 
 def find_bad(sweep: xr.Dataset) -> Bad:
-    """Channels and frequencies of a sweep that should not be used.
+    """Find channels and frequencies of a sweep that should not be used.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        Need not be valid otherwise: samples that are not finite are found too.
+        Samples may be NaN or infinite; the sweep need not be valid otherwise.
 
     Returns
     -------
@@ -128,14 +130,14 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
     silent = power <= 10.0 ** (DEAD_DB / 10.0) * typical
-    # A steered beam that meets nothing is as silent as it should be.
+    # A beam of a raster scan that meets nothing is rightly silent.
     dead = np.zeros_like(silent) if "azimuth" in sweep["s"].dims else silent
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
     frequencies = gap | _spurs(s, gap, silent) if silent.size >= FEWEST_CHANNELS * frames else gap
     if frequencies.any():
         s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
     clipped = np.zeros(s.shape[1:], dtype=int)
-    for n in range(s.shape[1]):  # a copy of all samples would not fit where the sweep hardly does
+    for n in range(s.shape[1]):  # one at a time, to save memory
         for part in (np.abs(s[:, n].real), np.abs(s[:, n].imag)):
             clipped[n] = clipped[n] + np.count_nonzero(
                 part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0
@@ -145,16 +147,16 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     if s.ndim == 3 and "tx" in sweep["s"].dims:
         noise = ~silent & ~saturated & _noise_elements(s, ~silent)
     if "measured" in sweep.variables and dead.shape[-sweep["measured"].ndim :] == sweep["measured"].shape:
-        dead &= sweep["measured"].values.astype(bool)  # pairs that nobody measured are not silent
+        dead &= sweep["measured"].values.astype(bool)  # pairs that were not measured are not dead
     return Bad(dead & ~undefined, saturated & ~undefined, noise & ~undefined, undefined, frequencies)
 
 
 def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
-    """The sweep with bad channels set to zero and bad frequencies filled in from the good ones.
+    """Set bad channels of a sweep to zero, and fill in bad frequencies from the good ones.
 
-    Channels that are bad throughout count as not measured from then on, see `mirrorfold.sweep`. A missing frequency is
-    predicted by the linear estimate of least error for echoes with the mean range profile that the good frequencies
-    show (Wiener, 1949).
+    Channels that are bad in all frames count as not measured from then on, see `mirrorfold.sweep`. A bad frequency is
+    predicted by the linear estimate with the least mean square error for echoes with the mean range profile that the
+    good frequencies show (Wiener, 1949).
 
     Parameters
     ----------
@@ -170,7 +172,7 @@ def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
     Raises
     ------
     InputError
-        If nothing good is left, or `bad` is that of another sweep.
+        If no good channel or frequency is left, or `bad` belongs to another sweep.
     """
     if bad is not None and not isinstance(bad, Bad):
         raise wrong_kind("mask_bad", bad, "what find_bad returns", reader="")
@@ -206,28 +208,32 @@ def mask_bad(sweep: xr.Dataset, bad: Bad | None = None) -> xr.Dataset:
 
 
 def _leading(sweep: xr.Dataset) -> int:
-    """How many dimensions of the samples, such as `frame`, come before those of channels and frequencies."""
+    """Number of dimensions of the samples, such as `frame`, before those of frequencies and channels."""
     of_channels = [name in CHANNEL_DIMENSIONS for name in sweep["s"].dims]
     return of_channels.index(True)
 
 
 def _gaps(finite: NDArray[np.bool_], leading: int) -> NDArray[np.bool_]:
-    """Frequencies (count, frames ..., 1 ...) at which most channels of a frame are not finite; none of empty frames."""
+    """Frequencies at which most channels of a frame are not finite, (frequencies, frames ..., 1 ...).
+
+    Frames in which all frequencies would be gaps have none.
+    """
     gaps = np.asarray(finite.mean(axis=tuple(range(1 + leading, finite.ndim)), keepdims=True) < 0.5)
     return gaps & ~gaps.all(axis=0)
 
 
 def _by_frequency(sweep: xr.Dataset) -> NDArray[np.complexfloating]:
+    """Samples with frequency as the first dimension."""
     return np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
 
 
 def _spread(count: int, enough: int) -> NDArray[np.int64]:
-    """Indices of all of `count`, or of `enough` that are evenly spread."""
+    """Indices of `count` items, or of `enough` evenly spread ones where there are more."""
     return np.linspace(0, count - 1, min(count, enough)).astype(np.int64)
 
 
 def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Channels (tx, rx) of elements whose range profile is flat while the others' is not."""
+    """Channels (tx, rx) of elements whose range profile is flat, where those of most others are not."""
     if min(s.shape[1:]) < FEWEST_PARTNERS or s.shape[0] < 32:
         return np.zeros(s.shape[1:], dtype=bool)
     s = s[: scipy.fft.prev_fast_len(s.shape[0])]
@@ -246,7 +252,7 @@ def _noise_elements(s: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -
 
 
 def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Frequencies that step out of their neighbours, in the median over the channels."""
+    """Frequencies whose level, the median over the channels, deviates from that of their neighbours, (frequencies,)."""
     good = np.flatnonzero(~silent)
     if s.shape[0] < 2 * NEIGHBOURS or not good.size or gap.all():
         return np.zeros(s.shape[0], dtype=bool)
@@ -268,8 +274,8 @@ def _filled(s: NDArray[np.complexfloating], bad: NDArray[np.bool_]) -> NDArray[n
     good = ~bad
     filled = np.where(good[:, None], flat, 0.0)
     for _ in range(FILLING_ROUNDS):
-        # The covariance of two frequencies depends on their distance alone. The sums are not divided by their number
-        # of terms, which falls with distance: this way no combination of frequencies gets a negative power.
+        # The covariance of two frequencies depends only on their distance. Its sums are not divided by their number of
+        # terms, which falls with distance, because the covariance matrix would then not be positive semidefinite.
         power = np.zeros(2 * count)
         for some in blocks(flat.shape[1], flat.nbytes):
             power += np.sum(np.abs(np.fft.fft(filled[:, some], 2 * count, axis=0)) ** 2, axis=1)
@@ -282,7 +288,7 @@ def _filled(s: NDArray[np.complexfloating], bad: NDArray[np.bool_]) -> NDArray[n
 
 
 FILLING_ROUNDS = 4
-"""Estimates of the covariance, each from the samples that the one before has filled in."""
+"""Number of estimates of the covariance; each uses the samples that were filled in by means of the one before."""
 
 REGULARISATION = 1e-4
-"""Power of the noise against that of the samples in the prediction: with less, errors of the covariance count."""
+"""Power of the noise relative to that of the samples in the prediction; with less, errors of the covariance matter."""

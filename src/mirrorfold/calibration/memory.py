@@ -1,4 +1,4 @@
-"""What a calibration takes of the memory: the sweeps that it holds, and the largest step."""
+"""Forecast of the memory that a calibration takes: the sweeps that it holds, and its largest step."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from mirrorfold.calibration.record import BLOCK_BYTES
 from mirrorfold.common.forecasts import GIGABYTE, Parts, fullest
 
 BLOCK_ARRAYS, REFERENCE_ARRAYS = 3.0, 6.0
-"""Times a block of samples that a step takes to work on it: in double precision, which is twice its size, with phases
-and a quotient where it is divided by a reference."""
+"""Memory that a step takes to work on a block of samples, relative to the block: the samples in double precision, twice
+their size, and their phases; more where they are divided by a reference."""
 
 
 def calibration_parts(
@@ -25,16 +25,16 @@ def calibration_parts(
     mask: bool = False,
     autofocus: bool = False,
 ) -> Parts:
-    """What a calibration holds at once where it holds most, by name [bytes].
+    """Memory that a calibration takes in its largest step: the parts that it holds at once, by name [bytes].
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        The one to calibrate; all others are taken to be as large.
+        The sweep to calibrate; all others are taken to be as large.
     changed : bool
-        Whether any other step makes new samples.
+        Whether any step other than those below makes new samples.
     background, reference : bool
-        Whether there are such sweeps.
+        Whether there is a sweep of the background, of a reference.
     per_channel : bool
         Whether each pair is divided by its own response.
     spheres : int
@@ -67,7 +67,7 @@ def calibration_parts(
 
 
 def _imaging(sweep: xr.Dataset) -> float:
-    """What an image of the guide stars takes [bytes], the samples included."""
+    """Memory for focusing the image of the guide stars [bytes], the samples included."""
     from mirrorfold.focusing import choose_algorithm
 
     x, y = guide_grid(sweep)

@@ -1,4 +1,4 @@
-"""What every step of the calibration has in common: a checked sweep in, a sweep with a longer history out."""
+"""What the steps of the calibration share: checks of the given sweeps, work in blocks, and the history of steps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mirrorfold.sweep.polarization import polarizations
 
 
 def history(sweep: xr.Dataset) -> list[str]:
-    """The steps applied so far, oldest first."""
+    """The calibration steps applied to a sweep so far, oldest first."""
     steps = sweep.attrs.get("processing", [])
     return [steps] if isinstance(steps, str) else [str(step) for step in steps]
 
@@ -34,11 +34,12 @@ def with_samples(sweep: xr.Dataset, s: NDArray[np.complexfloating], step: str) -
 
 
 BLOCK_BYTES = 4e6
-"""Samples that a step works on at once: in double precision all of them would take several times the sweep."""
+"""Size of the blocks of samples that a step works on [bytes]. All samples at once, in double precision, would take
+several times the memory of the sweep."""
 
 
 def blocks(count: int, nbytes: float) -> list[slice]:
-    """Slices of an axis of that length, so that each part of an array of so many bytes is a block."""
+    """Slices of an axis of length `count` that cut an array of `nbytes` bytes into blocks of about `BLOCK_BYTES`."""
     rows = max(1, int(BLOCK_BYTES * count / max(nbytes, 1.0)))
     return [slice(first, first + rows) for first in range(0, count, rows)]
 
@@ -46,7 +47,7 @@ def blocks(count: int, nbytes: float) -> list[slice]:
 def by_blocks(
     s: NDArray[np.complexfloating], work: Callable[[NDArray[Any], slice], NDArray[Any]], axis: int = 0
 ) -> NDArray[np.complex64]:
-    """Other samples of the same shape: ``work(part, where)`` of each block along an axis."""
+    """New samples of the same shape: each block along an axis is replaced by ``work(block, its slice)``."""
     out = np.empty(s.shape, dtype=np.complex64)
     for some in blocks(s.shape[axis], s.nbytes):
         at = (*[slice(None)] * axis, some)
@@ -55,27 +56,30 @@ def by_blocks(
 
 
 MODERATE = (1e-12, 1e12)
-"""Largest samples whose powers, and the sums of these, single precision holds with room to spare."""
+"""Bounds on the largest sample, between which single precision holds the powers of samples, and the sums of these."""
 
 
 def moderate(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
-    """The samples, or where their powers would overflow or vanish the same times a number."""
+    """The samples, divided by the largest of them where their powers would overflow or vanish in single precision."""
     peak = max((float(np.maximum(np.abs(part.real), np.abs(part.imag)).max(initial=0.0)) for part in s), default=0.0)
     return s if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else np.asarray(s / s.real.dtype.type(peak))
 
 
 def unmeasured(s: NDArray[np.complexfloating], axis: int) -> NDArray[np.bool_]:
-    """Channels, ``s.shape`` with one frequency, that hold zeros alone: not measured, or masked."""
+    """Which channels hold nothing but zeros, because they were not measured or are masked.
+
+    The shape is that of `s` with one frequency; `axis` is the axis of the frequencies.
+    """
     return np.asarray(~s.any(axis=axis, keepdims=True))
 
 
 def samples_to_repair(sweep: Any, name: str) -> xr.Dataset:
-    """What has complex samples over frequency, as every sweep, though it need not be valid otherwise.
+    """Return a sweep that has complex samples over frequency, though it need not be valid otherwise.
 
     Raises
     ------
     InputError
-        If it is no such thing; `name` is that of the function.
+        If it has none; `name` is that of the calling function, for the message.
     """
     if not isinstance(sweep, xr.Dataset):
         raise wrong_kind(name, sweep, "a sweep (xarray.Dataset)")
@@ -87,12 +91,14 @@ def samples_to_repair(sweep: Any, name: str) -> xr.Dataset:
 
 
 def checked_pairs(sweep: xr.Dataset, name: str, *, several: bool = False) -> xr.Dataset:
-    """A valid sweep of pairs, ``s(frequency, tx, rx)``, or of `several` frames or polarizations of them.
+    """Check that a sweep is a valid one of pairs, ``s(frequency, tx, rx)``, and return it.
+
+    With `several`, the samples may have further dimensions before these, such as frames or polarizations.
 
     Raises
     ------
     InputError
-        If it is none; `name` is that of the argument or of the function.
+        If the sweep is no valid one of pairs; `name` is that of the argument or of the function, for the message.
     """
     sweep = check_sweep(sweep, source=name)
     if is_raster(sweep):
@@ -105,12 +111,12 @@ def checked_pairs(sweep: xr.Dataset, name: str, *, several: bool = False) -> xr.
 
 
 def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas: bool = True) -> None:
-    """Refuse a second sweep that was not measured at the same frequencies and places.
+    """Refuse a second sweep that was not measured at the same frequencies and, if `antennas`, the same positions.
 
     Raises
     ------
     InputError
-        With what differs; `name` is that of the second sweep.
+        If the two differ; the message tells in what, and calls the second sweep `name`.
     """
     axes = ["frequency"]
     if antennas:
@@ -145,16 +151,19 @@ OF_THE_INSTRUMENT = tuple(
         "cable of .* removed",
     )
 )
-"""Steps that take the instrument away, as they begin in the history; a second sweep of it needs the same ones."""
+"""Beginnings of those steps in the history that remove an effect of the instrument; a second sweep, such as a
+background, needs the same steps."""
 
 
 def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
-    """Refuse a second sweep that still holds what was taken out of the first: it would be put in again.
+    """Refuse a second sweep that lacks a step of `OF_THE_INSTRUMENT` that the first sweep has been through.
+
+    Using it on the first sweep would put in again what the step has removed.
 
     Raises
     ------
     InputError
-        With the step; `name` is that of the second sweep.
+        If a step is lacking; the message tells which, and calls the second sweep `name`.
     """
     for kind in OF_THE_INSTRUMENT:
         done = [step for step in history(sweep) if kind.match(step)]
@@ -166,5 +175,5 @@ def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
 
 
 def millimetres(values: Sequence[float] | Array) -> str:
-    """Lengths [m] for the record."""
+    """Lengths [m] as a text in millimetres, for the history."""
     return ", ".join(f"{1e3 * value:.4g}" for value in values) + " mm"

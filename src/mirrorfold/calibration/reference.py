@@ -1,4 +1,4 @@
-"""The reference: dividing by what a reflector at a known place returned, frequency by frequency."""
+"""Division of a sweep by the response of the instrument, measured with a reflector at a known place."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
 WEAKEST_DB = -40.0
-"""Reference amplitudes below this level against their median are not divided by: there the instrument is deaf, and
-division would only lift noise."""
+"""Lowest amplitude of the reference, relative to its median [dB], by which samples are divided. Where it is lower, the
+instrument is practically insensitive, and division would only amplify noise; samples there become zero."""
 
 
 def normalise_by_reference(
@@ -28,24 +28,25 @@ def normalise_by_reference(
     per_channel: bool = False,
     gate: float | None = None,
 ) -> xr.Dataset:
-    """The sweep divided by the response of the instrument, as a known reflector shows it.
+    """Divide a sweep by the response of the instrument, measured with a known reflector.
 
-    The response is ``H(f) = mean over pairs of S_ref exp(+j k d)``, with the path d over the reflector; afterwards the
-    reflector would return ``exp(-j k d)``. Delays, gains and dispersion of what all pairs share are gone with it.
+    The response is ``H(f) = mean over pairs of S_ref exp(+j k d)``, with the path d over the reflector. After the
+    division, the reflector returns ``exp(-j k d)``: the delay, gain and dispersion that all pairs share are removed.
 
     Parameters
     ----------
     sweep, reference : xarray.Dataset
-        At the same frequencies; for `per_channel` at the same positions too.
+        The sweep to calibrate and that of the reflector, at the same frequencies; with `per_channel` also at the same
+        positions.
     at : (2,) or (3,) [m]
         Apex of the corner reflector, or a point of the plate.
     normal : (2,) or (3,), optional
-        Of a plate; without it the reflector is point-like.
+        Normal of the plate; without it the reflector is point-like.
     per_channel : bool, default False
         Divide each pair by its own response, which calibrates the elements too but needs a strong reference.
     gate : float [m], optional
-        Keep of the reference what arrives within this range before and behind the reflector, however long the cables
-        are; everything by default.
+        Keep only that part of the reference whose range differs from that of the reflector by at most this, however
+        long the cables are; by default all of it.
 
     Returns
     -------
@@ -69,7 +70,7 @@ def normalise_by_reference(
         late = 0.5 * find_common_delay(samples, wavenumber(reference), length, apart)[0]
 
     def response(some: slice) -> NDArray[np.complexfloating]:
-        """Of the pairs of some transmitters."""
+        """Response (frequencies, tx, rx) of the pairs of some transmitters: the reference with the paths removed."""
         turned = samples[:, some] * np.exp(1j * k * length[some])
         if gate is None:
             return np.asarray(turned)

@@ -1,4 +1,4 @@
-"""Reflectors at known places: the length of the way over them, from every transmitter to every receiver."""
+"""Path lengths over reflectors at known places, from every transmitter to every receiver."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
 SPECULAR_ITERATIONS = 12
-"""Fixed-point steps to the point of a sphere at which the wave is mirrored; each gains a factor of radius over
-distance, and the path is stationary there."""
+"""Fixed-point steps to the point of a sphere at which the wave is mirrored. Each multiplies the error by radius over
+distance, and the path length is stationary at this point."""
 
 
 def sphere_paths(tx: Array, rx: Array, centre: ArrayLike, radius: float = 0.0) -> Array:
-    """Path lengths [m] over a sphere, or over a point where its radius is zero.
+    """Path lengths [m] over a sphere, or over a point if its radius is zero.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def sphere_paths(tx: Array, rx: Array, centre: ArrayLike, radius: float = 0.0) -
 
 
 def plate_paths(tx: Array, rx: Array, point: ArrayLike, normal: ArrayLike) -> Array:
-    """Path lengths [m] over a flat plate through a point with a normal, (tx, rx) array: from the mirror images."""
+    """Path lengths (tx, rx) [m] over a flat plate, given by a point and the normal, from the transmitters' images."""
     through, direction = place(point, "at"), place(normal, "normal")
     if not np.linalg.norm(direction) > 0:
         raise InputError("normal is zero, expected a direction, for example (0, -1)")
@@ -60,9 +60,10 @@ def plate_paths(tx: Array, rx: Array, point: ArrayLike, normal: ArrayLike) -> Ar
 
 
 def positions(sweep: xr.Dataset) -> tuple[Array, Array]:
-    """Places of the transmitters and of the receivers, (tx, 3) and (rx, 3) [m]."""
+    """Positions of the transmitters and of the receivers of a sweep, (tx, 3) and (rx, 3) [m]."""
     return sweep["tx_position"].values.astype(float), sweep["rx_position"].values.astype(float)
 
 
 def _unit(vector: Array) -> Array:
+    """Unit vectors along vectors (..., 3)."""
     return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Repairs of the classic mistakes: each is its own inverse or takes the number that undoes it."""
+"""Repairs of classic mistakes in a sweep: conjugated samples, wrong orders, wrong units, the delay of cables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mirrorfold.sweep import antenna_positions, check_sweep, is_raster, wave_spe
 
 
 def conjugate(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep with every sample conjugated: for data recorded with the time convention ``exp(-jwt)``.
+    """Conjugate every sample of a sweep, for data recorded with the time convention ``exp(-jwt)``.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def conjugate(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def swap_iq(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep with in-phase and quadrature part exchanged, ``I + jQ -> Q + jI``.
+    """Exchange the in-phase and quadrature parts of the samples, ``I + jQ -> Q + jI``.
 
-    That is conjugation times j, and images do not show a constant phase.
+    This is conjugation times j, and a constant phase makes no difference in images.
     """
     sweep = check_sweep(sweep, source="swap_iq")
     s = sweep["s"].values
@@ -42,19 +42,19 @@ def swap_iq(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def reverse_frequency(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep with the samples in the opposite order of frequencies: for data stored from the highest one down."""
+    """Reverse the samples along frequency, but not the frequencies, for data stored from the highest frequency down."""
     sweep = check_sweep(sweep, source="reverse_frequency")
     s = np.flip(sweep["s"].values, axis=sweep["s"].get_axis_num("frequency"))
     return with_samples(sweep, s, "order of the frequencies reversed")
 
 
 def sort_frequencies(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep with its frequencies in rising order, samples and all; need not be valid otherwise.
+    """Sort the frequencies of a sweep, with their samples, in rising order; it need not be valid otherwise.
 
     Raises
     ------
     InputError
-        If it has no frequencies.
+        If the sweep has no frequencies.
     """
     _expect_sweep(sweep, "sort_frequencies")
     if "frequency" not in sweep.variables or sweep["frequency"].dims != ("frequency",):
@@ -64,18 +64,18 @@ def sort_frequencies(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
-    """The sweep with positions in metres, that were given in another unit.
+    """Convert antenna positions that were given in another unit to metres.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     unit : {"mm", "cm", "um", "inch", "m"}
-        Of the positions as they stand; any length of `mirrorfold.common.units`.
+        The unit of the positions as they are; any unit of length of `mirrorfold.common.units`.
 
     Raises
     ------
     InputError
-        If the array would then be too short to tell directions: its positions are in metres already.
+        If the array would then be too short to tell directions, so that its positions are in metres already.
     """
     scale = _factor("length", unit)
     sweep = check_sweep(sweep, source="scale_positions")
@@ -95,18 +95,18 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
 
 
 def scale_frequencies(sweep: xr.Dataset, unit: str) -> xr.Dataset:
-    """The sweep with frequencies in hertz, that were given in another unit; need not be valid otherwise.
+    """Convert frequencies that were given in another unit to hertz; the sweep need not be valid otherwise.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     unit : {"kHz", "MHz", "GHz", "THz"}
-        Of the frequencies as they stand.
+        The unit of the frequencies as they are.
 
     Raises
     ------
     InputError
-        If that is no unit of frequencies, or the sweep has none.
+        If `unit` is no unit of frequency, or the sweep has no frequencies.
     """
     _expect_sweep(sweep, "scale_frequencies")
     if "frequency" not in sweep.variables:
@@ -118,18 +118,18 @@ def scale_frequencies(sweep: xr.Dataset, unit: str) -> xr.Dataset:
 
 
 def scale_angles(sweep: xr.Dataset, unit: str) -> xr.Dataset:
-    """The raster scan with directions in degrees, that were given in another unit.
+    """Convert the directions of a raster scan that were given in another unit to degrees.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     unit : {"radian", "mrad", "degree"}
-        Of azimuth and elevation as they stand.
+        The unit of azimuth and elevation as they are.
 
     Raises
     ------
     InputError
-        If that is no unit of angles, the sweep is no raster scan, or the directions then are none.
+        If `unit` is no unit of angles, the sweep is no raster scan, or the converted directions are not valid.
     """
     if not is_raster(sweep):
         raise InputError("scale_angles: expected a raster scan, s(frequency, azimuth, elevation); leave the unit out")
@@ -144,13 +144,13 @@ def scale_angles(sweep: xr.Dataset, unit: str) -> xr.Dataset:
 
 
 def _expect_sweep(sweep: xr.Dataset, source: str) -> None:
-    """Refuse what is no dataset; a sweep that is put right need not be valid otherwise."""
+    """Refuse what is no `xarray.Dataset`; a sweep that is to be repaired need not be valid otherwise."""
     if not isinstance(sweep, xr.Dataset):
         raise wrong_kind(source, sweep, "a sweep (xarray.Dataset)")
 
 
 def _check_numbers(sweep: xr.Dataset, name: str, source: str) -> None:
-    """Refuse a coordinate that is no row of numbers along its own dimension.
+    """Refuse a coordinate that does not consist of numbers along its own dimension.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _check_numbers(sweep: xr.Dataset, name: str, source: str) -> None:
 
 
 def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
-    """The sweep with two axes of the samples exchanged, which were named the wrong way round; need not be valid.
+    """Exchange two axes of the samples whose names were interchanged; the sweep need not be valid otherwise.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
     Raises
     ------
     InputError
-        If there are no samples, or they have no such dimensions, or these differ in length.
+        If there are no samples, they lack one of these dimensions, or the dimensions differ in length.
     """
     _expect_sweep(sweep, "swap_axes")
     if "s" not in sweep:
@@ -193,12 +193,12 @@ def swap_axes(sweep: xr.Dataset, axes: Sequence[str]) -> xr.Dataset:
 
 
 def _factor(kind: str, unit: str) -> float:
-    """What a number in a unit has to be multiplied with.
+    """The factor by which a number in a unit has to be multiplied to be in the basic unit of its kind.
 
     Raises
     ------
     InputError
-        If it is no unit of that kind.
+        If `unit` is no unit of this kind.
     """
     factor = KINDS[kind].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if factor is None:
@@ -207,12 +207,12 @@ def _factor(kind: str, unit: str) -> float:
 
 
 def swap_tx_rx(sweep: xr.Dataset) -> xr.Dataset:
-    """The sweep with the positions of transmitters and receivers exchanged, the samples as they are.
+    """Exchange the positions of transmitters and receivers, and leave the samples as they are.
 
     Raises
     ------
     InputError
-        If there are more of the ones than of the others.
+        If the numbers of transmitters and receivers differ.
     """
     sweep = checked_pairs(sweep, "swap_tx_rx", several=True)
     tx, rx = sweep["tx_position"], sweep["rx_position"]
@@ -229,15 +229,15 @@ def swap_tx_rx(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def remove_cable(sweep: xr.Dataset, length: float) -> xr.Dataset:
-    """The sweep without the delay of a cable: ``S exp(+j k L)``.
+    """Remove the delay of cables from a sweep: ``S exp(+j k L)``.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     length : float [m]
-        Electrical length, as of light in vacuum, of all cables of the way from the generator to the receiver
-        together, beyond what earlier steps took away; echoes move nearer by half of it, less where the waves of the
-        scene are slower. A negative length moves them away.
+        Electrical length L, as of light in vacuum, of all cables from the generator to the receiver together, beyond
+        what earlier steps have removed. Echoes move nearer by half of it, or less if the waves in the scene are slower
+        than light. A negative length moves them away.
     """
     length = number("cable length", length, "m")
     sweep = check_sweep(sweep, source="remove_cable")

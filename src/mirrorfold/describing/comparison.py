@@ -1,4 +1,4 @@
-"""Two results side by side: how their levels differ, which points came and went, how far mirrors moved."""
+"""Comparison of two results: how their levels differ, which points were gained and lost, how far mirrors moved."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
 
 WITHIN_CELLS = 1.5
-"""A point is kept where the second result has a point within so many resolution cells of it."""
+"""Largest distance, in resolution cells, between points of the two results that are taken for the same point."""
 
 FLOOR_DB = -40.0
-"""Below the brighter of both results, levels count as nothing: there, noise would differ by many decibels."""
+"""Level, relative to the brighter result [dB], at which both are cut off; the levels of noise below it would differ by
+many decibels."""
 
 PIXELS_A_CELL = 2.0
-"""Of results that do not say what they resolve."""
+"""Size of a resolution cell, in pixels, that is assumed where a result does not state its resolution."""
 
 APART = 1e6
-"""Cost of a pair of mirrors that cannot be the same."""
+"""Cost of matching two mirrors that cannot be the same one."""
 
 
 class LevelChange(Record):
@@ -52,7 +53,7 @@ class LevelChange(Record):
 
 
 class PointChange(Record):
-    """Which points are in one result only."""
+    """How many points are in both results, and how many in one only."""
 
     first: int = fact("points of the first")
     second: int
@@ -64,7 +65,7 @@ class PointChange(Record):
 
 
 class MirrorPair(Record):
-    """A mirror that both results have, by its number in each; null where one of them lacks it."""
+    """A mirror by its number in each of both results, null where a result lacks it, and how far it moved."""
 
     first: int | None
     second: int | None
@@ -93,16 +94,16 @@ class Comparison(Record):
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What is drawn of a comparison.
+    """The pictures of a comparison, and which points were lost and gained.
 
     Attributes
     ----------
     first, second : (y, x) DataArray
         Linear amplitudes on one grid.
     difference : (y, x) DataArray [dB]
-        Second over first, NaN where both are below the floor.
+        Level of the second relative to the first, NaN where both are below the floor.
     lost, gained : bool arrays
-        Which points of the first, and of the second, have no point of the other result near to them.
+        Which points of the first (lost), and of the second (gained), have no point of the other result near them.
     """
 
     first: xr.DataArray
@@ -113,12 +114,12 @@ class Changes:
 
 
 def two_names(names: Any) -> tuple[str, str]:
-    """What two results are called.
+    """Check the names of two results, and return them.
 
     Raises
     ------
     InputError
-        If these are not two texts.
+        If `names` is not two texts.
     """
     if not isinstance(names, list | tuple) or len(names) != 2 or not all(isinstance(name, str) for name in names):
         raise wrong_kind("names", names, "two texts, such as ('before', 'after')", reader="")
@@ -138,14 +139,15 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
     Returns
     -------
     Comparison
-        `levels`: how the corrected pictures, or the images, differ in decibels. Of reconstructions also `points`,
-        gained and lost, where a point is kept that has one within 1.5 resolution cells in the other, and `mirrors`,
-        matched one to one at their true places with the angle and the offset between them, and the radii of arcs.
+        `levels`: how the corrected pictures, or the images, differ in decibels. For reconstructions also `points`, how
+        many were kept, gained and lost, where a point is kept if the other result has one within 1.5 resolution cells;
+        and `mirrors`, matched one to one at their true places, with the angle and the offset between them and the radii
+        of arcs.
 
     Raises
     ------
     InputError
-        If they are not of one kind, have not the same dimensions, or no pixel in common.
+        If the two are not of one kind, differ in their dimensions, or have no pixel in common.
     """
     first, second = checked_pair(first, second)
     changes = find_changes(first, second)
@@ -185,7 +187,7 @@ def compare(first: Any, second: Any, *, names: tuple[str, str] | None = None) ->
 
 
 def checked_pair(first: Any, second: Any) -> tuple[Any, Any]:
-    """Both, checked; of recordings they are single frames, of images with two polarizations TE.
+    """Check two results, and return them: of a recording one frame, of an image with two polarizations that with TE.
 
     Raises
     ------
@@ -212,7 +214,7 @@ def checked_pair(first: Any, second: Any) -> tuple[Any, Any]:
 
 
 def find_changes(first: Any, second: Any) -> Changes:
-    """Pictures of both on one grid, the difference of their levels, and the points that came and went."""
+    """The pictures of two results on one grid, the difference of their levels, and the points gained and lost."""
     a, b = _picture(first), _picture(second)
     if not all(np.array_equal(a[name], b[name]) for name in "yx"):
         inside = {name: a[name][(a[name] >= b[name].min()) & (a[name] <= b[name].max())] for name in "yx"}
@@ -231,9 +233,10 @@ def find_changes(first: Any, second: Any) -> Changes:
 
 
 def match_mirrors(first: xr.DataTree, second: xr.DataTree) -> list[MirrorPair]:
-    """Mirrors of both at their true places, matched one to one so that offsets and angles are least.
+    """Match the mirrors of two reconstructions one to one, at their true places.
 
-    Two arcs are compared as arcs, an arc and a line by the chord of the arc.
+    The sum of ``offset [mm] + angle [degree]`` over all pairs is minimised. Two arcs are compared as arcs, an arc and a
+    line by the chord of the arc.
     """
     faces, arcs, arcs_of_second = _faces(first), _arcs(first), _arcs(second)
     count = second.children["mirrors"].sizes.get("mirror", 0)
@@ -265,7 +268,7 @@ def match_mirrors(first: xr.DataTree, second: xr.DataTree) -> list[MirrorPair]:
 
 
 def _bends(first: xr.DataTree, second: xr.DataTree, pairs: list[tuple[int, int]]) -> list[dict[str, float | None]]:
-    """Radii of each pair of mirrors and how their bulges differ; nothing for two flat ones."""
+    """Radii of each pair of mirrors and the difference of their sagittas [m]; empty for two flat mirrors."""
     tables = [one.children["mirrors"].to_dataset(inherit=False) for one in (first, second)]
     curvatures = [table["curvature"].values if "curvature" in table else np.zeros(table.sizes["mirror"])
                   for table in tables]  # fmt: skip
@@ -280,13 +283,13 @@ def _bends(first: xr.DataTree, second: xr.DataTree, pairs: list[tuple[int, int]]
 
 
 def sagitta(curvature: float, chord: float) -> float:
-    """How far an arc bulges over its chord [m]: ``R - sqrt(R^2 - c^2 / 4)``, written so that a line has zero."""
+    """Sagitta of an arc over a chord c [m], ``R - sqrt(R^2 - c^2 / 4)``, in a form that gives zero for a line."""
     ratio = 0.5 * curvature * chord
     return float(0.5 * chord * ratio / (1.0 + np.sqrt(max(0.0, 1.0 - ratio**2))))
 
 
 def cells(reconstruction: xr.DataTree, distance: Array) -> Array:
-    """Size of the resolution cell [m] of a reconstruction at distances [m] from the radar, along the way."""
+    """Size of the resolution cell [m] of a reconstruction at `distance` [m], the path length from the radar."""
     attrs = reconstruction.attrs
     if "z" not in reconstruction.children["objects"].variables:
         return np.asarray(see(initial_image(reconstruction)).cell(distance))
@@ -300,7 +303,7 @@ def cells(reconstruction: xr.DataTree, distance: Array) -> Array:
 
 
 def _picture(obj: Any) -> xr.DataArray:
-    """The amplitude of an image, or of the corrected picture, (y, x)."""
+    """Amplitude (y, x) of an image, or of the corrected picture of a reconstruction."""
     if isinstance(obj, xr.DataTree):
         return obj.dataset["intensity"].astype(float)
     if obj.dims == ("range", "azimuth", "elevation"):
@@ -310,6 +313,7 @@ def _picture(obj: Any) -> xr.DataArray:
 
 
 def _levels(changes: Changes) -> LevelChange:
+    """Statistics of the difference of two pictures, and the correlation of their amplitudes."""
     values = changes.difference.values[np.isfinite(changes.difference.values)]
     a, b = changes.first.values.ravel(), changes.second.values.ravel()
     norm = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -324,21 +328,21 @@ def _levels(changes: Changes) -> LevelChange:
 
 
 def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
-    """Points of a reconstruction (n, d) [m]."""
+    """Positions of the points of a reconstruction, (n, d) [m]; with the suffix "_initial" those before folding."""
     objects = shown_points(reconstruction)
     axes = [axis for axis in "xyz" if axis in objects.variables]
     return np.stack([objects[f"{axis}{suffix}"].values.astype(float) for axis in axes], axis=-1)
 
 
 def _reach(reconstruction: xr.DataTree) -> Array:
-    """How long the way from the radar to each point is [m]: folding keeps it."""
+    """Path length from the radar to each point, (n,) [m]: its distance before folding, which folding preserves."""
     initial = _places(reconstruction, "_initial")
     radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"[: initial.shape[1]]]
     return np.asarray(np.linalg.norm(initial - radar, axis=1))
 
 
 def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:
-    """Which points of a result have no point of the other one near to them."""
+    """Which points of a result have no point of the other result near them, (n,)."""
     points, others = _places(of), _places(other)
     if not len(points) or not len(others):
         return np.ones(len(points), dtype=bool)
@@ -352,7 +356,7 @@ def _arcs(reconstruction: xr.DataTree) -> dict[int, Array]:
 
 
 def _faces(reconstruction: xr.DataTree) -> list[Face]:
-    """The mirrors of a reconstruction at their true places, as what others can be compared with."""
+    """The mirrors of a reconstruction at their true places, as faces with which other mirrors can be compared."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     if "folded_center_x" in mirrors:
         outlines = np.stack([mirrors[f"folded_corner_{axis}"].values for axis in "xyz"], axis=-1).astype(float)

@@ -1,4 +1,4 @@
-"""What all files have in common when they are described."""
+"""Facts that the descriptions of all files share."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class ImageFacts(Sized):
 
 
 def describe_image(image: xr.DataArray) -> ImageFacts:
-    """What a valid image shows."""
+    """Facts about a valid image: grid, resolution, strongest pixel, and remarks on what looks wrong."""
     amplitude = np.abs(image.values)
     peak = np.unravel_index(int(amplitude.argmax()), amplitude.shape)
     axes = image_axes(image)
@@ -58,7 +58,10 @@ def describe_image(image: xr.DataArray) -> ImageFacts:
 
 
 def _resolved(image: xr.DataArray) -> Any:
-    """Cross-range resolution where the image is; left out where it does not say how it was measured."""
+    """Cross-range resolution at the nearest, middle and farthest range of an image, by range [m].
+
+    `LEFT_OUT` where the attributes do not tell aperture, band and position of the radar.
+    """
     needed = ("tx_aperture", "rx_aperture", "frequency_start", "frequency_stop", "radar_position")
     if not set(needed) <= set(image.attrs) or not {"x", "y"} <= set(image.coords):
         return LEFT_OUT

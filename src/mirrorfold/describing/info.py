@@ -1,4 +1,4 @@
-"""What is in a file, what can be resolved with it, and what looks wrong."""
+"""`info`: what a sweep, image, reconstruction or scene holds, what it can resolve, and what looks wrong."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 Facts = SweepFacts | ImageFacts | ReconstructionFacts | SceneFacts | VolumeSceneFacts
-"""What `info` may return."""
+"""The kinds of facts that `info` returns."""
 
 
 @overload
@@ -42,7 +42,7 @@ def info(obj: str | Path, *, diagnose: bool = True) -> Facts: ...
 def info(
     obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | str | Path, *, diagnose: bool = True
 ) -> Facts:
-    """What a sweep, image, reconstruction or scene holds, what it can resolve, and what looks wrong.
+    """Describe a sweep, image, reconstruction or scene: what it holds, what it can resolve, and what looks wrong.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def info(
     Record
         Facts to read as attributes or as items: `SweepFacts`, `ImageFacts`, `ReconstructionFacts`, `SceneFacts` or
         `VolumeSceneFacts`. `kind` is "sweep", "image", "reconstruction" or "scene", lengths end in ``_m``, frequencies
-        in ``_hz``, angles in ``_deg``, levels in ``_db``. `remarks` is a list of sentences on what looks wrong; of a
-        sweep, `findings` is a list of `name`, `what`, `sure` (0 to 1) and `fix`, the command that puts it right, or
-        advice; see `mirrorfold.diagnosis`.
+        in ``_hz``, angles in ``_deg``, levels in ``_db``. `remarks` is a list of sentences on what looks wrong. For a
+        sweep, `findings` lists its mistakes, each with `name`, `what`, `sure` (0 to 1) and `fix`, the command that
+        corrects it, or advice; see `mirrorfold.diagnosis`.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def info(
 
 
 def _file(path: Path, diagnose: bool) -> Facts:
-    """What a file holds; a sweep that is not valid is described as far as it can be."""
+    """Facts about the content of a file; a sweep that is not valid is described as far as possible."""
     content: Any
     try:
         content = load(path)

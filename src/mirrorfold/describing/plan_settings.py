@@ -1,6 +1,7 @@
-"""What is asked of a plan, declared once: options, signature, checks and help follow from it.
+"""The settings of a plan, declared once: options, signature, checks and help follow from the declarations.
 
-The bounds are so wide that what lies outside is a slip of the unit. `--help` imports this, so it imports nothing heavy.
+The bounds are so wide that values outside of them must be in a wrong unit. This module is imported for `--help`, so it
+imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from mirrorfold.common.units import FARTHEST
 from mirrorfold.errors import InputError
 
 LARGEST_COUNT = 100_000
-"""Antennas or frequencies; more are a slip of the unit."""
+"""Largest number of antennas or frequencies; larger ones come from a wrong unit."""
 
 LEVEL: dict[str, Any] = {"kind": "float", "lowest": -200.0, "highest": 200.0}
-"""No power, gain, noise or signal that is measured lies outside of this [dB]."""
+"""Bounds of levels [dB]; no power, gain, noise or signal that is measured lies outside."""
 
 LENGTH: dict[str, Any] = {"kind": "float", "unit": "m", "lowest": 1e-9, "highest": FARTHEST}
 WAY: dict[str, Any] = {**LENGTH, "lowest": 0.0}
@@ -118,12 +119,12 @@ class PlanSettings(Quantities):
 
     @property
     def lines(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Length and distance of neighbours [m] of the transmitting and of the receiving array."""
+        """(aperture, pitch) [m] of the transmitting and of the receiving array."""
         rx_aperture = self.aperture if self.rx_aperture is None else self.rx_aperture
         return (self.aperture, self.pitch), (rx_aperture, self.pitch if self.rx_pitch is None else self.rx_pitch)
 
     def _check_lines(self) -> None:
-        """Refuse lines of antennas that make no sense at these frequencies."""
+        """Refuse apertures and pitches that make no sense at these frequencies."""
         from scipy.constants import speed_of_light
 
         from mirrorfold.common.plausible import frequency_unit, length_unit
@@ -152,14 +153,14 @@ class PlanSettings(Quantities):
 
 
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
-    """Both entries of a pair."""
+    """Both entries of a pair; a value that is no pair is refused."""
     if isinstance(value, str) or not (isinstance(value, Sequence) or hasattr(value, "shape")) or len(value) != 2:
         raise InputError(f"{name} is {shown(value)}, expected {expected}")
     return value[0], value[1]
 
 
 def _materials(given: Any) -> tuple[str, ...]:
-    """The names of the materials, also of a single one."""
+    """The names of the materials as a tuple, also where a single name is given."""
     found = (given,) if isinstance(given, str) else given
     if not isinstance(found, Sequence) or not found or not all(isinstance(name, str) for name in found):
         from mirrorfold.scenes.materials import names

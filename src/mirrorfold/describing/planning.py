@@ -1,4 +1,4 @@
-"""What a measurement will show, before it is made: resolution, ambiguity, mirrors, bounces, data, time."""
+"""Plan of a measurement, before it is made: resolution, ambiguity, walls, bounces, amount of data, and time."""
 
 from __future__ import annotations
 
@@ -23,32 +23,33 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.facts import Choice
 
 DIAGONAL = ANGLES.index(45.0)
-"""The angle of incidence, among those of a wall, that stands for bounces in a room."""
+"""Index of 45 degrees among the angles of incidence of a wall; it represents bounces in a room."""
 
 TEMPERATURE = 290.0
-"""Of noise figures, by definition [K]."""
+"""Reference temperature of noise figures, by definition [K]."""
 
 BYTES_PER_SAMPLE = 8
-"""complex64."""
+"""Size of a complex64 sample [bytes]."""
 
 MOST_BOUNCES = 12
-"""No scene was ever folded as deep."""
+"""Largest number of bounces in the link budget; no scene was ever folded by so many."""
 
 INVISIBLE_DB = -60.0
-"""A wall that scatters less than this share of the power can only be found by its glint [dB]."""
+"""Scattered share of the power [dB] below which a wall can only be found by its specular reflection at broadside."""
 
 DULL_DB = -25.0
-"""Mirrored share of the power, there and back 50 dB, below which a single bounce is lost in most scenes [dB]."""
+"""Mirrored share of the power [dB] below which a single bounce, 50 dB there and back, is lost in most scenes."""
 
 MOST_REMARKED = 3
-"""Bounces whose wrapping around is worth a remark: as many as `mirrorfold.simulate` follows by default."""
+"""Largest number of bounces for which wrapping around the ambiguous range is remarked: as many as `mirrorfold.simulate`
+follows by default."""
 
 FOLDING_PIXELS_PER_SECOND = 1e6
 """Speed of steps 2 to 6 on two cores, from `mirrorfold benchmark`: two to three seconds for three million pixels."""
 
 
 class BudgetRow(Record):
-    """A target by way of so many mirrors."""
+    """A target that is seen by a number of bounces: its range, and signal over noise of a sample and of the image."""
 
     bounces: int
     range_m: float
@@ -57,7 +58,7 @@ class BudgetRow(Record):
 
 
 class PlanHead(Record):
-    """What tells a plan from other records."""
+    """The field by which a plan is distinguished from other records."""
 
     kind: Literal["plan"]
 
@@ -85,29 +86,31 @@ class Plan(Arrays, PlanHead):
 
 @takes(PlanSettings)
 def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
-    """What a radar with two line arrays will resolve in a room, and how many bounces it will see.
+    """Predict what a radar with two line arrays will resolve in a room, and how many bounces it will see.
 
-    *Walls.* ``|R|^2 rho^2`` of the power is mirrored and ``|R|^2 (1 - rho^2)`` scattered by the surface, with Fresnel's
-    coefficient R of the half-space and what roughness leaves, ``rho = exp(-(4 pi h cos(t) / lambda)^2 / 2)`` (Ament
-    1953; Recommendation ITU-R P.2040 for the materials).
+    *Walls.* The surface of a wall mirrors the share ``|R|^2 rho^2`` of the power, and scatters ``|R|^2 (1 - rho^2)``.
+    R is Fresnel's coefficient of the half-space, and ``rho = exp(-(4 pi h cos(t) / lambda)^2 / 2)`` the factor of the
+    roughness, with the rms height h and the angle of incidence t (Ament 1953; Recommendation ITU-R P.2040 for the
+    materials).
 
-    *Link budget.* A target of cross section sigma at the range r returns ``P G^2 lambda^2 sigma / ((4 pi)^3 r^4)``, by
-    way of n mirrors ``(|R|^2 rho^2)^(2 n)`` of it, from ``r = range + n leg``. Focusing adds up all samples in phase,
-    which multiplies signal over noise, ``k T F`` times the bandwidth of the receiver, by their number.
+    *Link budget.* A target of cross section sigma at the range r returns ``P G^2 lambda^2 sigma / ((4 pi)^3 r^4)``.
+    Seen by way of n mirrors, it returns ``(|R|^2 rho^2)^(2 n)`` times as much, at ``r = range + n leg``. The noise of a
+    sample is ``k T F`` times the bandwidth of the receiver. Focusing adds up all samples in phase, which multiplies
+    signal over noise by their number.
 
-    *Quality.* The F-score to expect of what a wall of 1 m at `range` shows by one bounce, from a table that is made by
+    *Quality.* The F-score to expect for what a wall of 1 m at `range` shows by one bounce, from a table that is made by
     ``mirrorfold reproduce frequency``; see `expected_quality`.
 
     Parameters
     ----------
     **given
     instrument : mirrorfold.describing.planning.Instrument, optional
-        The radar's electronics; every frequency, length and time, here and there, may be a text such as "80 mm".
+        The radar's electronics. Every frequency, length and time, here and in it, may be a text such as "80 mm".
 
     Returns
     -------
     Plan
-        Facts to read as attributes or as items, named as by `mirrorfold.info`, with `remarks`.
+        Facts to read as attributes or as items, with names as in `mirrorfold.info`, and `remarks`.
 
     Raises
     ------
@@ -170,7 +173,11 @@ def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
 def _remarks(
     asked: PlanSettings, leg: float, ambiguous: float, by_noise: int, by_ambiguity: int, wall: Wall
 ) -> list[str]:
-    """What will go wrong, from the bounces [-1 for none at all] above the noise, and within the ambiguous range [m]."""
+    """Remarks on what will go wrong.
+
+    `by_noise` and `by_ambiguity` are the largest numbers of bounces that stay above the noise and within the ambiguous
+    range [m]; -1 where not even the line of sight does.
+    """
     remarks = [
         f"The fit of {name} holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g} GHz; what is said of it here is "
         "extrapolated."
@@ -202,7 +209,7 @@ def _remarks(
 
 
 def _focusing(frequency: Array, tx: Array, rx: Array, x: Array, y: Array) -> Choice:
-    """How the default grid will be focused, finely enough to be folded."""
+    """The algorithm that will focus the pixels x, y, accurately enough for folding, with its time and memory."""
     from mirrorfold.focusing.choosing.choice import explain
     from mirrorfold.focusing.problem import Problem
 
@@ -214,7 +221,7 @@ def _link_budget(
     wall: Wall, range_: float, leg: float, target: float, wavelength: float, pairs: int, points: int,
     instrument: Instrument,
 ) -> list[BudgetRow]:  # fmt: skip
-    """Range and signal over noise of a target by number of bounces, at 45 degrees on every wall."""
+    """Range and signal over noise of a target for 0 to `MOST_BOUNCES` bounces, at 45 degrees on every wall."""
     noise = Boltzmann * TEMPERATURE * instrument.if_bandwidth * 10.0 ** (instrument.noise_figure_db / 10.0)
     power = 1e-3 * 10.0 ** (instrument.power_dbm / 10.0) * 10.0 ** (instrument.gain_dbi / 5.0)
     loss = wall.specular_te_db[DIAGONAL]
@@ -237,13 +244,13 @@ def _link_budget(
 
 
 def _line(aperture: float, pitch: float) -> Array:
-    """Antennas on a line of that length, (n, 3) [m]."""
+    """Positions of antennas on a line along x, around zero, (n, 3) [m]."""
     count = round(aperture / pitch) + 1
     return np.outer(pitch * (np.arange(count) - (count - 1) / 2), [1.0, 0.0, 0.0])
 
 
 def _points_for(range_: float, band: tuple[float, float]) -> int:
-    """Frequencies for an ambiguous range, ``M > 1 + 2 B R / c``."""
+    """Number M of frequencies for an ambiguous range R [m], ``M > 1 + 2 B R / c``, with the bandwidth B."""
     return int(np.ceil(1.0 + 2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 1
 
 

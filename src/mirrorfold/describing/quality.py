@@ -1,9 +1,10 @@
-"""How well hidden objects can be expected to be folded, before anything is measured.
+"""The F-score to expect for hidden objects, before anything is measured.
 
-The table `expected_quality.json` is made by ``mirrorfold reproduce frequency`` from random two-wall scenes by rays. It
-splits the hidden F-score into factors. Two depend on one length in resolution cells each: whether the wall that shows
-the hidden objects is found at all, and how many of its echoes then lie within a distance of the truth. The third is
-what walls that mirror less leave of it.
+It is read from the table `expected_quality.json`, which ``mirrorfold reproduce frequency`` makes from random scenes of
+two walls, simulated by rays. The table splits the hidden F-score into three factors. The first is the chance that the
+wall that shows the hidden objects is found; it depends on the length of the wall in resolution cells. The second is the
+share of its echoes that are then folded to within a distance of the truth; it depends on this distance in resolution
+cells. The third is the loss of F-score behind walls that mirror less power.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.records import Number, Record, fact
 
 TABLE = "expected_quality.json"
+"""Name of the shipped table."""
 
 NEAR, WIDE, CELLS = 0.02, 0.05, 1.5
-"""Distances from the truth at which the F-score is stated [m], [m] and [resolution cells]."""
+"""Distances from the truth for which the F-score is stated [m], [m] and [resolution cells]."""
 
 
 class ExpectedQuality(Record):
@@ -48,7 +50,7 @@ def cell_diagonal(frequency: float, bandwidth: float, aperture: float, range: fl
         Middle and width of the band.
     aperture : float [m]
     range : float [m]
-        The whole way, by way of walls.
+        Length of the whole path, one way, bounces at walls included.
     """
     return float(np.hypot(speed_of_light / (2.0 * bandwidth), speed_of_light / frequency * range / aperture))
 
@@ -64,11 +66,12 @@ def expected_quality(
     mirrored_db: float | None = 0.0,
     table: dict[str, Any] | None = None,
 ) -> ExpectedQuality:
-    """The hidden F-score to expect of objects of 10 to 40 cm that one wall shows.
+    """The hidden F-score to expect for objects of 10 to 40 cm that one wall shows.
 
     ``F(d) = mirrored(m) found(w / c_w) close(d / c)`` with the level m that the wall mirrors, its length w, the
-    diagonals c_w and c of the resolution cell at the wall and at the hidden objects, and the distance d at which a
-    point counts as right. The factors are tables, interpolated over the level and the logarithms.
+    diagonals c_w and c of the resolution cell at the wall and at the hidden objects, and the distance d from the truth
+    up to which a point counts as right. The factors are tables, interpolated over the level [dB], and over the
+    logarithms of both ratios.
 
     Parameters
     ----------
@@ -77,20 +80,20 @@ def expected_quality(
     aperture : float [m]
         Length of the transmitting array, and of the receiving one.
     range : float [m]
-        Way from the radar to the hidden objects by the wall.
+        Length of the path from the radar by way of the wall to the hidden objects.
     wall_range : float [m]
         Distance of the wall.
     wall : float [m], default 1
         Length of the wall.
     mirrored_db : float [dB], optional
-        Share of the power that the wall mirrors; None for none.
+        Share of the power that the wall mirrors; None if it mirrors nothing.
     table : dict, optional
-        As in `expected_quality.json`; that by default.
+        A table like `expected_quality.json`, which is the default.
 
     Returns
     -------
     ExpectedQuality
-        With None where the cell, the wall or its reflection are outside of what was tried.
+        With None where the cell, the wall or its reflection are outside the range of the table.
 
     Examples
     --------
@@ -117,7 +120,7 @@ def expected_quality(
 
 
 def _interpolated(curve: dict[str, list[float]], value: float) -> tuple[float, float] | None:
-    """Mean and standard error at a value, over its logarithm; None where no scenes were."""
+    """Mean and standard error of a curve at a value, interpolated over its logarithm; None outside the valid range."""
     at = curve["at"]
     if not curve["valid"][0] <= value <= curve["valid"][1]:
         return None
@@ -126,7 +129,10 @@ def _interpolated(curve: dict[str, list[float]], value: float) -> tuple[float, f
 
 
 def _of_loss(curve: dict[str, list[float]], level_db: float | None) -> tuple[float, float] | None:
-    """What lossy walls leave of the F-score, at a mirrored share of the power [dB]."""
+    """Mean and standard error of the factor of the F-score for a wall that mirrors this share of the power [dB].
+
+    None where the share is below the range of the table.
+    """
     if level_db is None or level_db < curve["at"][0]:
         return None
     mean, error = (float(np.interp(level_db, curve["at"], curve[name])) for name in ("mean", "standard_error"))
@@ -134,7 +140,7 @@ def _of_loss(curve: dict[str, list[float]], level_db: float | None) -> tuple[flo
 
 
 def _product(one: tuple[float, float] | None, other: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Of two means, with its standard error."""
+    """Product of two means and its standard error; None where one of the means is unknown."""
     if one is None or other is None:
         return None
     return one[0] * other[0], float(np.hypot(one[0] * other[1], one[1] * other[0]))
@@ -142,6 +148,6 @@ def _product(one: tuple[float, float] | None, other: tuple[float, float] | None)
 
 @cache
 def _shipped() -> dict[str, Any]:
-    """The table that comes along."""
+    """The table that is part of the package."""
     found: dict[str, Any] = json.loads(files("mirrorfold.describing").joinpath(TABLE).read_text(encoding="utf-8"))
     return found

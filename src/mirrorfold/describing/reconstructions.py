@@ -1,4 +1,4 @@
-"""The mirrors and points of a reconstruction."""
+"""Facts about the mirrors and points of a reconstruction."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ class ReconstructionFacts(Sized):
 
 
 def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
-    """What a valid reconstruction holds."""
+    """Facts about a valid reconstruction: its points, mirrors, and remarks on what looks wrong."""
     every, objects = reconstruction.children["objects"].to_dataset(inherit=False), shown_points(reconstruction)
-    left_out = int(np.size(reconstruction.attrs.get("mixed_x", ())))  # as files of earlier versions tell
+    left_out = int(np.size(reconstruction.attrs.get("mixed_x", ())))  # in files of earlier versions
     doubted = every.sizes.get("point", 0) - objects.sizes.get("point", 0)
     if "explanation" in every:
         left_out, explained_here = (int(np.count_nonzero(of["explanation"] != "")) for of in (every, objects))
@@ -86,14 +86,17 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
 
 
 def on_mirrors(objects: xr.Dataset) -> NDArray[np.bool_]:
-    """Which points are faces of mirrors, (n,); all others are objects. In old files, which do not say so, all are."""
+    """Which points lie on the faces of mirrors, (n,); all others are objects.
+
+    In files of earlier versions, which do not tell this, all points are objects.
+    """
     if "surface" not in objects:
         return np.zeros(objects.sizes.get("point", 0), dtype=bool)
     return np.asarray(objects["surface"].values == "mirror")
 
 
 def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:
-    """The mirrors of a reconstruction in two or three dimensions, in the order of the file."""
+    """Facts about each mirror of a reconstruction, in two or three dimensions, in the order of the file."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     axes = "xyz" if "folded_z0" in mirrors else "xy"
     return [
@@ -113,11 +116,11 @@ def mirror_table(reconstruction: xr.DataTree) -> list[MirrorFacts]:
 
 PANE = {"permittivity": "permittivity", "permittivity_error": "permittivity_error",
         "thickness": "thickness_m", "thickness_error": "thickness_error_m"}  # fmt: skip
-"""Columns of the table of mirrors for walls that let waves through, and what facts call them."""
+"""Columns of the table of mirrors that describe half-transparent walls, and their names in `MirrorFacts`."""
 
 
 def _own_facts(mirror: xr.Dataset) -> dict[str, Any]:
-    """What only some mirrors have: frame, radius, and what is known of a wall that lets waves through."""
+    """Facts that only some mirrors have: frame, radius, and permittivity and thickness of half-transparent walls."""
     found: dict[str, Any] = {"frame": int(mirror["frame"])} if "frame" in mirror.coords else {}
     radius, error = radius_of(mirror)
     if radius is not None:
@@ -129,9 +132,12 @@ def _own_facts(mirror: xr.Dataset) -> dict[str, Any]:
 
 
 def radius_of(mirror: xr.Dataset) -> tuple[float | None, float | None]:
-    """Radius [m] of a row of the table of mirrors, negative for a concave one, and its standard error, if known."""
+    """Radius [m] of a mirror, negative where it is concave, and its standard error [m].
+
+    `mirror` is a row of the table of mirrors. Both are None for flat mirrors; the error is None where it is unknown.
+    """
     curvature = float(mirror["curvature"]) if "curvature" in mirror else 0.0
     if curvature == 0.0 or not np.isfinite(curvature):
         return None, None
     error = float(mirror["curvature_error"]) / curvature**2 if "curvature_error" in mirror else np.nan
-    return 1.0 / curvature, error if error > 0.0 else None  # of given mirrors no error is known
+    return 1.0 / curvature, error if error > 0.0 else None  # unknown for mirrors that the user gave

@@ -1,4 +1,4 @@
-"""What a band, two arrays and a raster scan can resolve."""
+"""What a band can resolve together with two arrays, or with a raster scan."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from mirrorfold.common.records import Number, Record, fact
 Array = NDArray[np.float64]
 
 RANGES = (1.0, 2.0, 4.0)
-"""Where the cross-range resolution is stated [m] if nothing tells where the scene is: on a desk, in a room, a hall."""
+"""Ranges for which the cross-range resolution is stated [m] if nothing tells where the scene is: as on a desk, in a room
+and in a hall."""
 
 SHARES = (0.25, 0.5, 1.0)
-"""Of the ambiguous range, in which the scene must lie, where the resolution of a sweep is stated."""
+"""Ranges for which the cross-range resolution of a sweep is stated, as shares of the ambiguous range."""
 
 PITCH_TOLERANCE = 0.01
-"""How far the pitch may exceed half a wavelength, as a share of it: grating lobes then stay beyond 80 degrees."""
+"""Share by which the pitch may exceed half a wavelength without a remark: grating lobes then stay beyond 80 degrees."""
 
 
 class Band(Record):
@@ -83,17 +84,17 @@ def resolution(
     frequency : (frequencies,) array [Hz]
     tx_position, rx_position : (tx, 3) and (rx, 3) arrays [m]
     speed : float [m/s]
-        Of the waves, by default of light in vacuum.
+        Speed of the waves, by default that of light in vacuum.
     ranges : sequence of float [m], optional
-        Where the cross-range resolution is stated: where the scene is. By default at a quarter, half and all of the
-        ambiguous range.
+        Ranges for which the cross-range resolution is stated, such as those of the scene. By default a quarter, half
+        and all of the ambiguous range.
 
     Returns
     -------
     facts : Arrays
-        Cross-range resolution is ``lambda r / D`` at the centre of the band, D the longer aperture: the first zero
-        of the focus. The field of view, ``2 arcsin(lambda / (2 p))`` at the top of the band with the finer pitch p,
-        is the widest sector around broadside that holds no grating lobe of anything in it.
+        The cross-range resolution is ``lambda r / D`` at the centre of the band, with the longer aperture D: the
+        distance of the first zero from the focus. The field of view is ``2 arcsin(lambda / (2 p))`` at the top of the
+        band, with the finer pitch p: in this sector around broadside, no object has a grating lobe.
     remarks : list of str
     """
     wavelength = speed / float(frequency.mean())
@@ -126,7 +127,7 @@ def resolution(
 
 
 def cross_range_resolution(wavelength: float, aperture: float, ranges: Sequence[float]) -> dict[str, float]:
-    """``lambda r / D`` [m] at some ranges, by the range [m] to three digits."""
+    """Cross-range resolution ``lambda r / D`` [m] by range r [m], rounded to three digits, with the aperture D."""
     return {f"{r:.3g}": wavelength * float(f"{r:.3g}") / aperture for r in ranges}
 
 
@@ -144,9 +145,9 @@ def scan_resolution(
     frequency : (frequencies,) array [Hz]
     azimuth, elevation : 1D arrays [degree]
     beam : (radius of the focus, its distance) [m], optional
-        Where it is known.
+        The beam, where it is known.
     speed : float [m/s]
-        Of the waves, by default of light in vacuum.
+        Speed of the waves, by default that of light in vacuum.
 
     Returns
     -------
@@ -176,7 +177,7 @@ def scan_resolution(
 
 
 def _band(frequency: Array, speed: float) -> tuple[Band, Depth, list[str]]:
-    """The frequencies, what they resolve along range, and a remark where there is only one of them."""
+    """The band, what it resolves along range, and a remark where there is only one frequency."""
     step = float(frequency[-1] - frequency[0]) / (frequency.size - 1) if frequency.size > 1 else None
     band = Band(
         band_hz=[float(frequency[0]), float(frequency[-1])], frequencies=int(frequency.size), frequency_step_hz=step
@@ -196,7 +197,7 @@ def _extent(position: Array) -> float:
 
 
 def _pitch(position: Array) -> float | None:
-    """Median distance [m] between nearest neighbours; None for a single place, and where no number is as small."""
+    """Median distance [m] between nearest neighbours; None for a single place, and where it rounds to zero."""
     places = np.unique(position, axis=0)
     if len(places) < 2:
         return None

@@ -1,4 +1,4 @@
-"""What a radar can resolve in a scene, and what of it lies too far away."""
+"""Facts about scenes: what their radar can resolve in them, and which surfaces are too far away."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 SURFACE_STEP = 0.01
-"""Distance of the points of a surface of which the farthest is looked for [m]; the answer is given to a centimetre."""
+"""Distance between the points of a surface among which the farthest is searched [m]; its distance is stated to a
+centimetre."""
 
 
 class SurfaceFacts(Record):
@@ -45,7 +46,7 @@ class VolumeSceneFacts(Scan, Described):
 
 
 def describe_scene(scene: Scene) -> SceneFacts:
-    """What the arrays of a floor plan resolve in it."""
+    """Facts about a scene in two dimensions, and what its arrays resolve in it."""
     radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
     ways = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1) for surface in scene.surface]
     farthest = float(max((way.max() for way in ways), default=0.0))
@@ -69,7 +70,7 @@ def describe_scene(scene: Scene) -> SceneFacts:
 
 
 def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
-    """What the scanner of a three-dimensional scene resolves in it."""
+    """Facts about a scene in three dimensions, and what its scanner resolves in it."""
     azimuth, elevation = scene.scanner.angles
     beam = (scene.scanner.spot_radius, scene.scanner.focus_distance)
     facts, remarks = scan_resolution(scene.band.frequency, azimuth, elevation, beam)
@@ -88,8 +89,8 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
 
 
 def _slips(scene: Scene | Scene3D) -> list[str]:
-    """Why `simulate` would refuse the scene before any work."""
-    from mirrorfold.simulation.limits import check_extent  # loads what reads scenes
+    """The reason why `simulate` would refuse the scene, as a remark; empty where it would not."""
+    from mirrorfold.simulation.limits import check_extent  # heavy import
 
     try:
         check_extent(scene)

@@ -20,35 +20,35 @@ STEPS: tuple[tuple[str, str, type[Settings]], ...] = (
     ("focusing", "image_", FocusSettings),
     ("folding", "fold_", FoldSettings),
 )
-"""Name of each step, what its attributes begin with, and its settings."""
+"""Name of each step, the prefix of its attributes, and its settings."""
 
 DIGITS = 4
-"""Significant digits of a number that people read; the attribute itself holds all of them."""
+"""Significant digits of a number in a text; the attribute itself holds all of them."""
 
 SCALES = {
     "m": (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("\u00b5m", 1e-6)),
     "Hz": (("GHz", 1e9), ("MHz", 1e6), ("kHz", 1e3), ("Hz", 1.0)),
 }
-"""Units that people read a length or a frequency in, and their sizes."""
+"""Units in which lengths and frequencies are written, and their sizes."""
 
 READ_DIGITS = {"m": 3, "Hz": 6}
-"""Significant digits of both: a frequency is known to all of its own."""
+"""Significant digits of lengths and of frequencies; frequencies are known exactly."""
 
 ATTRIBUTES = {
     "m": re.compile(r"(range|resolution|aperture|radius|distance|position|center|radar_[xyz]|mixed_[xyz])$"),
     "Hz": re.compile(r"frequency_(start|stop|step)$"),
 }
-"""The unit of an attribute that is no setting, by what its name ends in."""
+"""The unit of an attribute that is no setting, by the end of its name."""
 
 LARGEST_PLAIN = 1e7
-"""Larger numbers are written with an exponent."""
+"""Numbers from this on are written with an exponent."""
 
 LONGEST_ARRAY = 6
-"""Values that are written out; of longer arrays only their number."""
+"""Largest number of values that are written out; of longer arrays only the length is written."""
 
 
 class RecordedSetting(NamedTuple):
-    """A setting as it was used.
+    """A setting with the value that was used, in words.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class RecordedSetting(NamedTuple):
     label : str
         Its name in plain words.
     value : str
-        In words, with `DIGITS` digits, of lengths and frequencies `READ_DIGITS`.
+        The value as a text, with `DIGITS` digits; lengths and frequencies with `READ_DIGITS`.
     unit : str
         Such as "cm" or "dB"; empty for pure numbers and names.
     meaning : str
@@ -80,7 +80,7 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
     Parameters
     ----------
     attrs : mapping
-        Attributes of a reconstruction; those that are no setting of this version are left out.
+        Attributes of a reconstruction; those that are no settings of this version are left out.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def recorded_settings(attrs: Mapping[Any, Any]) -> list[RecordedSetting]:
 
 
 def label(name: str, rule: Rule) -> str:
-    """The name of a setting in plain words; its unit is said elsewhere.
+    """The name of a setting in plain words, without its unit.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def label(name: str, rule: Rule) -> str:
 
 
 def words(value: Any, rule: Rule) -> str:
-    """A setting's value for people; "default" where none was chosen.
+    """The value of a setting as a text for people; "default" where none was chosen.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def words(value: Any, rule: Rule) -> str:
 
 
 def attribute_words(name: str, value: Any) -> str:
-    """An attribute that is no setting, for people; its unit is known by its name.
+    """The value of an attribute that is no setting as a text for people, with the unit that its name tells.
 
     Examples
     --------
@@ -154,13 +154,13 @@ def attribute_words(name: str, value: Any) -> str:
 
 
 def _value_and_unit(value: Any, rule: Rule) -> dict[str, str]:
-    """A value in words and its unit; lengths and frequencies in the unit that people read them in."""
+    """A value as a text, and its unit; lengths and frequencies in the largest unit that gives numbers above one."""
     numbers = np.ravel(value)
     if rule.unit not in SCALES or numbers.dtype.kind not in "iuf" or not 0 < numbers.size <= LONGEST_ARRAY:
         return {"value": words(value, rule), "unit": rule.unit}
     scales, digits = SCALES[rule.unit], READ_DIGITS[rule.unit]
     largest = float(np.abs(numbers).max())
     unit, size = next((one for one in scales if largest >= one[1]), scales[-1])
-    # A thousandth of the smallest unit is what rounding leaves of nothing.
+    # Less than a thousandth of the smallest unit is a rounding error of zero.
     texts = [f"{number / size:.{digits}g}" if abs(number) >= 1e-3 * scales[-1][1] else "0" for number in numbers]
     return {"value": ", ".join(texts), "unit": unit if set(texts) != {"0"} else ""}

@@ -1,4 +1,4 @@
-"""What the samples of a sweep show: levels, noise, echoes at wrong places, mistakes."""
+"""Facts about a sweep: its resolution, the levels of signal and noise, echoes that wrap around, and mistakes."""
 
 from __future__ import annotations
 
@@ -24,25 +24,28 @@ from mirrorfold.sweep import AXES_REMEDY, antenna_positions, check_sweep, end_on
 Array = NDArray[np.float64]
 
 QUIET_SHARE = 0.1
-"""Share of the range profile that is taken to hold noise alone."""
+"""Share of the bins of the range profile, the quietest, that are taken to hold noise alone."""
 
 END_SHARE = 0.1
-"""Share of the range profile, at its end, where strong echoes suggest that others have wrapped around."""
+"""Share of the range profile, at its end, in which strong echoes suggest that later ones have wrapped around."""
 
 END_LEVEL_DB = -30.0
-"""Level of an echo there against the strongest echo [dB]; weaker ones wrap around without harm."""
+"""Smallest level of such an echo relative to the strongest echo [dB]; weaker ones wrap around without harm."""
 
 END_OVER_NOISE = 10.0
-"""Power of an echo there over that of the noise; weaker ones may be peaks of the noise."""
+"""Smallest power of such an echo relative to that of the noise; weaker ones may be peaks of the noise."""
 
 SIDE_LOBES = 3
-"""Bins at the end of the range profile that the Hann window fills with leakage from range zero."""
+"""Number of bins at the end of the range profile that the Hann window fills with leakage from range zero; they are not
+looked at."""
 
 RECIPROCITY_DB = -40.0
-"""Difference between a sweep and its transpose, against its mean power [dB], that calibration should not leave."""
+"""Largest power of the difference between a sweep and its transpose that a calibrated instrument should leave, relative
+to the mean power of a sample [dB]."""
 
 RECIPROCITY_OVER_NOISE = 4.0
-"""Power of that difference over the noise of a sample: noise alone makes it 1 on average, and hardly ever 4."""
+"""Smallest power of this difference, relative to the noise of a sample, that is remarked. Noise alone gives 1 on average,
+and hardly ever 4."""
 
 
 class FindingFacts(Record):
@@ -104,23 +107,23 @@ class BrokenSweepFacts(Sized):
 
 
 SweepFacts = ArraySweepFacts | RasterSweepFacts | BrokenSweepFacts
-"""What `mirrorfold.info` says of a sweep."""
+"""The kinds of facts that `mirrorfold.info` returns for a sweep."""
 
 
 def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFacts:
-    """A sweep with its mistakes, where they are asked for; one that is not valid where a repair is known.
+    """Facts about a sweep, with its mistakes if `diagnose`; also about one that is not valid, if a repair is known.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     path : str
-        Of its file, for the commands that put mistakes right.
+        Path of its file, for the commands that correct mistakes.
     diagnose : bool
 
     Raises
     ------
     InputError
-        If it is not valid, and no repair is known.
+        If the sweep is not valid, and no repair is known.
     """
     try:
         valid = check_sweep(sweep, source=path)
@@ -136,7 +139,7 @@ def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFact
 
 
 def _broken(sweep: xr.Dataset, path: str, error: InputError) -> BrokenSweepFacts:
-    """What is wrong with a sweep whose samples or frequencies can be repaired.
+    """Facts about a sweep that is not valid, but whose samples or frequencies can be repaired.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def _broken(sweep: xr.Dataset, path: str, error: InputError) -> BrokenSweepFacts
 
 
 def _contents(sweep: xr.Dataset) -> dict[str, Any]:
-    """Kind, title and dimensions."""
+    """Kind, title and dimensions of a sweep."""
     return {
         "kind": "sweep",
         "title": str(sweep.attrs.get("title", "")),
@@ -165,20 +168,23 @@ def _contents(sweep: xr.Dataset) -> dict[str, Any]:
 
 
 def _findings(found: list[Finding], path: str) -> list[FindingFacts]:
+    """Findings as facts, with the commands that correct them."""
     return [FindingFacts(name=f.name, what=f.what, sure=f.sure, fix=f.command(path)) for f in found]
 
 
 def _sentences(found: list[Finding], path: str) -> list[str]:
+    """Findings as remarks, with the commands that correct them."""
     return [f"{f.sentence()} Remedy: {f.command(path)}" for f in found]
 
 
 def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
+    """Facts about a valid sweep of a raster scan."""
     known = "spot_radius" in sweep.attrs and "focus_distance" in sweep.attrs
     beam = (float(sweep.attrs["spot_radius"]), float(sweep.attrs["focus_distance"])) if known else None
     axes = [sweep[name].values.astype(float) for name in ("frequency", "azimuth", "elevation")]
     facts, remarks = scan_resolution(axes[0], axes[1], axes[2], beam, wave_speed(sweep))
     s = sweep["s"].values.reshape((-1, *sweep["s"].shape[-3:]))
-    # What leaks inside the instrument is the same in all beams.
+    # Leakage inside the instrument is the same in all beams, and removed with their mean.
     s = s - s.mean(axis=(2, 3), keepdims=True)
     power = _mean_power(part for frame in s for part in frame)
     profile = _range_profile(s)
@@ -187,6 +193,7 @@ def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
 
 
 def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
+    """Facts about a valid sweep of two arrays, or of one moving antenna."""
     tx_position, rx_position = antenna_positions(sweep)
     ranges = None
     if sweep.attrs.get("scene_center") is not None:
@@ -250,7 +257,7 @@ def _levels(power: float, profile: Array, noise: float) -> Levels:
 
 
 def _mean_power(parts: Iterable[NDArray[np.complex64]]) -> float:
-    """Of samples, one frequency at a time: copies of a whole sweep cost more than the arithmetic."""
+    """Mean power of samples, one frequency at a time, because copies of a whole sweep cost more than the arithmetic."""
     energy, size = 0.0, 0
     for part in parts:
         energy, size = energy + float(np.vdot(part, part).real), size + part.size
@@ -267,10 +274,10 @@ def _range_profile(s: NDArray[np.complex64]) -> Array:
 
 
 def _noise_power(profile: Array, *, pairs: int) -> float:
-    """Power of the noise in each sample, at most, from the quietest part of the range profile.
+    """Upper bound of the noise power of a sample, from the quietest part of the range profile.
 
-    Where that part holds white noise alone, its mean over n pairs follows a gamma distribution of shape n, which
-    says how far the quantile lies below the mean.
+    If this part holds white noise alone, its mean power over n pairs follows a gamma distribution of shape n, which
+    tells by which factor the quantile lies below the mean.
     """
     below_mean = gammaincinv(pairs, QUIET_SHARE) / pairs
     return float(max(np.quantile(profile, QUIET_SHARE) / below_mean, np.finfo(np.float32).eps ** 2 * profile.max()))

@@ -33,7 +33,7 @@ def wall(name: str, frequency: float, roughness: tuple[float, float | None], ang
     Parameters
     ----------
     name : str
-        Of the material.
+        Name of the material.
     frequency : float [Hz]
     roughness : (rms height, correlation length or None) [m]
     angles : list of float [degree]
@@ -41,8 +41,8 @@ def wall(name: str, frequency: float, roughness: tuple[float, float | None], ang
     Returns
     -------
     Wall
-        `angle_deg`; `specular_te_db`, `specular_tm_db` for E perpendicular to the plane of incidence and in it;
-        `diffuse_db` of the mean of both. None where there is no power.
+        `angle_deg`; the mirrored shares `specular_te_db` and `specular_tm_db` for E perpendicular to the plane of
+        incidence and in it; the scattered share `diffuse_db`, the mean of both. None where there is no power.
     """
     specular, diffuse = shares(name, np.array(frequency), np.radians(angles), roughness)
     return Wall(
@@ -54,10 +54,13 @@ def wall(name: str, frequency: float, roughness: tuple[float, float | None], ang
 
 
 def shares(name: str, frequency: Array, angle: Array, roughness: tuple[float, float | None]) -> tuple[Array, Array]:
-    """Mirrored and scattered shares of the power, (2, ...) each for TE and TM; frequency [Hz], angle [rad]."""
+    """Mirrored and scattered shares of the power, each (2, ...) for TE and TM.
+
+    `frequency` [Hz] and `angle` of incidence [rad] are broadcast; `name` and `roughness` are as for `wall`.
+    """
     kind = material(name)
     reflected = np.stack(
         [np.abs(kind.reflection(frequency, angle, polarization)) ** 2 for polarization in POLARIZATIONS]
     )
-    left = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
-    return reflected * left, reflected * (1.0 - left)
+    coherent = coherent_factor(roughness[0], frequency, angle, correlation_length=roughness[1]) ** 2
+    return reflected * coherent, reflected * (1.0 - coherent)
