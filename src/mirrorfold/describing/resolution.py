@@ -14,8 +14,8 @@ from mirrorfold.common.records import Number, Record, fact
 Array = NDArray[np.float64]
 
 RANGES = (1.0, 2.0, 4.0)
-"""Ranges for which the cross-range resolution is stated [m] if nothing tells where the scene is: as on a desk, in a room
-and in a hall."""
+"""Ranges for which the cross-range resolution is stated [m] if nothing tells where the scene is: as on a desk, in a
+room and in a hall."""
 
 SHARES = (0.25, 0.5, 1.0)
 """Ranges for which the cross-range resolution of a sweep is stated, as shares of the ambiguous range."""

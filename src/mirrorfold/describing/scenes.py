@@ -90,7 +90,7 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
 
 def _slips(scene: Scene | Scene3D) -> list[str]:
     """The reason why `simulate` would refuse the scene, as a remark; empty where it would not."""
-    from mirrorfold.simulation.limits import check_extent  # heavy import
+    from mirrorfold.simulation.limits import check_extent  # imports the readers of scenes
 
     try:
         check_extent(scene)

@@ -44,8 +44,8 @@ RECIPROCITY_DB = -40.0
 to the mean power of a sample [dB]."""
 
 RECIPROCITY_OVER_NOISE = 4.0
-"""Smallest power of this difference, relative to the noise of a sample, that is remarked. Noise alone gives 1 on average,
-and hardly ever 4."""
+"""Smallest power of this difference, relative to the noise of a sample, that is remarked. Noise alone gives 1 on
+average, and hardly ever 4."""
 
 
 class FindingFacts(Record):

@@ -1,16 +1,16 @@
-"""Reading and writing: one function each, whatever the file holds.
+"""Reading and writing of files: `load` and `save`, whatever a file holds, and imports and exports.
 
 | folder or file | what it does |
 |---|---|
-| `files.py`, `suffixes.py` | writes files and folders whole or not at all; which names they may have |
-| `own/` | sweeps, images, reconstructions (netCDF-4) and scenes (TOML) |
-| `plans.py` | floor plans (DXF, GeoJSON) |
-| `readers/` | what stands in a file of another tool: `Contents`, one reader for each format |
-| `mapping/` | a sweep of such contents, by a mapping that says which variable is what |
+| `files.py`, `suffixes.py` | writes files and folders completely or not at all; which names they may have |
+| `own/` | reads and writes sweeps, images, reconstructions (netCDF-4) and scenes (TOML) |
+| `plans.py` | reads and writes floor plans (DXF, GeoJSON) |
+| `readers/` | reads the contents of files of other tools, `Contents`; one reader for each format |
+| `mapping/` | makes a sweep of such contents, by a mapping that tells which variable is what |
 | `guessing/` | proposes a mapping |
-| `scans/` | a sweep of many files, one for each position |
+| `scans/` | makes a sweep of many files, one for each position |
 | `importing.py`, `images.py` | choose among these: measured data to sweeps; images and clouds to images |
-| `exports/` | results for other programs |
+| `exports/` | writes results for other programs |
 
 To add a reader, see `readers/`.
 """
@@ -39,14 +39,14 @@ if TYPE_CHECKING:
 
 
 def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D | FloorPlan:
-    """Read a sweep, an image, a reconstruction or a scene, checked and completely in memory.
+    """Read a sweep, an image, a reconstruction, a scene or a floor plan, checked and completely in memory.
 
     Parameters
     ----------
     path : path
-        A netCDF-4 file; a scene where the name ends in ``.toml``; a floor plan in ``.dxf`` or ``.geojson``; an image or
-        point cloud of another tool in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or ``.csv`` (see
-        `import_image`), or a sweep that `import_data` reads without a word.
+        A netCDF-4 file; a scene if the name ends in ``.toml``; a floor plan if it ends in ``.dxf`` or ``.geojson``.
+        Also an image or point cloud of another tool in ``.npy``, ``.npz``, ``.mat``, ``.h5``, ``.ply``, ``.pcd`` or
+        ``.csv`` (see `import_image`), or a sweep that `import_data` reads without further arguments.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
     Raises
     ------
     InputError
-        If the file is missing, broken, or holds something else.
+        If the file is missing, damaged, or holds something else.
     """
     path = path_of("load", path)
     if path.suffix.lower() == ".toml":
@@ -84,7 +84,10 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
 
 
 def _as_sweep_to_import(path: Path) -> InputError | None:
-    """What to do with a file of another tool that holds samples against frequency or time; None for any other."""
+    """The error that advises how to import a file of another tool with samples over frequency or time.
+
+    None for all other files.
+    """
     from mirrorfold.io.mapping.names import FREQUENCY, TIME
     from mirrorfold.io.readers import read_contents
 
@@ -98,12 +101,12 @@ def _as_sweep_to_import(path: Path) -> InputError | None:
 
 
 def load_geometry(path: str | Path) -> xr.Dataset:
-    """Frequencies, positions and attributes of a sweep's netCDF file, without its samples, unchecked.
+    """Read frequencies, positions and attributes of a sweep's netCDF file, without its samples, and unchecked.
 
     Raises
     ------
     InputError
-        If the file is missing or broken.
+        If the file is missing or damaged.
     """
     _prepare_to_read(Path(path))
     from mirrorfold.io.own.netcdf import read_geometry
@@ -112,7 +115,7 @@ def load_geometry(path: str | Path) -> xr.Dataset:
 
 
 def _prepare_to_read(path: Path) -> None:
-    """Check that the file is there, and start the process that opens netCDF files while libraries are loaded here."""
+    """Check that a file is there; start the process that opens netCDF files, while libraries are loaded here."""
     check_file(path, "give the path of a netCDF file")
     if path.suffix.lower() == ".nc":
         from mirrorfold.io.readers import hdf5
@@ -123,24 +126,24 @@ def _prepare_to_read(path: Path) -> None:
 def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: str | Path) -> Path:
     """Write a sweep, an image or a reconstruction to a netCDF-4 file, or a scene to a TOML file.
 
-    The file appears under its name once it is complete; when writing fails, what was there before stays.
+    The file gets its name once it is complete. If writing fails, an older file of this name stays as it was.
 
     Parameters
     ----------
     obj : xarray.Dataset, xarray.DataArray, xarray.DataTree, Scene or Scene3D
         A sweep, an image, a reconstruction or a scene.
     path : path
-        Its directory must exist; that of a scene ends in ``.toml``.
+        Its directory must exist; the name of a scene's file ends in ``.toml``.
 
     Returns
     -------
     Path
-        Where it was written.
+        The path of the file.
 
     Raises
     ------
     InputError
-        If the object is none of these or not valid, or nothing can be written there.
+        If the object is none of these or not valid, or the file cannot be written.
     OSError
         If the disk is full or fails.
     """
@@ -163,11 +166,11 @@ _HOME = {
     "import_image": "images",
     "save_touchstone": "exports.scan_folder",
 }
-"""The modules of what is imported when it is used."""
+"""The module of each function that is imported at first use."""
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for."""
+    """Import a function of `_HOME` when it is first used."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Writing of files and directories completely or not at all, so that a failure leaves no half-written result."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 
 clobber: ContextVar[bool] = ContextVar("clobber", default=True)
-"""Whether files that are there may be overwritten; ``--no-clobber`` says no."""
+"""Whether existing files may be overwritten; false with ``--no-clobber``."""
 
 
 def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixes: Sequence[str] = ()) -> Path:
-    """The path, if a file can be written there.
+    """Check that a file can be written at a path, and return the path.
 
     Parameters
     ----------
     path : path
-        Of the file to be written. A link stands for the file that it leads to.
+        Path of the file to write. A link stands for the file to which it leads.
     inputs : paths
         Files that must not be overwritten.
     suffixes : list of str
-        How the name may end, such as ``.html``; any way by default.
+        Suffixes that the name may have, such as ``.html``; by default any.
 
     Raises
     ------
     InputError
-        If something else than a file is there (a folder, a device, a pipe), its directory is missing or read-only, it
-        is one of the inputs or a file that the command has read (`files_read`), its name ends otherwise, or it is there
-        and must not be overwritten.
+        If something other than a file is there (a folder, a device, a pipe), the directory is missing or read-only, the
+        file is one of the inputs or one that the command has read (`files_read`), its suffix is another one, or it
+        exists and must not be overwritten.
     """
     path = _check_name(path)
     if suffixes and path.suffix.lower() not in suffixes:
@@ -60,14 +60,14 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
 
 
 def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: Iterable[str | Path] = ()) -> Path:
-    """The path, if a directory with files of these names can be written there.
+    """Check that a directory with files of these names can be written at a path, and return the path.
 
     Parameters
     ----------
     path : path
-        Of the directory; need not exist, its parent must.
+        Path of the directory, which need not exist; its parent must.
     names : list of str
-        Of the files.
+        Names of the files.
     inputs : paths
         Files that must not be overwritten.
 
@@ -89,9 +89,9 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
-    """A temporary path to write to, renamed to `path` when the block ends well and removed when it does not.
+    """A temporary path to write to, which is renamed to `path` if the block succeeds, and removed if it fails.
 
-    What was written is on the disk, not in its cache, before it gets its name.
+    The content is on the disk, not only in its cache, before the file is renamed.
 
     Parameters
     ----------
@@ -100,14 +100,14 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        In the same directory and with the same suffix; nothing is there yet.
+        A path in the same directory and with the same suffix, at which nothing exists yet.
 
     Raises
     ------
     InputError
-        If nothing can be written there.
+        If the file cannot be written.
     OSError
-        If the disk is full or fails; what was there before stays.
+        If the disk is full or fails; an older file stays as it was.
     """
     path = _followed(check_output(path))
     clean_up(path.parent)
@@ -120,7 +120,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         _sync(temporary)
-        check_output(path)  # a device or a pipe may have come since
+        check_output(path)  # a device or a pipe may have appeared meanwhile
         os.replace(temporary, path)
         _sync(path.parent)
     except OSError as error:
@@ -131,18 +131,18 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -> Iterator[Path]:
-    """A temporary directory to write files to; they move to `path` when the block ends well, and replace what is there.
+    """A temporary directory to write files to, which move to `path` if the block succeeds, and replace older files.
 
-    New files are never found beside old ones, whenever the process ends: once the new ones are complete and on the
-    disk, the temporary directory is renamed to say so; then the old ones are removed; then the new ones move. If the
-    process is killed meanwhile, the next one of this user that writes to `path` goes on with that.
+    New files are never mixed with old ones, even if the process is killed. Once the new files are complete and on the
+    disk, the temporary directory is renamed to mark this; then the old files are removed; then the new files move. If
+    the process is killed in between, the next process of this user that writes to `path` completes the move.
 
     Parameters
     ----------
     path : path
-        Of the directory. It is made if need be; when the block fails, nothing is made and nothing changes.
+        Path of the directory, which is made if it does not exist. If the block fails, nothing is made or changed.
     replaces : list of str
-        Names of files that belong to older results, and go even if there are no new ones of these names.
+        Names of files that belong to older results; they are removed even if there are no new files of these names.
 
     Yields
     ------
@@ -152,9 +152,9 @@ def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -
     Raises
     ------
     InputError
-        If nothing can be written there.
+        If the directory cannot be written.
     OSError
-        If the disk is full or fails; what was there before stays.
+        If the disk is full or fails; older files stay as they were.
     """
     path = _followed(check_output_directory(path, names=()).absolute())
     place = path if path.exists() else path.parent
@@ -190,43 +190,45 @@ def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -
 
 
 OLD_FILES = ".replaces"
-"""In a directory whose files wait to replace others, the file that names these."""
+"""File in a directory of complete new files, which lists the old files that they replace."""
 
 SIGNATURE = ".signature"
-"""In such a directory, the file that proves that a program of this user has made it."""
+"""File in such a directory, which proves that a process of this user has made it."""
 
 
 def clean_up(folder: Path) -> None:
-    """Finish or remove what this user's killed processes have left in a folder.
+    """Complete or remove what killed processes of this user have left in a folder.
 
-    A folder may come from a stranger, with forged leftovers and links in it: what another user has made is left alone,
-    and links are replaced, not followed.
+    A folder may come from a stranger, with forged leftovers and links in it. So leftovers of other users are not
+    touched, and links are replaced, not followed.
     """
     for path in leftovers(folder):
         if path.suffix != COMPLETE:
             remove(path)
         elif _is_signed(path):
-            with suppress(OSError, InputError):  # what is in its way there is no matter of the file to be written now
+            with suppress(OSError, InputError):  # the file to be written now can do without
                 _replace_files(path, lambda target: target)
 
 
 def _is_signed(complete: Path) -> bool:
-    """Whether a directory whose files wait to replace others was made by a program of this user."""
+    """Whether a directory of complete new files was made by a process of this user."""
     with suppress(OSError, UnicodeDecodeError):
         return (complete / SIGNATURE).is_file() and is_signed(complete.name, (complete / SIGNATURE).read_text("utf-8"))
     return False
 
 
 def _replace_files(complete: Path, place: Callable[[Path], Path]) -> None:
-    """Remove the old files of the directory around this one, then move the files of this one there.
+    """Remove the old files from the parent of a directory of complete new files, then move the new files there.
 
-    The list of the old files goes with the last of them: whoever goes on later must not take new files for old ones.
+    The list of the old files is removed right after them, so that a process that goes on later does not take new files
+    for old ones.
 
     Parameters
     ----------
     complete : path
+        The directory of complete new files.
     place : callable
-        What is to be removed or replaced for a path: where it leads to if it is a link, or the link itself.
+        Returns what is to be removed or replaced at a path: the target of a link, or the link itself.
     """
     listed = complete / OLD_FILES
     with held_signals(), suppress(FileNotFoundError):  # another process may be faster
@@ -244,37 +246,37 @@ def _replace_files(complete: Path, place: Callable[[Path], Path]) -> None:
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Errors by which a system says that a disk, or the user's share of the disk, is full."""
+"""Error numbers which mean that a disk, or the user's share of it, is full."""
 
 
 def check_room(path: Path, size: int) -> None:
-    """Refuse to begin a file that is larger than what is free.
+    """Refuse to write a file that is larger than the free space of its disk.
 
     Parameters
     ----------
     path : path
-        In a directory that is there.
+        A path in an existing directory.
     size : int [bytes]
 
     Raises
     ------
     OSError
-        With what is needed and what is free.
+        The message tells the needed and the free space.
     """
     total, _, free = shutil.disk_usage(path.parent)
-    if total and size > free:  # some network disks know of no size at all
+    if total and size > free:  # some network disks report a size of zero
         raise OSError(errno.ENOSPC, f"needs {size / 1e9:.3g} GB of disk, and {free / 1e9:.3g} GB are free", str(path))
 
 
 def _unwritable(path: Path, error: OSError) -> Exception:
-    """What to raise where not even an empty file can be made: a full disk is no mistake of the input."""
+    """The error to raise where not even an empty file can be made: a full disk is no mistake of the input."""
     if error.errno in FULL:
         return OSError(error.errno, error.strerror, str(path))
     return InputError(f"{path}: cannot be written ({error.strerror}); choose another place")
 
 
 def _named(error: OSError, temporary: Path, path: Path) -> OSError:
-    """The error with the name that the user knows, in place of the temporary one."""
+    """The error with the temporary path in it replaced by the path that the user knows."""
     name = str(error.filename or temporary)
     if error.errno is None or not name.startswith(str(temporary)):
         return error
@@ -282,7 +284,7 @@ def _named(error: OSError, temporary: Path, path: Path) -> OSError:
 
 
 def _sync_all(files: Sequence[Path]) -> None:
-    """Wait until files are on the disk: a scan of thousands waits for all that the system writes, once."""
+    """Wait until files are on the disk; for many files, such as those of a scan, for the whole system at once."""
     if len(files) > MANY and hasattr(os, "sync"):
         os.sync()
         return
@@ -291,7 +293,7 @@ def _sync_all(files: Sequence[Path]) -> None:
 
 
 MANY = 100
-"""Files, each of which takes milliseconds to wait for."""
+"""Largest number of files that are waited for one by one; each takes milliseconds."""
 
 
 def _sync(path: Path) -> None:
@@ -300,7 +302,7 @@ def _sync(path: Path) -> None:
     Raises
     ------
     OSError
-        If the disk fails; of folders, some file systems know no such request.
+        If the disk fails. For folders errors are ignored, as some file systems cannot wait for these.
     """
     folder = path.is_dir()
     if folder and os.name != "posix":
@@ -314,25 +316,25 @@ def _sync(path: Path) -> None:
 
 
 def _check_name(path: str | Path) -> Path:
-    """The path, or a refusal where no file can ever have it, as when its name is too long."""
+    """The path; one that no file can have is refused, such as one with too long a name."""
     path = path_of("path", path, "the path of what to write")
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass
-    except (OSError, ValueError) as error:  # the latter of a name that holds a zero byte
+    except (OSError, ValueError) as error:  # ValueError: the name holds a zero byte
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be written ({reason}); give another name") from None
     return path
 
 
 def _followed(path: Path) -> Path:
-    """Where a link leads to, whether something is there or not; any other path as it is."""
+    """The target of a link, whether it exists or not; any other path as it is."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def _move(source: Path, target: Path) -> None:
-    """Put a file in the place of another; where that lies on another disk, by a copy beside it."""
+    """Move a file to a target, which it replaces; if the target is on another disk, by a copy beside it."""
     try:
         os.replace(source, target)
     except OSError as error:
@@ -352,7 +354,7 @@ def _check_parent(path: Path) -> None:
 
 
 def _check_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
-    """Refuse a path that is one of the inputs, under whatever name."""
+    """Refuse a path that is one of the inputs, also under another name."""
     there = path.exists()
     for source in map(Path, inputs):
         if there and source.exists() and path.samefile(source):

@@ -24,21 +24,22 @@ AXIS_NAMES = {
     "y": ("y", "ys", "y_axis", "yaxis", "ygrid", "yvec", "y_m", "range", "r", "depth", "downrange"),
     "z": ("z", "zs", "z_axis", "zaxis", "zgrid", "zvec", "z_m", "height", "elevation_m"),
 }
-"""Names of the coordinates of pixels, in lower case, by axis; fields of structures count by their last part."""
+"""Names of variables that hold the coordinates of pixels, in lower case, by axis. Of fields in structures, such as
+``a.x``, the last part counts."""
 
 IMAGE_NAMES = ("image", "img", "im", "intensity", "amplitude", "magnitude", "i", "p", "data", "array")
 
 AMPLITUDE_NAMES = ("amplitude", "intensity", "magnitude", "power_db", "reflectivity", "value", "i", "scalar_intensity")
-"""Names of the amplitude of a point, in the order of preference."""
+"""Names of the variable with the amplitudes of points, in the order of preference."""
 
 LARGEST_CLOUD_IMAGE = 2_000_000
-"""Pixels that a cloud may become without being asked for a finer grid."""
+"""Largest number of pixels into which a cloud is gridded, unless `cell` asks for a finer grid."""
 
 MARGIN_CELLS = 8
-"""Empty cells around the points of a cloud: nothing is cut off by the border of the image."""
+"""Empty cells around the points of a cloud, so that the border of the image cuts nothing off."""
 
 SAMPLED_POINTS = 20_000
-"""Of a large cloud so many points tell the distance between neighbours."""
+"""Approximate number of points of a large cloud from which the distance between neighbours is estimated."""
 
 
 def import_image(
@@ -54,7 +55,7 @@ def import_image(
     cell: float | None = None,
     radar: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> xr.DataArray:
-    """An image, or a point cloud on a grid, from a file of another tool.
+    """Read an image, or a point cloud that is gridded to an image, from a file of another tool.
 
     Parameters
     ----------
@@ -64,25 +65,27 @@ def import_image(
     image, x, y, z : str, optional
         Names of the variables; by default they are recognised by name and size.
     order : str, optional
-        Axes of the image in the file, such as ``"xy"`` or ``"zyx"``; by default what the sizes say, else ``"yx"``.
+        Order of the axes of the image in the file, such as ``"xy"`` or ``"zyx"``; by default as the sizes tell, else
+        ``"yx"`` or ``"zyx"``.
     unit : str
-        Of the coordinates: m, cm, mm.
+        Unit of the coordinates, such as m, cm, mm.
     decibel : bool
-        The amplitudes are in dB.
+        Whether the amplitudes are in dB.
     cell : float [m], optional
-        Width of the cells that a cloud is gridded with; by default the distance between neighbouring points.
+        Width of the cells into which a cloud is gridded; by default the distance between neighbouring points.
     radar : (x, y, z) [m]
-        Where the radar stood.
+        Position of the radar.
 
     Returns
     -------
     xarray.DataArray
-        (y, x) or (z, y, x). A cloud becomes the plan view (y, x): a spot for each point, the largest where they meet.
+        (y, x) or (z, y, x). A cloud becomes a plan view (y, x) with a spot for each point; where spots overlap, the
+        largest amplitude counts.
 
     Raises
     ------
     InputError
-        If there is no image, or none whose coordinates are known.
+        If there is no image, or none with known coordinates.
     """
     where, decibel = place(radar, "radar"), truth("decibel", decibel)
     cell = None if cell is None else number("cell", cell, "m", above=0.0)
@@ -108,7 +111,7 @@ def _last(name: str) -> str:
 
 
 def _named(contents: Contents, axis: str, ndim: int) -> str | None:
-    """The variable that is called like the coordinates along an axis."""
+    """Name of the variable that is called like the coordinates along an axis, with at most `ndim` dimensions."""
     for wanted in AXIS_NAMES[axis]:
         for name, variable in contents.variables.items():
             if _last(name) == wanted and len([n for n in variable.shape if n != 1]) <= ndim:
@@ -124,7 +127,7 @@ def _image(
     scale: float,
     decibel: bool,
 ) -> xr.DataArray:
-    """An image with its coordinates."""
+    """The image of a file with its coordinates, (y, x) or (z, y, x)."""
     name = _largest(contents) if name is None else name
     values = np.squeeze(np.asarray(contents.array(name)))
     if values.ndim not in (2, 3) or values.dtype.kind not in "fciu":
@@ -165,18 +168,18 @@ def _image(
 
 
 def _exact(values: Array) -> Array:
-    """The coordinates, in exactly equal steps where single precision has rounded these."""
+    """The coordinates, with exactly equal steps if they differ from such only by rounding to single precision."""
     even = np.linspace(values[0], values[-1], values.size)
     step = float(even[1] - even[0]) if values.size > 1 else 0.0
     return even if values.size > 1 and np.abs(even - values).max() < ROUNDING * abs(step) else values
 
 
 ROUNDING = 0.02
-"""Deviation of a coordinate from equal steps that counts as rounding, as a share of the step."""
+"""Largest deviation of a coordinate from equal steps that counts as rounding, as a share of the step."""
 
 
 def _largest(contents: Contents) -> str:
-    """The image: what is called so, else the largest array of two or three axes."""
+    """Name of the image: a variable with a name of `IMAGE_NAMES`, else the largest array of two or three axes."""
     sizes = {
         name: int(np.prod(variable.shape))
         for name, variable in contents.variables.items()
@@ -190,7 +193,7 @@ def _largest(contents: Contents) -> str:
 
 
 def _coordinate(contents: Contents, name: str, axis: str) -> Array:
-    """Coordinates of the pixels along an axis, also where the file repeats them on a mesh."""
+    """Coordinates of the pixels along an axis, also where the file repeats them over a mesh."""
     raw = contents.array(name)
     if raw.dtype.kind not in "fiu":
         raise InputError(f"{contents.path}: {name!r} has type {raw.dtype}, expected coordinates")
@@ -205,7 +208,7 @@ def _coordinate(contents: Contents, name: str, axis: str) -> Array:
 
 
 def _order(shape: tuple[int, ...], coordinates: dict[str, Array], wanted: str) -> str:
-    """The order of axes that the sizes allow; the usual order where they allow several."""
+    """The order of axes that fits the sizes; the usual one, `wanted`, where it fits or none does."""
     fitting = [
         "".join(order)
         for order in permutations(wanted)
@@ -215,7 +218,7 @@ def _order(shape: tuple[int, ...], coordinates: dict[str, Array], wanted: str) -
 
 
 def _amplitudes(contents: Contents, values: NDArray, decibel: bool) -> NDArray:
-    """Complex or linear amplitudes of single precision."""
+    """Complex or linear amplitudes in single precision; `decibel` tells whether `values` are in dB."""
     if np.iscomplexobj(values):
         if decibel:
             raise InputError(f"{contents.path}: its amplitudes are complex and cannot be in dB")
@@ -232,7 +235,7 @@ def _amplitudes(contents: Contents, values: NDArray, decibel: bool) -> NDArray:
 
 
 FLOOR_DB = -300.0
-"""Amplitudes in dB that are lower, minus infinity included, are this."""
+"""Lowest amplitude [dB]; lower ones, minus infinity included, are replaced by it."""
 
 
 def _gridded(
@@ -279,10 +282,10 @@ def _gridded(
 
 
 LARGEST_EXTENT = 1e6
-"""No radar maps points over more than this [m]."""
+"""Extent of a cloud from which on its unit must be wrong, or it has outliers [m]; no radar maps so far."""
 
 FINEST_SHARE = 1e-6
-"""Cells are no finer than this share of the extent of the points."""
+"""Smallest width of cells, as a share of the extent of the points."""
 
 
 def _cells(extent: Array, cell: float) -> tuple[int, int]:
@@ -292,17 +295,16 @@ def _cells(extent: Array, cell: float) -> tuple[int, int]:
 
 
 GROWTH = 1.3
-"""Cells that would be too many grow by this factor, again and again."""
+"""Factor by which cells are enlarged repeatedly, until they are not too many."""
 
 GRID_BYTES = 32.0
-"""Memory for each cell while points are spread to spots."""
+"""Memory for each cell while points are spread to spots [bytes]."""
 
 
 def _spread(grid: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The grid with a Gaussian spot in place of each point, the largest where several meet.
+    """The grid with a Gaussian spot in place of each point; where several overlap, the largest amplitude counts.
 
-    An image that a radar could have made has no detail finer than its resolution cell, and steps of mirror finding rely
-    on that.
+    An image by a radar has no detail finer than its resolution cell, and the search for mirrors relies on that.
     """
     for axis in (0, 1):
         spread = grid.copy()
@@ -315,10 +317,11 @@ def _spread(grid: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 SPOT_CELLS = 1.5
-"""Radius of the spot of a point, at 1/e of its amplitude, in cells: neighbouring points merge to a line."""
+"""Radius of the spot of a point, at 1/e of its amplitude, in cells, so that neighbouring points merge to a line."""
 
 REACH_CELLS = 4
-"""Spots are cut off here, at 1e-3 of their amplitude; fewer than the empty cells around the points."""
+"""Radius at which spots are cut off, in cells: at 1e-3 of their amplitude, and within the empty cells around the
+points."""
 
 
 def _spacing(points: Array) -> float:

@@ -1,4 +1,4 @@
-"""Measured data to sweeps: the verb ``import``."""
+"""Import of measured data as sweeps: the verb ``import``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mirrorfold.io.scans.scan import import_scan
 from mirrorfold.sweep import check_sweep
 
 POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "positions.csv")
-"""Where the positions are looked for in the folder of a scan."""
+"""Names under which the table of positions is searched in the folder of a scan."""
 
 
 def import_data(
@@ -36,25 +36,25 @@ def import_data(
     frame: int | str | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """A sweep from measured data of whatever origin.
+    """Read measured data of any origin as a sweep.
 
     Parameters
     ----------
     files : path or list of paths; or skrf.Network, skrf.NetworkSet or list of Networks
-        One file, files that a mapping joins, or the files or the folder of a scan, one file for each position. Networks
-        of scikit-rf stand for Touchstone files of their names.
+        One file, several files that a mapping joins, or the files or the folder of a scan with one file for each
+        position. Networks of scikit-rf are treated like Touchstone files of their names.
     mapping : path, name or dict, optional
-        What the variables are: a mapping file, the name of one that comes along, or its content. By default what the
-        file says itself, or the one that comes along and fits.
+        A description of what the variables are: a mapping file, the name of a shipped one, or its content. By default
+        what the file says itself, or the shipped mapping that fits.
     positions : path or dict, optional
-        Table (CSV, TOML or JSON) that says where the antennas stood for each of the files, or the content of such a
-        TOML; in a folder found by itself where it is called ``positions.csv`` or ``scan.toml``.
+        Table (CSV, TOML or JSON) with the positions of the antennas for each file, or the content of such a TOML file.
+        In a folder it is found by its name, such as ``positions.csv`` or ``scan.toml``.
     parameter : str, optional
-        Of a scan: which one of the scattering parameters, such as ``"S21"``; needed where the files hold several.
+        For a scan: the scattering parameter to read, such as ``"S21"``; needed if the files hold several.
     reader : str, optional
         Format of the files; by default it is recognised.
     frame : int or "mean", optional
-        Of a recording with several frames the one to keep, or their mean; by default all.
+        For a recording of several frames: the frame to keep, or their mean; by default all frames.
     progress : callable (done, total), optional
 
     Returns
@@ -65,8 +65,8 @@ def import_data(
     Raises
     ------
     InputError
-        If a file cannot be read, or what is needed is missing or does not fit together: with the file, the line
-        where there is one, and the remedy.
+        If a file cannot be read, or something needed is missing or does not fit together. The message tells the file,
+        the line if there is one, and the remedy.
     """
     networks = held_networks(files)
     if networks is not None:
@@ -87,7 +87,7 @@ def import_data(
 
 
 def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
-    """One frame of a recording, or the mean of all."""
+    """One frame of a recording, or the mean of all frames."""
     if "frame" not in sweep["s"].dims:
         raise InputError(
             f"frame is {shown(frame)}, and the samples have the dimensions {sweep['s'].dims}; leave it out"
@@ -109,7 +109,7 @@ def _import(
     reader: str | None,
     progress: Progress | None,
 ) -> xr.Dataset:
-    """The sweep with all its frames."""
+    """The sweep in files, with all its frames; the arguments are those of `import_data`."""
     if not paths:
         raise InputError("no files are given; name the files to import")
     if positions is None and mapping is None and len(paths) == 1 and paths[0].is_dir():
@@ -141,12 +141,12 @@ def _import(
 
 
 def _is_description(paths: list[Path]) -> bool:
-    """Whether a single path is given, and it is the description of a scan."""
+    """Whether a single path is given, that of a description of a scan in JSON."""
     return len(paths) == 1 and paths[0].suffix.lower() == ".json"
 
 
 def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
-    """The sweep in one file."""
+    """The sweep in the contents of one file, by a mapping, by what the file says itself, or by a shipped mapping."""
     if mapping is not None:
         return assemble(contents, mapping)
     if contents.mapping is not None:
@@ -179,7 +179,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
 
 
 def _known(contents: Contents) -> xr.Dataset | None:
-    """The sweep in a file whose variables fit a single one of the shipped mappings; None where none or several fit."""
+    """The sweep in a file whose variables fit exactly one of the shipped mappings; None where none or several fit."""
     found = []
     for name in shipped():
         with suppress(InputError):
@@ -188,6 +188,7 @@ def _known(contents: Contents) -> xr.Dataset | None:
 
 
 def _as_sweep(found: Any, path: Path) -> xr.Dataset:
+    """Refuse what was read from a file if it is no sweep."""
     if not isinstance(found, xr.Dataset):
         raise InputError(f"{path}: holds no sweep; fold and score read it as it is")
     return found

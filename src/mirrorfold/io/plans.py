@@ -1,7 +1,7 @@
-"""Floor plans for and from CAD and maps: DXF (with ezdxf, the extra ``mirrorfold[cad]``) and GeoJSON.
+"""Floor plans in the formats of CAD and maps: DXF (with ezdxf, the extra ``mirrorfold[cad]``) and GeoJSON.
 
-All places are the radar's own, in metres: x to the right, y where it looks. GeoJSON means longitude and latitude by its
-standard (RFC 7946); plans of rooms do not, and neither do those read and written here.
+All coordinates are those of the radar, in metres: x to the right, y where it looks. By its standard (RFC 7946), GeoJSON
+holds longitude and latitude; in plans of rooms, and in those read and written here, it holds metres.
 """
 
 from __future__ import annotations
@@ -25,35 +25,36 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
 SUFFIXES = (".dxf", ".geojson")
+"""Suffixes of floor plans."""
 
 MIRRORS, IMAGES, POINTS = "mirrors", "mirror-images", "points"
-"""Layers of a DXF file, and the property `layer` in GeoJSON: mirrors where they stand and where they appear in the
-unfolded image, and folded points."""
+"""Layers of a DXF file, and values of the property `layer` in GeoJSON: mirrors at their true places, mirrors where they
+appear in the unfolded image, and folded points."""
 
 SAGITTA = 1e-3
-"""How far the chords of arcs and splines may be off [m]: less than the wavelength of any radar that sees walls."""
+"""Largest distance of the chords of arcs and splines from the curve [m]: at most about a wavelength of the radars."""
 
 LARGEST_COUNT = 100_000
-"""More lines than this are no floor plan but a mistake, and would take hours to follow."""
+"""Largest number of lines of a floor plan; more must be a mistake, and would take hours to process."""
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
 
 def is_plan(path: str | Path) -> bool:
-    """Whether a file is a floor plan, by its name."""
+    """Whether a file is a floor plan, by the suffix of its name."""
     return Path(path).suffix.lower() in SUFFIXES
 
 
 def read_plan(path: str | Path) -> FloorPlan:
-    """The lines of a floor plan.
+    """Read the lines of a floor plan.
 
     Parameters
     ----------
     path : path
-        DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also inside of blocks, on layers
-        that are visible; `$INSUNITS` says the unit, metres where it says none. GeoJSON: lines and outlines of areas, in
-        metres. On the layer of mirror images an arc, or a line of more than two points, is a curved mirror: an arc by
-        the first, the middle and the last of its points.
+        DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also those in blocks, on visible
+        layers; `$INSUNITS` tells the unit, by default metres. GeoJSON: lines and outlines of areas, in metres. On the
+        layer of mirror images, an arc, or a line of more than two points, is a curved mirror: the arc through the
+        first, the middle and the last of its points.
 
     Returns
     -------
@@ -83,12 +84,12 @@ def read_plan(path: str | Path) -> FloorPlan:
 
 
 def as_plan(plan: Any, name: str = "plan") -> FloorPlan:
-    """A floor plan from whatever stands for one: itself, or the path of its file.
+    """A floor plan, given as such or by the path of its file.
 
     Raises
     ------
     InputError
-        If it is neither, or the file cannot be read; `name` is that of the argument.
+        If `plan` is neither, or the file cannot be read; `name` is that of the argument, for the message.
     """
     if isinstance(plan, FloorPlan):
         return plan
@@ -131,7 +132,7 @@ def write_geojson(reconstruction: xr.DataTree, path: Path) -> None:
 
 
 def _arc(place: Array) -> dict[str, Any]:
-    """Center, radius and angles [degree], counter-clockwise, of the arc through three points."""
+    """Center, radius [m] and angles [degree], counter-clockwise, of the arc through three points (3, 2) [m]."""
     arc = Arc.through(*place)
     start, end = (arc.first, arc.last) if arc.turn > 0.0 else (arc.last, arc.first)
     angles = {"start_angle": math.degrees(start), "end_angle": math.degrees(end)}
@@ -220,7 +221,7 @@ def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
         layer = str(entity.dxf.layer)
         if entity.dxftype() in CURVES and layer.lower() not in hidden:
             curve: Any = entity
-            if entity.dxftype() == "ARC" and layer == IMAGES:  # three points, as exactly as it is drawn
+            if entity.dxftype() == "ARC" and layer == IMAGES:  # three points on the arc itself
                 along = curve.vertices(curve.angles(3))
             else:
                 along = curves.make_path(entity).flattening(SAGITTA / unit)

@@ -1,4 +1,4 @@
-"""Names that say another kind of file than what is written under them: by the readers and writers that there are."""
+"""Checks that a file's suffix does not belong to another format than the one written, by all known formats."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pathlib import Path
 from mirrorfold.errors import InputError
 
 PICTURES = (".png", ".pdf", ".svg")
-"""Of figures."""
+"""Suffixes of figures."""
 
 OTHERS = (".html", ".htm", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".json", ".toml", ".zip", ".stl", ".obj")
-"""Of pages, photographs, descriptions, archives and meshes."""
+"""Suffixes of pages, photographs, descriptions, archives and meshes."""
 
 NETCDF = "a netCDF file is written, expected .nc"
-"""What is said of such a name where a sweep, an image or a reconstruction is saved."""
+"""Text for `check_suffix` where a sweep, an image or a reconstruction is saved."""
 
 
 def check_suffix(path: str | Path, what: str) -> None:
-    """Refuse to write a netCDF file, or a folder, under a name that says another kind of file.
+    """Refuse to write a netCDF file, or a folder, under a name whose suffix belongs to another format.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def check_suffix(path: str | Path, what: str) -> None:
 
 
 def _foreign() -> set[str]:
-    """Suffixes of all other kinds; netCDF-4 files are HDF5 and may say so."""
+    """Suffixes of all other formats; those of HDF5 are allowed, because netCDF-4 files are HDF5."""
     from mirrorfold.io.exports.results import FORMATS
     from mirrorfold.io.readers import readers
 

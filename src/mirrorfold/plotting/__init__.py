@@ -30,7 +30,7 @@ _HOME = {
     "sweep": "measurements",
     "tree": "measurements",
 }
-"""The module of each name: imported when first asked for, so that one figure does not load what others draw."""
+"""The module of each function. It is imported at first use, so that one figure does not load the code of all."""
 
 __all__ = [
     "before_after",

@@ -1,4 +1,4 @@
-"""What the pictures share: axes in metres, colours by the number of bounces, and what is read from a reconstruction."""
+"""Parts that all pictures share: axes in metres, colours by number of bounces, and access to a reconstruction."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
 
 CURVE_STEP = 0.005
-"""Length of the chords that curved surfaces are drawn with [m]."""
+"""Length of the chords by which curved surfaces are drawn [m]."""
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] = (7.0, 6.0)) -> Axes:
-    """The axes given, or those of a new figure of this width and height [inch]."""
+    """The given axes, or those of a new figure of this width and height [inch]."""
     return Figure(figsize=size, layout="constrained", dpi=150).subplots() if ax is None else ax
 
 
 def in_metres(ax: Axes) -> Axes:
-    """Metres on both axes, at the same scale."""
+    """Label both axes in metres, and give them the same scale."""
     ax.set_aspect("equal")
     ax.set(xlabel="cross-range x [m]", ylabel="range y [m]")
     return ax
 
 
 def checked_extent(extent: Any) -> Extent | None:
-    """The part of a picture that is shown, if one is asked for.
+    """Check the extent (x0, x1, y0, y1) [m] to which a picture is limited; None where it is not limited.
 
     Raises
     ------
     InputError
-        If it is none.
+        If it is no such extent.
     """
     if extent is None:
         return None
@@ -60,13 +60,13 @@ def checked_extent(extent: Any) -> Extent | None:
 
 
 def outer_edges(centres: Array) -> tuple[float, float]:
-    """Outer edges of the first and the last pixel."""
+    """Outer edges of the first and the last pixel along an axis, from the pixels' centres."""
     half = 0.5 * (centres[-1] - centres[0]) / max(centres.size - 1, 1)
     return float(centres[0] - half), float(centres[-1] + half)
 
 
 def colour_of(bounces: int) -> str:
-    """The colour of what was seen by way of so many mirrors."""
+    """The colour of points and mirrors that were seen by this number of bounces."""
     return COLOURS[bounces % len(COLOURS)]
 
 
@@ -76,40 +76,40 @@ def halo(width: float) -> list[Any]:
 
 
 def draw_radar(ax: Axes, radar: Array) -> None:
-    """A triangle where the radar stands (2,) [m], unless it is farther away than all that is shown is large."""
+    """Draw a triangle at the radar (2,) [m], unless it is more than 1.5 sizes of the picture from its middle."""
     if ax.images and np.any(np.abs(radar - ax.dataLim.get_points().mean(axis=0)) > 1.5 * np.array(ax.dataLim.size)):
         return
     ax.plot(*radar, marker="^", markersize=9, color="black", markeredgecolor="white", linestyle="none", zorder=5)
 
 
 def expect_reconstruction(name: str, value: object) -> None:
-    """Refuse what is no reconstruction.
+    """Refuse a value that is no reconstruction.
 
     Raises
     ------
     InputError
-        `name` is that of the plot.
+        If it is none; `name` is that of the plot, for the message.
     """
     if not isinstance(value, xr.DataTree):
         raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
 
 
 def known_scene(scene: Any) -> Scene | Scene3D | None:
-    """The scene that stands beside a result, from whatever stands for it; None where there is none."""
+    """The true scene of a result, from a scene or the path of its file; None where none is given."""
     if scene is None:
         return None
-    from mirrorfold.scenes.floor_plan import as_scene  # most results are drawn without any
+    from mirrorfold.scenes.floor_plan import as_scene  # heavy, and most results are drawn without a scene
 
     return as_scene(scene)
 
 
 def scene_in_space(scene: Any) -> Scene3D:
-    """A scene of three dimensions, from whatever stands for it.
+    """A scene of three dimensions, from a scene or the path of its file.
 
     Raises
     ------
     InputError
-        If it is none.
+        If it is no scene of three dimensions.
     """
     found = known_scene(scene)
     if found is None or found.dimensions != 3:
@@ -118,22 +118,25 @@ def scene_in_space(scene: Any) -> Scene3D:
 
 
 def known_plan(plan: Any) -> FloorPlan | None:
-    """The floor plan that stands beside a result, from whatever stands for it; None where there is none."""
+    """The known floor plan of a result, from a plan or the path of its file; None where none is given."""
     return None if plan is None else as_plan(plan)
 
 
 def draw_truth(ax: Axes, line: Array, alpha: float = 1.0) -> None:
-    """A true surface (n, 2) [m], thin, with a rim that keeps it legible on mirrors and points."""
+    """Draw a true surface (n, 2) [m] as a thin line, with a rim that keeps it legible on mirrors and points."""
     ax.plot(*line.T, color=TRUTH_COLOUR, linewidth=1.0, alpha=alpha, path_effects=halo(1.1), zorder=4)
 
 
 def radar_of(reconstruction: xr.DataTree) -> Array:
-    """Where the radar stands (2,) [m]."""
+    """Position of the radar in the floor plan, (2,) [m]."""
     return np.array([reconstruction.attrs.get("radar_x", 0.0), reconstruction.attrs.get("radar_y", 0.0)], dtype=float)
 
 
 def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Array, int]]:
-    """Each mirror as a line: its two ends (2, 2) [m], or points along an arc (n, 2); and its generation."""
+    """Each mirror as a line, its two ends (2, 2) or points along an arc (n, 2) [m], with its generation.
+
+    With `folded`, mirrors are at their true places, otherwise where they appear in the initial image.
+    """
     folded = truth("folded", folded)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     lines = mirror_curves(held, "folded_" if folded else "")

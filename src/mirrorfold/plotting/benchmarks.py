@@ -1,4 +1,4 @@
-"""Pictures of benchmarks: every figure by family, and what differs between two of them."""
+"""Pictures of benchmarks: every figure of merit by family of scenes, and the differences between two benchmarks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from mirrorfold.common.decibels import COLOURS
 
 PANELS_A_ROW = 4
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 3.1
-"""Of a method in a panel, and of a panel [inch]."""
+"""Height of the row of a method, and width of a panel [inch]."""
 
 LEGEND_LETTERS, LEGEND_MARK = 150, 9
-"""Letters that a legend of the figure's width has room for, and what the mark of an entry takes of them."""
+"""Number of letters for which a legend as wide as the figure has room, and how many of them a mark takes."""
 
 OFFSET = 0.8
 """Share of a family's height over which its methods are spread."""
 
 VERDICTS = {"better": "#009E73", "worse": "#D55E00", "no difference": "#7F7F7F"}
-"""Colours that are apart for the colour-blind too."""
+"""Colours of the verdicts, which differ for the colour-blind too."""
 
 
 def benchmark(found: Benchmark) -> Figure:
@@ -72,7 +72,7 @@ def benchmark(found: Benchmark) -> Figure:
 
 
 def benchmark_comparison(found: BenchmarkComparison) -> Figure:
-    """Draw what differs between two benchmarks: the mean of each paired difference with its 95 % interval.
+    """Draw the differences between two benchmarks: the mean of each paired difference with its 95 % interval.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def benchmark_comparison(found: BenchmarkComparison) -> Figure:
 
 
 def _defined(known: set[str]) -> list[str]:
-    """Those figures in their order, the others having nothing to show; all where there is none."""
+    """The known figures of merit, in the order of `FIGURES`; all of `FIGURES` where none is known."""
     return [name for name in FIGURES if name in known or not known]
 
 
@@ -124,7 +124,7 @@ def _labels(pairs: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def _panels(count: int, lines: int) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels side by side and below each other, for so many lines in each."""
+    """A figure with `count` panels in rows of `PANELS_A_ROW`, each high enough for `lines` lines."""
     below = int(np.ceil(count / PANELS_A_ROW))
     size = 1.6 + PANELS_A_ROW * PANEL_WIDTH, 0.9 + below * (0.75 + lines * ROW_HEIGHT)
     figure = Figure(figsize=size, layout="constrained", dpi=150)
@@ -135,12 +135,12 @@ def _panels(count: int, lines: int) -> tuple[Figure, list[Axes]]:
 
 
 def _aside(number: int, count: int) -> float:
-    """How far below the middle of its family a method stands."""
+    """How far below the middle of its family the method with this number is drawn, in heights of a family."""
     return OFFSET * ((number + 0.5) / count - 0.5)
 
 
 def _draw_spread(ax: Axes, result: FamilyResult, name: str, place: float, colour: str) -> None:
-    """Mean with its interval, median and worst; nothing where the figure is undefined."""
+    """Draw mean with its interval, median and worst value of a figure of merit; nothing where it is undefined."""
     spread = result.figures[name]
     # None becomes NaN, which is not drawn.
     mean, low, high, median, worst = np.array(
@@ -152,7 +152,7 @@ def _draw_spread(ax: Axes, result: FamilyResult, name: str, place: float, colour
 
 
 def _draw_difference(ax: Axes, found: Difference, place: int) -> None:
-    """The mean difference with its interval, in the colour of the verdict."""
+    """Draw a mean difference with its interval, in the colour of the verdict."""
     difference, low, high = np.array([found.difference, found.low, found.high], dtype=float)
     colour = VERDICTS[found.verdict]
     ax.plot([low, high], [place, place], color=colour, linewidth=1.8, zorder=2)
@@ -160,7 +160,7 @@ def _draw_difference(ax: Axes, found: Difference, place: int) -> None:
 
 
 def _finish(ax: Axes, name: str, labels: list[str], *, bounded: bool = True) -> None:
-    """Title, families from top to bottom, and the range of a share."""
+    """Finish a panel: title, families from top to bottom and, if `bounded`, an axis from zero, to one for shares."""
     figure = FIGURES[name]
     ax.set_yticks(range(len(labels)), labels)
     ax.set_ylim(len(labels) - 0.5, -0.5)

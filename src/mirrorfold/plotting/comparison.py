@@ -39,14 +39,15 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 MARGIN = 0.12
-"""Space around the content of a picture, as a share of its larger side: ghosts reach beyond their points."""
+"""Space around the content of a picture, as a share of its larger side, because ghosts in the image reach beyond their
+points."""
 
 PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 """Largest height of the panels of `before_after`, and width of both together [inch]."""
 
 
 NARROWEST = 2.4
-"""Least width of a panel [inch]: its title and three labels of its axis have room."""
+"""Smallest width of a panel [inch], in which its title and three labels of its axis have room."""
 
 
 def before_after(
@@ -57,18 +58,18 @@ def before_after(
     floor_db: float = -40.0,
     axes: Sequence[Axes] | None = None,
 ) -> Figure:
-    """One figure: the initial image with mirrors and shadows, and beside it the corrected scene.
+    """Draw one figure: the initial image with mirrors and shadows, and beside it the corrected scene.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
     scene : Scene, Scene3D or path of a scene file, optional
-        The truth, drawn thin in both.
+        The truth, drawn as thin lines in both.
     plan : FloorPlan or path of a DXF or GeoJSON file, optional
         Known walls, drawn like the truth.
     floor_db : float [dB], default -40
     axes : two of matplotlib.axes.Axes, optional
-        To draw into, of one figure; without colour bar and legend then. New ones by default.
+        Two axes of one figure to draw into, without colour bar and legend; by default those of a new figure.
 
     Returns
     -------
@@ -127,17 +128,17 @@ def content_extent(
     *,
     folded: bool,
 ) -> Extent:
-    """The part of the floor plan that holds something, with a margin.
+    """The extent of the floor plan that holds points, mirrors, the radar and known surfaces, with a margin.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
     scene : Scene, Scene3D or path of a scene file, optional
-        Its surfaces count too; not those in space, whose halls are longer than what can be seen of them.
+        Its surfaces count too. Those of three-dimensional scenes do not, because halls are longer than what is seen.
     plan : FloorPlan or path of a DXF or GeoJSON file, optional
-        Its walls count too, unless all reach far beyond the image, about which a warning is given.
+        Its walls count too, unless each of them reaches far beyond the image, which gives a warning.
     folded : bool
-        Of the corrected image; else of the initial one.
+        Whether the extent is that of the corrected image, or of the initial one.
 
     Returns
     -------
@@ -165,12 +166,12 @@ def content_extent(
 
 
 def _scale(left_width: float, right_width: float, height: float) -> float:
-    """Inches for each metre of panels of these sizes [m]."""
+    """Scale of two panels of these sizes [m], in inches for each metre."""
     return min(PANEL_HEIGHT / height, PANEL_WIDTH / (left_width + right_width))
 
 
 def _widened(extent: Extent, least: float) -> Extent:
-    """At least so wide [m], around the same middle."""
+    """The extent widened to at least `least` [m], around the same middle."""
     more = 0.5 * max(least - (extent[1] - extent[0]), 0.0)
     return extent[0] - more, extent[1] + more, *extent[2:]
 
@@ -190,12 +191,12 @@ def _panels(left_width: float, right_width: float, height: float) -> tuple[Figur
 
 
 def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
-    """Whether a scene is a floor plan; told without importing scenes, as most results are drawn without one."""
+    """Whether a scene has two dimensions, found without importing scenes, as most results are drawn without one."""
     return getattr(scene, "dimensions", 3) == 2
 
 
 def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
-    """One entry for each colour in the picture, and one for the truth."""
+    """Entries of the legend: one for each colour in the picture, for the truth and for the floor plan."""
     objects = shown_points(reconstruction)
     passed = passed_walls(objects)
     bounces = {int(count) for count in np.unique(objects["bounces"].values[~passed])}

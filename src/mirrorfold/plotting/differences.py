@@ -1,4 +1,4 @@
-"""Two results side by side, and what differs between them."""
+"""Picture of a comparison: two results side by side, and the difference between them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DIFFERENCE_DB = 12.0
-"""End of the scale of differences: a factor of four in amplitude."""
+"""Both ends of the scale of differences [dB]: a factor of four in amplitude."""
 
 DIFFERENCE_MAP = "RdBu_r"
 GAINED, LOST, KEPT = "#D55E00", "#0072B2", "#7F7F7F"
-"""Points of the second alone, of the first alone, and of both; apart for the colour-blind too."""
+"""Colours of points of the second alone, of the first alone, and of both; they differ for the colour-blind too."""
 
 NOTHING = "#E4E4E4"
-"""Where both are below the floor."""
+"""Colour of pixels at which both results are below the floor."""
 
 PANEL = 4.6
 """Largest width and height of a panel [inch]."""
@@ -36,14 +36,14 @@ PANEL = 4.6
 def compare(
     first: Any, second: Any, *, names: tuple[str, str] = ("first", "second"), floor_db: float = -40.0
 ) -> Figure:
-    """One figure: both results, the difference of their levels, and of reconstructions what was gained and lost.
+    """Draw one figure: two results, the difference of their levels and, for reconstructions, points gained and lost.
 
     Parameters
     ----------
     first, second : xarray.DataTree or xarray.DataArray
         Two reconstructions or two images.
     names : two of str
-        Above the panels.
+        Titles of the panels.
     floor_db : float [dB], default -40
         Weaker pixels are drawn as if they had this level.
 
@@ -81,7 +81,7 @@ def compare(
     drawn = axes[2].imshow(changes.difference, extent=edges, origin="lower", **colours)
     figure.colorbar(drawn, ax=axes[2], label="second over first [dB]", shrink=0.8, extend="both")
     axes[2].set_title("difference", fontsize="medium")
-    axes[2].set_facecolor(NOTHING)  # differences of nothing are white
+    axes[2].set_facecolor(NOTHING)  # because a difference of zero is white
     if isinstance(first, xr.DataTree):
         _points(axes[3], first, second, changes)
     for ax in axes:
@@ -93,13 +93,13 @@ def compare(
 
 
 def _levels(changes: Changes, floor_db: float) -> tuple[Any, Any]:
-    """Levels of both pictures under the same reference [dB]."""
+    """Levels of both pictures [dB], relative to the same reference."""
     both = decibels(np.stack([changes.first.values, changes.second.values]), floor_db)
     return both[0], both[1]
 
 
 def _points(ax: Axes, first: xr.DataTree, second: xr.DataTree, changes: Changes) -> None:
-    """Points of both results; in colours those that a single result has."""
+    """Draw points and mirrors of both results; points that only one result has are coloured."""
     a, b = map(shown_points, (first, second))
     for held, chosen, colour, label in (
         (b, ~changes.gained, KEPT, "kept"),
@@ -116,7 +116,7 @@ def _points(ax: Axes, first: xr.DataTree, second: xr.DataTree, changes: Changes)
 
 
 def _extent(first: Any, second: Any, changes: Changes) -> Extent:
-    """What to show: all that either of them found."""
+    """The extent to show: everything that either result contains."""
     if not isinstance(first, xr.DataTree):
         return outer_edges(changes.first["x"].values) + outer_edges(changes.first["y"].values)
     a, b = (content_extent(one, folded=True) for one in (first, second))

@@ -1,9 +1,9 @@
 """Pictures of images, reconstructions and scenes.
 
-Every function draws into the axes it is given, or into new ones, and returns them. Amplitudes are shown in dB below
-a reference that a few glints cannot move, down to a stated floor; lengths are metres, x to the right and y, the
-range, upwards. One colour stands for one number of bounces throughout: what is in line of sight, what was seen by way
-of one mirror, of two, and so on.
+Every function draws into the given axes, or into new ones, and returns them. Amplitudes are shown in dB relative to a
+robust reference, which a few very strong pixels do not change, down to a stated floor. Lengths are in metres, x to the
+right and y, the range, upwards. Each number of bounces has its colour in all pictures: line of sight, one mirror, two
+mirrors, and so on.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 COLOUR_MAP = "gray_r"
-"""Perceptually uniform, and without any hue that could be taken for one of `COLOURS`."""
+"""Colour map of images: grey, so that no pixel can be taken for one of the `COLOURS`."""
 
 
 def image(
@@ -60,7 +60,7 @@ def image(
     extent: Extent | None = None,
     colorbar: bool = True,
 ) -> Axes:
-    """Draw a plan view in dB; of a single row or column, its level as a line.
+    """Draw a plan view in dB; an image of a single row or column is drawn as a curve of its level.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def image(
     floor_db : float [dB], default -40
         Weaker pixels are drawn as if they had this level.
     normalization : {"r", "none"}, default "r"
-        Multiply the amplitudes by the distance from the radar, which undoes the spreading of a line source on the
-        two ways; or leave them.
+        Multiply the amplitudes by the distance from the radar, which undoes the spreading of waves of a line source on
+        the way out and back; or leave them as they are.
     radar : (2,) [m], default the origin
-        Where the distance counts from.
+        Position of the radar, from which the distance counts.
     extent : (x0, x1, y0, y1) [m], optional
         What to show; everything by default.
     colorbar : bool, default True
@@ -123,7 +123,7 @@ def image(
 
 
 def _profile(image: xr.DataArray, level: Array, ax: Axes, floor_db: float) -> Axes:
-    """The level [dB] along an image that is one pixel wide, such as the ranges that a single antenna sees."""
+    """Draw the level [dB] along an image that is one pixel wide, such as that of a single antenna over range."""
     along, text = ("y", "range y [m]") if image.sizes["y"] > 1 else ("x", "cross-range x [m]")
     ax.plot(image[along].values, level, color=COLOURS[5], linewidth=1.2)
     ax.set(xlabel=text, ylabel=f"amplitude [dB], floor {floor_db:g} dB", ylim=(floor_db, 3.0))
@@ -132,7 +132,7 @@ def _profile(image: xr.DataArray, level: Array, ax: Axes, floor_db: float) -> Ax
 
 
 def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool = False) -> Axes:
-    """Draw the mirrors, numbered, in the colour of the number of bounces they were seen by.
+    """Draw the mirrors with their numbers, in the colour of the number of bounces by which they were seen.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool
     ax : matplotlib.axes.Axes, optional
         New ones by default.
     folded : bool, default False
-        Where the mirrors really stand; by default, where they appear in the initial image.
+        Draw them where they really stand; by default, where they appear in the initial image.
 
     Returns
     -------
@@ -167,10 +167,10 @@ def mirrors(reconstruction: xr.DataTree, ax: Axes | None = None, *, folded: bool
 
 
 def shadows(reconstruction: xr.DataTree, ax: Axes | None = None, *, reach: float | None = None) -> Axes:
-    """Shade what lies behind each mirror of the initial image: what appears there was seen by reflection.
+    """Shade the area behind each mirror of the initial image: what appears there was seen by reflection.
 
-    In the initial image, which is not folded, the ways to everything are straight; the shadow of every mirror, also
-    of one seen through others, is its shadow from the radar itself, or from the virtual radar of its own mirror world.
+    In the initial image, which is not folded, every line of sight is straight. So the shadow of every mirror, even if
+    it was seen through others, is its shadow as seen from the radar.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def shadows(reconstruction: xr.DataTree, ax: Axes | None = None, *, reach: float
 
 
 def scene(scene: Scene | str | Path, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
-    """Draw the surfaces of a scene, thin, and the radar as a triangle.
+    """Draw the surfaces of a scene as thin lines, and the radar as a triangle.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def scene(scene: Scene | str | Path, ax: Axes | None = None, *, alpha: float = 1
 
 
 def plan(plan: FloorPlan | str | Path, ax: Axes | None = None, *, alpha: float = 1.0) -> Axes:
-    """Draw the lines of a known floor plan, thin.
+    """Draw the lines of a known floor plan as thin lines.
 
     Parameters
     ----------
@@ -294,17 +294,17 @@ def corrected(
 
 
 def ghosts(reconstruction: xr.DataTree, ax: Axes) -> Axes:
-    """Draw the points where they stood before folding: in the plan view of a volume walls outshine all else."""
+    """Draw the points where they were before folding, as walls outshine them in the plan view of a volume."""
     _points(reconstruction, ax, "_initial")
     return in_metres(ax)
 
 
 MANY_POINTS = 3000
-"""Of more points than this the marks are small and pale: where they are dense a shape shows."""
+"""Number of points above which their marks are small and pale, so that dense groups of points show as shapes."""
 
 
 def _points(reconstruction: xr.DataTree, ax: Axes, suffix: str) -> None:
-    """The points, in the colour of the number of bounces; `suffix` says whether folded or not."""
+    """Draw the points in the colour of their number of bounces; the suffix is "" for folded places, or "_initial"."""
     objects = shown_points(reconstruction)
     bounces = objects["bounces"].values
     passed = passed_walls(objects)

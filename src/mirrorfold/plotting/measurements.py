@@ -1,6 +1,6 @@
-"""Pictures of sweeps, of the tree of mirrors, and of scores. `mirrorfold.plotting` has them all.
+"""Pictures of sweeps, of the tree of mirrors, and of scores.
 
-As everywhere: each function draws into the axes it is given, or into new ones, and returns them.
+As in all of `mirrorfold.plotting`, each function draws into the given axes, or into new ones, and returns them.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
 
 
 PROFILE_FLOOR_DB = -80.0
-"""Lowest level of a range profile that is shown, below its peak."""
+"""Lowest level of a range profile that is shown, relative to its peak [dB]."""
 
 SPREAD = (10.0, 90.0)
-"""Percentiles over the channels that the band around a range profile shows."""
+"""Percentiles over the channels between which the band around a range profile is drawn."""
 
 LARGEST_BLOCK = 1 << 24
-"""Samples that are transformed at once."""
+"""Largest number of samples that are transformed; of larger sweeps evenly spread channels are taken."""
 
 
 def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the power of a sweep against range: the mean over all channels, and the band that most of them stay in.
+    """Draw the power of a sweep against range: the mean over the channels, and the band that holds most of them.
 
     ``P(r) = |sum_m w_m S_m exp(+2 j k_m r)|^2`` with a Hann window w; channels are pairs of transmitter and receiver,
     or beams.
@@ -65,7 +65,7 @@ def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     channels = _channels(sweep)
     window = hann(frequency.size).astype(np.float32)
     count = channels.shape[1]
-    # A band is told as well by a part of many channels.
+    # Where there are many channels, some of them suffice.
     chosen = np.unique(np.linspace(0, count - 1, min(count, max(1, LARGEST_BLOCK // frequency.size))).astype(int))
     power = np.abs(np.fft.ifft(channels[:, chosen] * window[:, None], axis=0)) ** 2
     mean = power.mean(axis=1)
@@ -84,7 +84,7 @@ def range_profile(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = True) -> Axes:
-    """Draw the mean power of every channel of a sweep: a dead antenna is a line, a wrong gain a stripe.
+    """Draw the mean power of every channel of a sweep; a dead antenna or a wrong gain shows as a line.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = T
 
 
 def sweep(sweep: xr.Dataset) -> Figure:
-    """One figure of a sweep: its range profile, and the power of its channels.
+    """Draw one figure of a sweep: its range profile, and the power of its channels.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def sweep(sweep: xr.Dataset) -> Figure:
 
 
 def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
-    """Draw the tree of mirrors: who is seen through whom, with lengths and numbers of points.
+    """Draw the tree of mirrors: which mirror is seen through which, with lengths and numbers of points.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
 
 
 def score(score: dict[str, Any], ax: Axes | None = None) -> Axes:
-    """Draw a score: precision, completeness and F-score of all points and of those out of sight.
+    """Draw a score: precision, completeness and F-score of all points, and of those out of line of sight.
 
     Parameters
     ----------
@@ -256,6 +256,6 @@ def _channels(sweep: xr.Dataset) -> NDArray[np.complex64]:
 
 
 def _level(power: Array, reference: float) -> Array:
-    """``10 log10`` of powers over a reference; minus infinity where there is none."""
+    """Level ``10 log10(power / reference)`` [dB]; minus infinity where the power is zero."""
     with np.errstate(divide="ignore"):
         return np.asarray(10.0 * np.log10(power / reference))

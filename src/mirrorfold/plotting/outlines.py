@@ -1,4 +1,4 @@
-"""Outlines of the true solids of a scene: what a plane cuts out of them, and what they cover of a view."""
+"""Outlines of the true solids of a scene: wireframes, sections by a plane, and silhouettes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.ndimage import binary_closing
 from mirrorfold.common.types import Array, Index
 
 LEVELS = (0.02, 0.5, 0.98)
-"""Heights at which round solids are cut to be drawn, as shares of their own."""
+"""Heights at which round solids are cut by level planes to be drawn, as shares of the solid's height."""
 
 _AROUND = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 SHARES = np.array([[i, k, 6 - i - k] for i in range(7) for k in range(7 - i)]) / 6.0
-"""Places on a triangle, in shares of its corners: at most a sixth of an edge from one to the next."""
+"""Barycentric coordinates of points on a triangle, spaced by a sixth of an edge."""
 
 
 def wireframe(scene: Scene3D) -> list[Array]:
-    """The surfaces of a scene as polylines (n, 3) [m]: edges of flat faces, and sections of all that is round."""
+    """The surfaces of a scene as polylines (n, 3) [m]: edges of flat faces, and sections of round solids."""
     from mirrorfold.simulation.raster.meshes import solids
 
     lines: list[Array] = []
     for solid in solids(scene):
-        panel = len(solid.quads) == 2  # back to back
+        panel = len(solid.quads) == 2  # its two faces, back to back
         for quad in solid.quads[: 1 if panel else None]:
             lines.append(quad.center + _AROUND[:, :1] * quad.right + _AROUND[:, 1:] * quad.up)
         if not solid.quads:
@@ -37,7 +37,7 @@ def wireframe(scene: Scene3D) -> list[Array]:
 
 
 def _sections(vertices: Array, faces: Index) -> list[Array]:
-    """Where level planes cut a solid, and upright ones through its middle, as closed polylines."""
+    """Sections of a solid by level planes, and by two upright planes through its middle, as closed polylines [m]."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, up = 0.5 * (low + high), np.array([0.0, 0.0, 1.0])
     planes = [(low + share * (high - low), up) for share in LEVELS] + [(middle, axis) for axis in np.eye(3)[:2]]
@@ -45,7 +45,7 @@ def _sections(vertices: Array, faces: Index) -> list[Array]:
 
 
 def joined(segments: Array) -> list[Array]:
-    """Line segments (n, 2, d) [m] as polylines: joined where their ends meet to a micrometre."""
+    """Join line segments (n, 2, d) [m] to polylines where their ends coincide to a micrometre."""
     size = segments.shape[-1]
     points, number = np.unique(np.round(segments.reshape(-1, size), 6), axis=0, return_inverse=True)
     onward: dict[int, set[int]] = {}
@@ -66,7 +66,7 @@ def joined(segments: Array) -> list[Array]:
 
 
 def cut(scene: Scene3D, point: Array, normal: Array) -> dict[str, Array]:
-    """Where a plane cuts the surfaces of a scene.
+    """Sections of the surfaces of a scene by a plane.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def cut(scene: Scene3D, point: Array, normal: Array) -> dict[str, Array]:
 
 
 def cut_triangles(vertices: Array, faces: Index, point: Array, normal: Array) -> Array:
-    """Line segments (n, 2, 3) [m] in which a plane cuts triangles; triangles that it only touches are left out."""
+    """Line segments (n, 2, 3) [m] in which a plane cuts triangles; triangles that it does not cross are left out."""
     height = (vertices - point) @ np.asarray(normal, dtype=float)
     side = height[faces] > 0.0
     crossed = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
@@ -102,15 +102,15 @@ def cut_triangles(vertices: Array, faces: Index, point: Array, normal: Array) ->
 
 
 def silhouette(vertices: Array, faces: Index, right: Array, up: Array, u: Array, v: Array) -> NDArray[np.bool_]:
-    """Which pixels a solid covers, seen along the axis that is upright on both directions of the picture.
+    """Which pixels a solid covers, seen along the axis that is perpendicular to both directions of the picture.
 
     Parameters
     ----------
     vertices : (n, 3) array [m]
     faces : (f, 3) array of int
-        Of a solid with facets of few pixels; larger ones leave holes.
+        Triangles of the solid; those larger than a few pixels leave holes.
     right, up : (3,) arrays
-        Unit vectors.
+        Unit vectors of the picture's directions u and v.
     u, v : 1D arrays [m]
         Centres of the pixels, in equal steps.
 
@@ -123,7 +123,7 @@ def silhouette(vertices: Array, faces: Index, right: Array, up: Array, u: Array,
 
 
 def covered(points: Array, u: Array, v: Array) -> NDArray[np.bool_]:
-    """Pixels (v, u) that hold any of the points (n, 2) [m], single gaps between them closed."""
+    """Which pixels (v, u) hold any of the points (n, 2) [m]; gaps of a pixel between them are closed."""
     column = np.rint((points[:, 0] - u[0]) / (u[1] - u[0])).astype(np.intp)
     row = np.rint((points[:, 1] - v[0]) / (v[1] - v[0])).astype(np.intp)
     inside = (column >= 0) & (column < u.size) & (row >= 0) & (row < v.size)

@@ -14,25 +14,26 @@ from mirrorfold.describing.planning import Plan
 from mirrorfold.describing.walls import shares
 
 FLOOR_DB = -60.0
-"""Lowest level that is shown."""
+"""Lowest level that is shown [dB]."""
 
 SPECTRUM = (50e9, 1000e9)
-"""Frequencies over which walls are shown [Hz]."""
+"""Lowest and highest frequency for which walls are shown [Hz]."""
 
 SPECTRUM_ANGLES = (0.0, 45.0, 75.0)
+"""Angles of incidence for which walls are shown against frequency [degree]."""
 
 
 def plan(found: Plan, *, roughness: tuple[float, float | None], detection_db: float = 13.0) -> Figure:
-    """Draw what `mirrorfold.plan` found.
+    """Draw a plan: how walls mirror and scatter, signal over noise by bounces, and resolution.
 
     Parameters
     ----------
     found : Plan
         As `mirrorfold.plan` returns it.
     roughness : (rms height, correlation length or None) [m]
-        As it was given to it.
+        As it was given to `mirrorfold.plan`.
     detection_db : float [dB]
-        Likewise.
+        As it was given to `mirrorfold.plan`.
 
     Returns
     -------
@@ -49,7 +50,7 @@ def plan(found: Plan, *, roughness: tuple[float, float | None], detection_db: fl
 
 
 def _over_angle(ax: Axes, name: str, frequency: float, roughness: tuple[float, float | None]) -> None:
-    """Mirrored and scattered power against the angle of incidence."""
+    """Draw the mirrored and scattered power of a wall against the angle of incidence."""
     angle = np.linspace(0.0, 89.0, 179)
     specular, diffuse = shares(name, np.array(frequency), np.radians(angle), roughness)
     for values, label, style in (
@@ -63,7 +64,7 @@ def _over_angle(ax: Axes, name: str, frequency: float, roughness: tuple[float, f
 
 
 def _over_frequency(ax: Axes, name: str, band: list[float], roughness: tuple[float, float | None]) -> None:
-    """The same against frequency."""
+    """Draw the mirrored and scattered power of a wall against frequency."""
     low, high = min(SPECTRUM[0], 0.5 * band[0]), max(SPECTRUM[1], 1.5 * band[1])
     frequency = np.geomspace(low, high, 200)
     for angle, colour in zip(SPECTRUM_ANGLES, COLOURS, strict=False):
@@ -81,7 +82,7 @@ def _over_frequency(ax: Axes, name: str, band: list[float], roughness: tuple[flo
 
 
 def _bounces(ax: Axes, found: Plan, name: str, detection_db: float) -> None:
-    """Signal over noise in the image by number of bounces; those beyond the ambiguous range are hollow."""
+    """Draw signal over noise in the image by number of bounces; bars beyond the ambiguous range are hollow."""
     rows, ambiguous = found.link_budget, found["ambiguous_range_m"]
     snr = np.array([row.snr_db for row in rows], dtype=float)
     unambiguous = np.array([row.range_m <= ambiguous for row in rows])
@@ -103,7 +104,7 @@ def _bounces(ax: Axes, found: Plan, name: str, detection_db: float) -> None:
 
 
 def _resolution(ax: Axes, found: Plan, frequency: float) -> None:
-    """Size of a resolution cell against range."""
+    """Draw the size of a resolution cell against range."""
     aperture = max(found.aperture_m)
     ambiguous = found["ambiguous_range_m"]
     farthest = max(ambiguous, found.link_budget[0].range_m)

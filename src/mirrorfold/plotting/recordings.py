@@ -24,16 +24,16 @@ FRAME_COLOURS = "viridis"
 
 
 def frames(reconstruction: xr.DataTree, ax: Axes | None = None, *, floor_db: float = -40.0) -> Axes:
-    """Draw a recording: what moves leaves a trail from the first frame, dark, to the last, bright.
+    """Draw all frames of a recording: moving objects leave a trail from the first frame, dark, to the last, bright.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-        Of a recording.
+        The reconstruction of a recording.
     ax : matplotlib.axes.Axes, optional
         New ones by default.
     floor_db : float [dB], default -40
-        Of the picture below, which shows the strongest amplitude of all frames.
+        Floor of the picture behind the points, which shows the strongest amplitude of all frames.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Figures as files."""
+"""Writing of figures to files."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 
 
 def save_figure(figure: Any, path: Path, **options: Any) -> None:
-    """Write a figure in one piece, once it is drawn: Matplotlib's writers hide that a disk is full behind other errors.
+    """Draw a figure in memory, then write its file at once, because Matplotlib hides a full disk behind other errors.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
     path : path
-        Its suffix says the format.
+        Its suffix tells the format.
     **options
-        Of `matplotlib.figure.Figure.savefig`, such as `dpi`.
+        Options of `matplotlib.figure.Figure.savefig`, such as `dpi`.
 
     Raises
     ------

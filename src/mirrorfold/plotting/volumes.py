@@ -1,4 +1,4 @@
-"""Pictures of folded volumes: the body in a vertical cross-section, and the whole scene in perspective.
+"""Pictures of folded volumes: the largest hidden object from the front and in section, and the scene in perspective.
 
 The plan view before and after folding is drawn by `mirrorfold.plotting.comparison.before_after`, as for a floor plan.
 """
@@ -40,26 +40,26 @@ if TYPE_CHECKING:
 
 
 FLOOR_DB = -20.0
-"""Of the pictures of bodies: speckle fades by 10 dB, and foil outshines cloth by as much."""
+"""Floor of the pictures of bodies [dB]: speckle fades by 10 dB, and foil is stronger than cloth by as much."""
 
 SMOOTHING = 0.013
 """Length over which the power of neighbouring points is averaged [m], about the radius of the beam."""
 
 CELL = 0.008
-"""Pixels of the cross-section [m]."""
+"""Size of the pixels of the picture from the front [m]."""
 
 SECTION_WIDTH, SECTION_DEPTH = 0.10, 0.35
-"""Of the picture from the side: half the thickness of the slice that is shown, and least depth of the picture [m]."""
+"""Half the thickness of the slice that the picture from the side highlights, and smallest depth of this picture [m]."""
 
 FEWEST = 30
-"""Points that make a body."""
+"""Smallest number of hidden points for a picture of a body."""
 
 LARGEST_CLUSTER_GAP = 0.12
-"""Points further apart than this [m] belong to different objects."""
+"""Largest distance between neighbouring points of one object [m]."""
 
 
 def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
-    """Columns of all points.
+    """Columns of the table of points, by name.
 
     Raises
     ------
@@ -73,8 +73,8 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
     return {str(name): objects[name].values for name in objects.variables}
 
 
-def _largest_thing(points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) belong to the largest connected group."""
+def _largest_object(points: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) [m] belong to the largest group, connected by gaps of at most `LARGEST_CLUSTER_GAP`."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -86,14 +86,14 @@ def _largest_thing(points: Array) -> NDArray[np.bool_]:
 
 
 def _last_mirror(reconstruction: xr.DataTree, chain: str) -> Array:
-    """True place (3,) of the mirror through which a chain shows objects."""
+    """Middle (3,) [m] of the last mirror of a chain, at its true place."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     index = int(np.flatnonzero(mirrors["chain"].values == chain)[0])
     return np.array([float(mirrors[f"folded_center_{axis}"][index]) for axis in "xyz"])
 
 
 def has_body(reconstruction: xr.DataTree) -> bool:
-    """Whether enough objects were seen by way of a mirror for `body`."""
+    """Whether enough points of objects were seen by way of mirrors for `body`."""
     columns = _points(reconstruction)
     return int(((columns["bounces"] > 0) & (columns["surface"] == "object")).sum()) >= FEWEST
 
@@ -101,16 +101,16 @@ def has_body(reconstruction: xr.DataTree) -> bool:
 def body(
     reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, floor_db: float = FLOOR_DB
 ) -> Figure:
-    """The largest hidden object as it stands, seen from the front, and cut from the side.
+    """Draw the largest hidden object at its true place, from the front and from the side.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-        Of a volume.
+        The reconstruction of a volume.
     scene : Scene3D or path of a scene file, optional
-        The truth: its outlines are drawn thin.
+        The truth, drawn as thin outlines.
     floor_db : float [dB]
-        Amplitude shown as the darkest, below the brightest.
+        Level, relative to the brightest pixel, that is drawn as the darkest.
 
     Raises
     ------
@@ -125,15 +125,15 @@ def body(
         raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
     points = np.stack([columns[axis][hidden] for axis in "xyz"], axis=-1)
     amplitude = columns["amplitude"][hidden].astype(float)
-    mine = _largest_thing(points)
+    mine = _largest_object(points)
     points, amplitude = points[mine], amplitude[mine]
-    # Across: the horizontal direction of largest extent; ahead: the way to it from where the waves came.
+    # across: the horizontal direction of largest extent; ahead: perpendicular to it, towards the last mirror.
     middle = points.mean(axis=0)
     flat = np.linalg.eigh(np.cov((points - middle)[:, :2].T))[1]
     ahead = np.array([*flat[:, 0], 0.0])
     if (_last_mirror(reconstruction, columns["chain"][hidden][mine][0]) - middle) @ ahead < 0.0:
         ahead = -ahead
-    # As whoever faces the object sees it: its own right is on the left.
+    # As an observer in front of the object sees it: its own right is on the left.
     across = np.cross([0.0, 0.0, 1.0], ahead)
     u, v = (points - middle) @ across, (points - middle) @ ahead
     x = np.arange(u.min() - 0.08, u.max() + 0.08, CELL)
@@ -172,7 +172,7 @@ def draw_front(
     floor_db: float,
     reference: float | None = None,
 ) -> AxesImage:
-    """Draw points as an image: the mean power of those around each pixel, which averages speckle.
+    """Draw points as an image of the mean power of the points around each pixel, which averages speckle.
 
     Parameters
     ----------
@@ -210,10 +210,10 @@ def smoothed_power(u: Array, z: Array, amplitude: Array, columns: Array, rows: A
 
 
 def draw_silhouette(ax: Axes, scene: Scene3D, points: Array, middle: Array, across: Array, u: Array, z: Array) -> None:
-    """Draw the outline of the solid that most of the points (n, 3) [m] are nearest to, seen from the front, thin.
+    """Draw the silhouette of the round solid to which most of the points (n, 3) [m] are nearest, as a thin line.
 
-    The pixels u and z [m] are those of the picture; u is counted from `middle` (3,) [m] along `across`. Flat walls have
-    no outline worth drawing.
+    The pixels u and z [m] are those of the picture; u counts from `middle` (3,) [m] along `across`. Flat walls are left
+    out.
     """
     from scipy.spatial import cKDTree
 
@@ -230,7 +230,7 @@ def draw_silhouette(ax: Axes, scene: Scene3D, points: Array, middle: Array, acro
 
 
 def draw_cut(ax: Axes, scene: Scene3D, middle: Array, along: Array) -> None:
-    """Draw what an upright plane through `middle` (3,) [m] cuts out of a scene, thin: distances `along` it, heights."""
+    """Draw the section of a scene by an upright plane through `middle` (3,) [m]: distance `along` it, and height."""
     normal = np.cross(along, [0.0, 0.0, 1.0])
     limits = ax.get_xlim(), ax.get_ylim()
     for piece, lines in enumerate(cut(scene, middle, normal).values()):
@@ -241,16 +241,16 @@ def draw_cut(ax: Axes, scene: Scene3D, middle: Array, along: Array) -> None:
 
 
 def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None, *, folded: bool = True) -> Figure:
-    """The whole scene in perspective: points by their number of bounces, mirrors by their outlines.
+    """Draw the whole scene in perspective: points by their number of bounces, mirrors by their outlines.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-        Of a volume.
+        The reconstruction of a volume.
     scene : Scene3D or path of a scene file, optional
         The truth, drawn as thin outlines.
     folded : bool
-        At their true places, or where they stood before.
+        Whether points and mirrors are at their true places, or where they appeared before folding.
     """
     columns = _points(reconstruction)
     scene = None if scene is None else scene_in_space(scene)
@@ -291,7 +291,7 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
 
 
 def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
-    """An entry for each colour, for the truth and for the radar: what is drawn itself is too small to be told apart."""
+    """Entries of the legend for each colour, for the truth and for the radar, larger than the marks in the picture."""
     handles = [
         Line2D([], [], color=COLOURS[int(count) % len(COLOURS)], linewidth=1.4, marker="o", markersize=4,
                label=f"{bounce_label(int(count))}: mirrors and points")
@@ -303,7 +303,7 @@ def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
 
 
 def scene(scene: Scene3D | str | Path, ax: Axes | None = None) -> Axes:
-    """The floor plan of a scene: the outline of everything in it as seen from above, thin, and the radar as a triangle.
+    """Draw the floor plan of a scene: the outlines of its solids from above as thin lines, the radar as a triangle.
 
     Parameters
     ----------

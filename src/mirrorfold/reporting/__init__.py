@@ -17,7 +17,7 @@ PAGES = (".html", ".htm")
 """Suffixes of a page."""
 
 LARGEST_PAGE = 6_000_000
-"""Size of the file [bytes] up to which it can be sent as an attachment; larger pages get coarser pictures."""
+"""Largest size of a page [bytes], so that it can be sent as an attachment; otherwise its pictures are made coarser."""
 
 
 def report(
@@ -27,7 +27,7 @@ def report(
     scene: Scene | Scene3D | str | Path | None = None,
     plan: FloorPlan | str | Path | None = None,
 ) -> Path:
-    """Write a page that shows a reconstruction and answers questions about it.
+    """Write a page that shows a reconstruction, with its points, mirrors, settings and, if `scene` is given, its score.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ def report(
     path : path
         The HTML file to write.
     scene : Scene, Scene3D or path of a scene file, optional
-        The truth: drawn thin, and the result scored against it.
+        The truth: drawn as thin lines, and the result scored against it.
     plan : FloorPlan or path of a DXF or GeoJSON file, optional
         Known walls, drawn like the truth.
 
     Returns
     -------
     Path
-        Where it was written.
+        Path of the page.
 
     Raises
     ------
     InputError
-        If the reconstruction or the scene cannot be used, or nothing can be written there.
+        If the reconstruction or the scene cannot be used, or the file cannot be written.
     """
     from mirrorfold.folding.frames import pick_frame
     from mirrorfold.io.files import check_output, written_whole

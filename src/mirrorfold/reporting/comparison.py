@@ -1,4 +1,4 @@
-"""A comparison as one page that needs no network and no program: the figure, and its numbers as tables."""
+"""A comparison as one self-contained page without scripts: the figure, and its numbers as tables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mirrorfold.plotting import differences
 
 
 def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, str] | None = None) -> Path:
-    """Write a page that lays two reconstructions, or two images, side by side.
+    """Write a page that compares two reconstructions, or two images.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, s
     Raises
     ------
     InputError
-        As `mirrorfold.compare`, or if nothing can be written there.
+        As `mirrorfold.compare`, or if the file cannot be written.
     """
     found = compare(first, second, names=names)
     picture = io.BytesIO()
@@ -41,11 +41,11 @@ def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, s
 
 MIRRORS = {"first": "first", "second": "second", "angle_deg": "angle [deg]", "offset_m": "offset [m]"}
 BENDS = {"first_radius_m": "first radius [m]", "second_radius_m": "second radius [m]", "sagitta_m": "sagitta [m]"}
-"""Columns of the table of mirrors; `BENDS` where a mirror is curved."""
+"""Headings of the table of mirrors by the fields of `MirrorPair`; those of `BENDS` only where a mirror is curved."""
 
 
 def comparison_page(found: Comparison, picture: bytes) -> str:
-    """The page of a comparison with its picture (PNG)."""
+    """The page of a comparison as HTML, with its picture (PNG)."""
     title = f"{found.first} and {found.second}"
     parts = [_table("levels, second over first", ("", ""), _rows(found.levels))]
     if "points" in found:
@@ -79,14 +79,17 @@ def comparison_page(found: Comparison, picture: bytes) -> str:
 
 
 def _rows(record: Any) -> list[list[str]]:
+    """Names and values of a record as rows of a table."""
     return [[name.removesuffix("_db").replace("_", " "), _text(value)] for name, value in record.items()]
 
 
 def _text(value: Any) -> str:
+    """A value as a text of a table."""
     return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _table(title: str, headings: tuple[str, ...], rows: list[list[str]]) -> str:
+    """A table with a title as HTML; without a row of headings where all are empty."""
     head = "".join(f"<th>{escape(text)}</th>" for text in headings) if any(headings) else ""
     body = "".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows)
     return f'<div class="card"><h2>{escape(title)}</h2><table><tr>{head}</tr>{body}</table></div>'

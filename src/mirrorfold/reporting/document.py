@@ -1,7 +1,7 @@
-"""All that a page shows of a reconstruction, as plain numbers and strings, of which `page` makes JSON.
+"""Everything that a page shows of a reconstruction, as plain numbers and strings, which `page` turns into JSON.
 
-Images travel as levels of one byte: 0 stands for nothing, 1 to 255 for equal steps of dB. The differences along each
-row are compressed, which a browser undoes exactly.
+Each pixel of an image is a level of one byte: 0 for an amplitude of zero, 1 to 255 for equal steps in dB. The
+differences along each row are compressed, which a browser undoes exactly.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 
 
 LOWEST_DB = -60.0
-"""Level of the weakest pixels that are shown; the side lobes of the focused image have fallen below it."""
+"""Level of the weakest pixels that are shown [dB]; the side lobes of the focused image are below it."""
 
 LARGEST_IMAGE = 1_200_000
-"""Pixels of each image: a screen shows no more, and two images of this size make a page of 3 MB."""
+"""Largest number of pixels of each image: a screen shows no more, and two images of this size make a page of 3 MB."""
 
 LARGEST_CLOUD = 40_000
-"""Points that a page shows at most: the strongest, where there are more."""
+"""Largest number of points in a page; of more points the strongest are taken."""
 
 MARGIN = 0.18
 """Space left free around all points and mirrors, as a share of the larger side of their bounding box."""
 
 CURVE_STEP = 0.01
-"""Length of the chords that true curves are drawn with [m]."""
+"""Length of the chords by which true curves are drawn [m]."""
 
 HIDDEN_ATTRS = ("mirrorfold_kind", "mixed_x", "mixed_y", "remark", "command", "title", "image_title")
-"""Attributes that are no parameters, or have a place of their own in the page."""
+"""Attributes that are not listed as parameters, because they are none or are shown elsewhere in the page."""
 
 
 def to_document(
@@ -61,24 +61,25 @@ def to_document(
     scored: bool = True,
     plan: FloorPlan | None = None,
 ) -> dict[str, Any]:
-    """Everything to show of a reconstruction.
+    """Everything that a page shows of a reconstruction.
 
     Parameters
     ----------
     reconstruction : xarray.DataTree
-        Checked.
+        A reconstruction that was checked before.
     scene : Scene or Scene3D, optional
         The truth: drawn, and the result scored against it.
     largest_image : int
-        Pixels of an image; larger ones are reduced, keeping the strongest of the pixels that become one.
+        Largest number of pixels of an image. Larger images are reduced: blocks of pixels become one, as strong as the
+        strongest of them.
     extent : (x0, x1, y0, y1) [m], optional
-        What to show of the images; by default what was found, with a margin.
+        The part of the images to show; by default what was found, with a margin.
     zero_db : float, optional
-        Amplitude to show as 0 dB; by default that of the brightest pixels of the initial image.
+        Amplitude that is shown as 0 dB; by default that of the brightest pixels of the initial image.
     effort : int
-        Of compression, 1 to 9.
+        Level of compression, 1 to 9.
     images : list of str
-        Which of the two pictures the document is to hold.
+        Which of the two pictures the document holds.
     scored : bool
         Whether to score the result, where the truth is known.
     plan : FloorPlan, optional
@@ -87,7 +88,7 @@ def to_document(
     Returns
     -------
     dict
-        Of dicts, lists, numbers, strings, booleans and None only.
+        It consists of dicts, lists, numbers, strings, booleans and None only.
     """
     attrs = reconstruction.attrs
     settings = recorded_settings(attrs)
@@ -143,7 +144,7 @@ def to_document(
 
 
 def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) -> str:
-    """The name of what was measured, if any."""
+    """The title of a page: that of the measurement, else the name of the scene, else "Reconstruction"."""
     for name in ("title", "image_title"):
         if reconstruction.attrs.get(name):
             return str(reconstruction.attrs[name])
@@ -151,7 +152,7 @@ def title_of(reconstruction: xr.DataTree, scene: Scene | Scene3D | None = None) 
 
 
 def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
-    """True surfaces as polylines of points [m]; of a scene in space edges of walls, and sections of round objects."""
+    """True surfaces as polylines [m]; in three dimensions the edges of walls, and sections of round objects."""
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
         return [np.round(piece, 4).tolist() for piece in pieces]
@@ -181,13 +182,16 @@ def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) ->
 
 
 def shown_grid(image: xr.DataArray, extent: tuple[float, float, float, float], largest: int) -> tuple[Array, Array]:
-    """The pixel coordinates (x, y) [m] that `to_document` shows an image on."""
+    """The pixel coordinates (x, y) [m] on which `to_document` shows an image."""
     part = _reduced(_cropped(image, extent), largest)
     return part["x"].values.astype(float), part["y"].values.astype(float)
 
 
 def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) -> dict[str, Any]:
-    """An image as bytes: `data` of the rows' differences, deflated, in base64; `lowest` dB of level 1, `step` in dB."""
+    """An image, packed: `data`, the differences along rows, deflated, in base64; `lowest` level and `step` [dB].
+
+    `amplitude` (y, x) equal to `zero` has 0 dB; `lowest` is the level of the byte 1.
+    """
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(amplitude.astype(np.float32) / np.float32(zero))
     top = float(level.max(initial=0.0))
@@ -199,8 +203,11 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 
 
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
-    """The columns of the points, each as float32 in base64: places, level, confidence, bounces, number of the chain,
-    of the explanation, and of the chain of the wall that it passed through.
+    """The columns of the table of points, each as float32 in base64.
+
+    These are places, level, confidence, bounces, whether the point is on the face of a mirror, and the indices of its
+    chain, of its explanation, and of the chain of the wall that it was seen through, in the lists `chains`, `reasons`
+    and `walls`.
     """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
@@ -236,7 +243,7 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
 
 
 def _seen(objects: xr.Dataset) -> dict[str, list[int]]:
-    """For each chain how many points were seen by way of it: of objects, and of walls."""
+    """For each chain the number of points seen by way of it: [of objects, of walls]."""
     walls = on_mirrors(objects)
     chains = objects["chain"].values.astype(str)
     return {
@@ -252,7 +259,7 @@ def _cropped(image: xr.DataArray, extent: tuple[float, float, float, float]) -> 
 
 
 def _reduced(image: xr.DataArray, largest: int) -> xr.DataArray:
-    """The image with at most `largest` pixels, each the strongest of a square of the original ones."""
+    """The image with at most `largest` pixels, each as strong as the strongest of a square of original pixels."""
     image = image.transpose("y", "x")
     factor = int(np.ceil(np.sqrt(image.size / largest))) if image.size > largest else 1
     if factor == 1:
@@ -267,6 +274,7 @@ def _reduced(image: xr.DataArray, largest: int) -> xr.DataArray:
 
 
 def _step(axis: Array) -> float:
+    """Distance between neighbouring pixels along an axis [m]; one for a single pixel."""
     return float((axis[-1] - axis[0]) / max(axis.size - 1, 1)) or 1.0
 
 

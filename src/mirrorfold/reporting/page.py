@@ -1,4 +1,4 @@
-"""The page: one HTML file with its style, its program and its content inside."""
+"""The page of a reconstruction: one HTML file that contains its style, its program and its content."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MAIN, LIVE = "main.js", "live.js"
 
 
 def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None = None) -> str:
-    """The whole page.
+    """The whole page as HTML.
 
-    Everything that comes from files is in one JSON element, with no character in it that HTML gives a meaning, and
-    reaches the page as text. The page forbids itself all programs but its own, and every connection; a live page may
-    call the server that it came from.
+    Everything that comes from files is in one JSON element, without any character that has a meaning in HTML, and is
+    inserted into the page as text. By its content security policy the page runs no program but its own, and opens no
+    connection; only a live page may call the server that it came from.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
         What `to_document` returns.
     title : str
     live : dict, optional
-        The token of the server and the header that carries it, for the live page.
+        For the live page: the token of the server, and the name of the header that carries it.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
 
 
 def to_json(content: Any) -> str:
-    """JSON that may stand inside a script element: in ASCII, with <, > and & as escapes."""
+    """JSON that is safe inside a script element: in ASCII, with <, > and & as escapes."""
     text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
@@ -78,6 +78,7 @@ def _finite(value: Any) -> Any:
 
 
 def _asset(name: str) -> str:
+    """Content of a file in `assets`."""
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8").strip("\n")
 
 

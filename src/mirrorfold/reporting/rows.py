@@ -1,4 +1,4 @@
-"""What pages and notebooks tell of a reconstruction in rows: its mirrors, how much was found, and its score."""
+"""Rows of the tables in pages and notebooks: the mirrors of a reconstruction, how much was found, and its score."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mirrorfold.folding.shown import passed_walls
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
-    """A dict for each mirror, with None for what the file does not hold."""
+    """The facts about each mirror as a dict, with None for what the file does not hold."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     reference_echo = float(reconstruction.attrs.get("reference", 0.0) or 0.0)
     strengths = held["strength"].values.astype(float)
@@ -61,7 +61,7 @@ def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[str]]:
-    """How much was found: rows of a name and a number, both in words."""
+    """How much was found: rows of a name and a number, both as texts."""
     passed, walls = passed_walls(objects), int(on_mirrors(objects).sum())
     every = objects["bounces"].values
     bounces, counts = np.unique(every[~passed], return_counts=True)
@@ -114,10 +114,12 @@ def _known(one: xr.Dataset, name: str) -> float | None:
 
 
 def _decibel(value: float, zero: float) -> float | None:
+    """Level of an amplitude relative to `zero` [dB]; None where one of them is not positive."""
     return float(20.0 * np.log10(value / zero)) if value > 0.0 and zero > 0.0 else None
 
 
 def _number(value: float | None, form: str, scale: float = 1.0) -> str:
+    """A number times `scale` as a text; "-" where it is unknown."""
     if value is None or not np.isfinite(value):
         return "-"
     text = format(value * scale, form)

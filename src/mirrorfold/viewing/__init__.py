@@ -1,7 +1,8 @@
-"""The live page: look at a file in the browser, and fold it anew while its mirrors are moved.
+"""The live page: it shows a file in the browser, and folds it anew while the user moves mirrors or changes settings.
 
-A server of the standard library sends the program of the report, and folds what it asks for: no further package is
-needed, a fold is on the screen in a fraction of a second, and a test can drive it as a person would.
+The page is that of a report with controls. It asks a server, made with the standard library, for every fold. So no
+further package is needed, a fold is on the screen in a fraction of a second, and a test can operate the page like a
+person.
 """
 
 from __future__ import annotations
@@ -31,24 +32,24 @@ def view(
     Parameters
     ----------
     path : path
-        Sweep, image or reconstruction (netCDF). A file that cannot be read is told of in the page.
+        Sweep, image or reconstruction (netCDF). If the file cannot be read, the page says why.
     scene : Scene, Scene3D or path of a scene file, optional
-        The truth, drawn thin; the result is scored against it.
+        The truth, drawn as thin lines; the result is scored against it.
     plan : FloorPlan or path of a DXF or GeoJSON file, optional
         Known walls, drawn like the truth.
     frame : int, optional
         Which frame of a recording.
     port : int
-        0 for any that is free.
+        Port of the server; 0 for any free port.
     open_browser : bool
         Whether to open the page.
     announce : callable (address), optional
-        Told a link that works once when the page can be had.
+        Called with a link to the page, which works once, when the server is ready.
 
     Raises
     ------
     InputError
-        If there is no such file, the port cannot be had, or the scene is wrong.
+        If there is no such file, the port is not free, or the scene is wrong.
     """
     from mirrorfold.common.arguments import path_of
     from mirrorfold.common.reading import check_file

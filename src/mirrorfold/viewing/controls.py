@@ -1,4 +1,4 @@
-"""The settings that can be changed in the live page, and a control for each, as the declared settings describe them."""
+"""The settings that can be changed in the live page, and the control for each, derived from the declared settings."""
 
 from __future__ import annotations
 
@@ -12,32 +12,33 @@ from mirrorfold.errors import InputError
 from mirrorfold.folding import FoldSettings
 
 KEPT = ("normalization",)
-"""Options of folding that the page does not change: with another normalization the initial picture, which stays in the
-page while mirrors are moved, would have to be drawn anew."""
+"""Settings of folding that the page cannot change. With another normalization, the initial picture would have to be
+drawn anew, which stays in the page while mirrors are moved."""
 
 CHANGEABLE: dict[str, Rule] = {
     name: rule for name, rule in FoldSettings.rules().items() if rule.option and name not in KEPT
 }
-"""What is known of each setting that the page has a control for."""
+"""Declaration of each setting for which the page has a control."""
 
 LEVEL_SPAN = 24.0
-"""How far a slider of a level reaches to both sides of the value that was used [dB]: a factor of 16 in amplitude."""
+"""How far the slider of a level extends to both sides of the value that was used [dB]: a factor of 16 in amplitude."""
 
 LARGEST_FACTOR = 6.0
-"""How far a slider of a positive number reaches, in multiples of the value that was used."""
+"""Upper end of the slider of a positive number, in multiples of the value that was used."""
 
 FINEST_STEP = 1e-11
-"""A slider with finer steps, or with ones coarser than the inverse, is of no use for anything that is measured."""
+"""Smallest step of a slider, and one over the largest; other values get a field to type in, as no measured quantity
+needs such steps."""
 
 SLIDER_STEPS = 150
-"""About how many steps a slider has: no more than the pixels that it is wide."""
+"""Approximate number of steps of a slider, at most its width in pixels."""
 
 MORE_COUNTS = 5
-"""Counts to choose from beyond the smallest."""
+"""Number of counts to choose from beyond the smallest one."""
 
 
 def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the page needs to draw a control for each setting.
+    """Descriptions of the controls, one for each setting, from which the page draws them.
 
     Parameters
     ----------
@@ -48,8 +49,8 @@ def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
     -------
     list of dict
         `name`, `label`, `unit`, `meaning`, and `kind`: "switch"; "choice" among `choices`; "range", a slider with
-        `lowest`, `highest` and `step`; or "number", a field to type in, where no value tells how far a slider must
-        reach. None among the choices, or in an empty field, stands for the default.
+        `lowest`, `highest` and `step`; or "number", a field to type in, where the value tells no useful ends of a
+        slider. None among the choices, or an empty field, stands for the default.
     """
     return [
         {
@@ -69,7 +70,7 @@ def check_value(name: str, value: Any) -> None:
     Raises
     ------
     InputError
-        With the name, and what was expected.
+        The message tells the name of the setting, and what was expected.
     """
     if name not in CHANGEABLE:
         raise InputError(f"there is no setting {name!r}, expected one of {', '.join(CHANGEABLE)}")
@@ -78,11 +79,11 @@ def check_value(name: str, value: Any) -> None:
 
 
 DEFAULTS = {name: getattr(FoldSettings(), name) for name in CHANGEABLE}
-"""None where the default is chosen from the image."""
+"""Default of each setting that can be changed; None where it is chosen from the image."""
 
 
 def _kind(name: str, value: Any) -> dict[str, Any]:
-    """The kind of a control, and what that kind needs to know."""
+    """The kind of the control of a setting, with the choices, or the ends and the step of a slider."""
     rule = CHANGEABLE[name]
     if rule.kind == "bool":
         return {"kind": "switch"}
@@ -110,7 +111,7 @@ def _kind(name: str, value: Any) -> dict[str, Any]:
 
 
 def _round_step(step: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not above a step.
+    """The largest number of the form 1, 2 or 5 times a power of ten that does not exceed a step.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""How a notebook shows a Reconstruction: a small picture and the facts; of other trees, what xarray shows.
+"""How a notebook shows a Reconstruction: a small picture and facts. Other trees are shown as xarray shows them.
 
-A Reconstruction is an `xarray.DataTree` without a class of its own, so it cannot bring a method that shows it. IPython
-looks for a formatter by the type of an object instead: ``import mirrorfold`` registers one where IPython runs, and
+A Reconstruction is an `xarray.DataTree` without a class of its own, so it cannot have a method that shows it. But
+IPython looks for a formatter by the type of an object: ``import mirrorfold`` registers one where IPython runs, and
 ``%load_ext mirrorfold`` does so at any later time.
 """
 
@@ -20,7 +20,7 @@ DOTS_PER_INCH = 72
 
 
 def to_html(tree: xr.DataTree) -> str:
-    """A reconstruction as HTML; of any other tree what xarray makes of it.
+    """A reconstruction as HTML; any other tree as xarray represents it.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def to_html(tree: xr.DataTree) -> str:
 
     try:
         checked = check_reconstruction(tree)
-    except InputError:  # under construction, or taken apart
+    except InputError:  # an incomplete reconstruction
         return _plain(tree)
     mirrors = mirror_rows(checked)
     facts = [(row[0], row[1]) for row in found_rows(checked.children["objects"].to_dataset(inherit=False), mirrors)]
@@ -54,11 +54,11 @@ def to_html(tree: xr.DataTree) -> str:
 
 
 LONGEST_LIST = 8
-"""Number of mirrors that are listed; of more, only how many there are."""
+"""Largest number of mirrors that are listed; of the others, only their number is told."""
 
 
 def _plain(tree: xr.DataTree) -> str:
-    """The HTML of xarray, or its text: xarray fails for a group whose coordinates hide those of the root."""
+    """The tree as HTML by xarray, or as its text where this fails, for a group whose coordinates hide the root's."""
     try:
         return str(tree._repr_html_())
     except ValueError:
@@ -66,7 +66,7 @@ def _plain(tree: xr.DataTree) -> str:
 
 
 def _picture(reconstruction: xr.DataTree) -> str:
-    """Before and after, as an image element."""
+    """The picture before and after folding, as an image element of HTML."""
     import mirrorfold.plotting as plot
 
     content = io.BytesIO()

@@ -1,9 +1,9 @@
-"""The server of the live page: on this machine only, with a few addresses, none of which leads to a file by its name.
+"""The server of the live page. It serves this machine only, at a few addresses, none of which leads to a file by name.
 
-A page from elsewhere cannot use the server: requests must name this machine as their host, which a rebound domain name
-does not, and a request that folds or saves must hold the token that only the page itself was given. Another user of the
-machine cannot either: the page is given to who brings a link that works once, and then to the browser that keeps the
-cookie which came with it. The command line of a browser, which all users can read, holds that link.
+Pages of other origins cannot use the server: a request must name this machine as its host, which a rebound domain name
+does not, and a request that folds or saves must carry the token that only the page itself has received. Other users of
+the machine cannot use it either: the page is sent only for a link that works once, and after that to the browser that
+received the cookie with it. (All users can read the command line of a browser, which contains the link.)
 """
 
 from __future__ import annotations
@@ -21,17 +21,19 @@ from mirrorfold.reporting.page import to_html, to_json
 from mirrorfold.viewing.session import ConflictError, Session
 
 LOOPBACK = "127.0.0.1"
+"""Address at which only programs on this machine reach the server."""
 
 HOSTS = ("127.0.0.1", "localhost", "[::1]")
 """Names by which a browser on this machine calls the server."""
 
 LARGEST_REQUEST = 1_000_000
-"""Length of the longest request that is read [bytes]; a thousand mirrors take a tenth of that."""
+"""Largest request that is read [bytes]; a thousand mirrors take a tenth of it."""
 
 LONGEST_LENGTH = 20
-"""Digits of a length that are read as a number; with more of them it is too long in any case."""
+"""Number of digits from which on the stated length of a request is not read as a number, but taken for too large."""
 
 TOKEN_HEADER = "X-Mirrorfold-Token"
+"""Header of a request that carries the page's token."""
 
 HEADERS = {
     "Cache-Control": "no-store",
@@ -44,13 +46,13 @@ HEADERS = {
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one session on the loopback address.
+    """A server of one session on the loopback address.
 
     Parameters
     ----------
     session : Session
     port : int
-        0 for any that is free.
+        Port of the server; 0 for any free port.
 
     Raises
     ------
@@ -73,18 +75,18 @@ class Server(ThreadingHTTPServer):
             raise InputError(f"port {port}: cannot be had ({error.strerror}); choose another, or 0 for any") from None
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print nothing where the browser has closed the connection; all other errors are mistakes of this program."""
+        """Print nothing where the browser has closed the connection; print other errors, which are bugs."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
     @property
     def address(self) -> str:
-        """The page's address, for the browser that has the cookie."""
+        """Address of the page, for the browser that has the cookie."""
         return f"http://{LOOPBACK}:{self.server_port}/"
 
     @property
     def cookie(self) -> str:
-        """What the browser must bring; cookies do not tell ports apart, so that the name does."""
+        """The cookie that a request must carry. Its name contains the port, because cookies are shared by all ports."""
         return f"mirrorfold_{self.server_port}={self._secret}"
 
     def link(self) -> str:
@@ -94,7 +96,7 @@ class Server(ThreadingHTTPServer):
         return f"{self.address}?key={key}"
 
     def admits(self, query: str) -> bool:
-        """Whether the query of an address holds the key of a link that was not used yet; it is then."""
+        """Whether the query of an address holds the key of an unused link, which is used up by this."""
         try:
             self._keys.remove(query.removeprefix("key="))
         except KeyError:
@@ -103,14 +105,14 @@ class Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """One request."""
+    """The answer to one request."""
 
     server: Server
     protocol_version = "HTTP/1.1"
     timeout = 60
 
     def do_GET(self) -> None:
-        """Answer with the page or the state of the session."""
+        """Send the page, or the state of the session."""
         if not self._is_local():
             return
         path, query = _split(self.path)
@@ -128,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
 
     def do_POST(self) -> None:
-        """Fold, save or open again."""
+        """Fold, stop a fold, save, or open the file again."""
         if not self._is_local():
             return
         request = self._request()
@@ -156,7 +158,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_json(HTTPStatus.OK, answer)
 
     def _is_local(self) -> bool:
-        """Whether the request names this machine and comes from this page; refused otherwise."""
+        """Whether the request names this machine as host and origin; it is refused otherwise."""
         names = {f"{host}:{self.server.server_port}" for host in HOSTS}
         origin = self.headers.get("Origin")
         if self.headers.get("Host", "").lower() in names and (
@@ -167,7 +169,7 @@ class _Handler(BaseHTTPRequestHandler):
         return False
 
     def _is_known(self, path: str, query: str) -> bool:
-        """Whether the browser has the cookie, or the page is asked for by a link; refused otherwise."""
+        """Whether the request has the cookie, or asks for the page by an unused link; it is refused otherwise."""
         brought = [item.strip().encode() for item in self.headers.get("Cookie", "").split(";")]
         if any(secrets.compare_digest(item, self.server.cookie.encode()) for item in brought):
             return True
@@ -181,7 +183,7 @@ class _Handler(BaseHTTPRequestHandler):
         return False
 
     def _request(self) -> Any:
-        """The JSON object that was sent; None, after a refusal, where it is too long, has no token, or is no JSON."""
+        """The JSON object that was sent; None, after a refusal, if it is too long, has no token, or is no object."""
         said = self.headers.get_all("Content-Length", [])
         if not said:
             self._refuse(HTTPStatus.LENGTH_REQUIRED, "the request does not say its length")
@@ -191,7 +193,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         length = int(said[0]) if len(said[0]) < LONGEST_LENGTH else 10**LONGEST_LENGTH
         if not 0 < length <= LARGEST_REQUEST:
-            # The browser reads the answer only after all of its request has been taken from it.
+            # A browser reads the answer only after all of its request has been received.
             self.rfile.read(length if length <= 4 * LARGEST_REQUEST else 0)
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected a request of 1 to {LARGEST_REQUEST} bytes")
             return None
@@ -209,13 +211,16 @@ class _Handler(BaseHTTPRequestHandler):
         return content
 
     def _refuse(self, status: HTTPStatus, message: str) -> None:
+        """Send a message that says why the request is refused, and close the connection."""
         self.close_connection = True
         self._send_json(status, {"message": message})
 
     def _send_json(self, status: HTTPStatus, content: Any) -> None:
+        """Send an answer in JSON."""
         self._send(status, to_json(content), "application/json")
 
     def _send(self, status: HTTPStatus, text: str, kind: str, *, cookie: bool = False) -> None:
+        """Send an answer of a media type, with the cookie if it is asked for."""
         content = text.encode("utf-8")
         self.send_response(status)
         self.send_header("Content-Type", kind)
@@ -234,7 +239,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _split(address: str) -> tuple[str, str]:
-    """Path and query of the address that a request names; empty where it is none."""
+    """Path and query of the address in a request; empty where it is not valid."""
     try:
         _, _, path, query, _ = urlsplit(address)
     except ValueError:
@@ -243,6 +248,8 @@ def _split(address: str) -> tuple[str, str]:
 
 
 def _open(session: Session) -> Any:
+    """The action that opens the file again."""
+
     def again(_: Any) -> dict[str, Any]:
         session.open()
         return session.state

@@ -1,4 +1,4 @@
-"""What the live page works on: one file, its latest fold, and saving with the command that repeats the fold."""
+"""The session of a live page: it opens a file, folds it on request, and saves folds with the command to repeat them."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LIVE_PIXELS = 480_000
-"""Pixels of each picture in the page, 600 x 800: with more of them the picture would lag behind a mirror that is
-dragged. What is saved has all pixels."""
+"""Largest number of pixels of each picture in the page, 600 x 800; with more, the picture would lag behind a mirror
+that is dragged. Saved files have all pixels."""
 
 NAME = re.compile(r"[\w][\w .-]{0,80}\.nc")
-"""The plain name of a file to save: without a slash it cannot lead to another directory."""
+"""Pattern of the name of a file to save; without a slash it cannot lead to another directory."""
 
 
 class ConflictError(InputError):
-    """What is asked for stands against what is there, or against what was asked for since."""
+    """A request conflicts with a file that is there already, or with a later request to stop."""
 
 
 class Session:
-    """One file, opened in the background, folded on request.
+    """One file that is opened in the background, and folded on request.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Session:
         self.open()
 
     def open(self) -> threading.Thread:
-        """Read the file in a thread, focus a sweep, and fold an image; `state` tells how far this has come."""
+        """Read the file, focus a sweep, and fold an image, all in a thread; `state` tells the progress."""
         self._state = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
         worker = threading.Thread(target=self._open, daemon=True)
         worker.start()
@@ -96,10 +96,11 @@ class Session:
 
     @property
     def state(self) -> dict[str, Any]:
-        """`status` "busy" with the step, "failed" with a message, or "ready" with the document."""
+        """How far opening is: `status` "busy" with the step, "failed" with a message, or "ready" with the document."""
         return self._state
 
     def _open(self) -> None:
+        """Open the file, and set the state."""
         try:
             with self._lock:
                 document = self._first(pick_frame(cast(Any, load(self.path)), self.frame))
@@ -108,7 +109,7 @@ class Session:
             self._state = {"status": "failed", "message": str(error)}
         except MemoryError:
             self._state = {"status": "failed", "message": f"{self.path}: there is not enough memory to open it"}
-        except Exception as error:  # the page tells of our own mistakes too, instead of waiting for ever
+        except Exception as error:  # the page shows bugs too, instead of waiting for ever
             found = f"{type(error).__name__}: {error}"
             self._state = {
                 "status": "failed",
@@ -116,6 +117,8 @@ class Session:
             }
 
     def _report(self, step: str) -> Any:
+        """A function that reports the progress of a step in the state."""
+
         def report(done: int, total: int) -> None:
             self._state = {"status": "busy", "step": step, "done": int(done), "total": int(total)}
 
@@ -123,7 +126,7 @@ class Session:
         return report
 
     def _first(self, found: Any) -> dict[str, Any]:
-        """The first document of what a file holds; makes the plan that all further folds use."""
+        """The first document of the file's content; makes the plan that all further folds use."""
         self._sweep = self._image_command = None
         preset = "default"
         plan: FoldPlan | None = None
@@ -152,7 +155,7 @@ class Session:
         self._preset = preset
         self._settings = {name: value for name, value in held.items() if name in CHANGEABLE}
         self._kept = {name: value for name, value in held.items() if name not in CHANGEABLE}
-        # Mirrors that were given are given to all further folds, too.
+        # Mirrors that were given to the first fold are given to all further ones.
         if self.editable and reconstruction.attrs.get("mirrors_given"):
             given = reconstruction.children["mirrors"].to_dataset(inherit=False)
             self._lines = check_mirrors(mirror_places(given))
@@ -166,14 +169,14 @@ class Session:
         if self.editable:
             self._plan = FoldPlan(reconstruction) if plan is None else plan
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
-            # The first fold finds what all further folds share, and the numbers of settings that the image decides.
+            # The first fold computes what all further folds share, and the settings that are chosen from the image.
             first = self._plan.fold(**self._arguments(self._settings, self._lines), grid=self._grid)
             used = held_settings(first.attrs, PRESETS[preset])
             self._settings = {name: used[name] for name in CHANGEABLE}
         return {**document, **self._edit_state()}
 
     def _edit_state(self) -> dict[str, Any]:
-        """The state of the controls: their values, what kind each is, and the mirrors that were given."""
+        """The part of a document about editing: controls, their values, given mirrors, and the name to save under."""
         lines = None if self._lines is None else [plainest(points).tolist() for points in self._lines]
         return {
             "editable": self.editable,
@@ -191,16 +194,16 @@ class Session:
         Parameters
         ----------
         request : dict
-            `settings`: by name, some of `mirrorfold.viewing.controls.CHANGEABLE`; `mirrors`: both ends of each, of an
-            arc a point between them, too [m], or None to find them; `score`: whether to score the result too, which
-            takes longer than the fold; `page`: a name of the page that asks, by which `cancel` stops the fold. Folds of
-            several pages go on side by side.
+            `settings`: values of some of `mirrorfold.viewing.controls.CHANGEABLE`, by name; `mirrors`: both ends of
+            each mirror [m], for an arc with a point between them, or None to find mirrors; `score`: whether to score
+            the result too, which takes longer than the fold; `page`: a name of the page that asks, by which `cancel`
+            stops the fold. Folds of several pages run side by side.
 
         Returns
         -------
         dict
-            The document of the result, without the initial image; `line_of` tells for every mirror which of the given
-            lines it lies on; `milliseconds` how long the fold took.
+            The document of the result, without the initial image. `line_of` tells for every mirror on which of the
+            given lines it lies, `milliseconds` how long the fold took.
 
         Raises
         ------
@@ -233,12 +236,12 @@ class Session:
         return {**document, **self._edit_state()}
 
     def cancel(self, request: Any) -> dict[str, Any]:
-        """Stop the fold that a page has asked for, if there is one.
+        """Stop the fold that a page has asked for, if it is still running.
 
         Parameters
         ----------
         request : dict
-            `page`: its name.
+            `page`: name of the page.
         """
         with self._lock:
             going = self._stops.get(str(request.get("page")))
@@ -248,7 +251,7 @@ class Session:
 
     @contextmanager
     def _stoppable(self, request: Any) -> Iterator[None]:
-        """Let `cancel` stop what the block folds."""
+        """A context in which `cancel` can stop a fold."""
         page, asked = str(request.get("page")), threading.Event()
         with self._lock:
             self._stops[page] = asked
@@ -264,25 +267,25 @@ class Session:
                     del self._stops[page]
 
     def save(self, request: Any) -> dict[str, Any]:
-        """Save the latest fold, with all its pixels, beside the file that is viewed.
+        """Fold with the given settings and mirrors, with all pixels, and save the result beside the viewed file.
 
         Parameters
         ----------
         request : dict
-            `name`: of the file; `settings` and `mirrors` as for `fold`; `replace`: true where a file that is there
-            shall be replaced.
+            `name`: name of the file; `settings` and `mirrors` as for `fold`; `replace`: true to replace a file that is
+            there already.
 
         Returns
         -------
         dict
-            `files`, and the `command` that makes the same again.
+            The saved `files`, and the `command` that makes the same result again.
 
         Raises
         ------
         InputError
-            If the name or the request is wrong, or nothing can be written there.
+            If the name or the request is wrong, or the file cannot be written.
         ConflictError
-            If a file is there already, and nothing is said of replacing it; or if the fold was stopped.
+            If a file is there already, and `replace` is not true; or if the fold was stopped.
         """
         settings, lines = self._checked(request)
         name = request.get("name")
@@ -308,7 +311,7 @@ class Session:
         return {"files": [str(file) for file in files], "command": command}
 
     def command(self, settings: dict[str, Any], mirrors: Path | None, output: Path) -> str:
-        """The command line that folds the same again."""
+        """The command line that makes the same result again, focusing of a sweep included."""
         words = ["mirrorfold", "fold"]
         before = ""
         if self._image_command is not None:
@@ -329,10 +332,11 @@ class Session:
         return before + shlex.join(words)
 
     def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
+        """The arguments of a fold: mirrors, preset, and all settings."""
         return {"mirrors": lines, "preset": self._preset, **self._kept, **settings}
 
     def _checked(self, request: Any) -> tuple[dict[str, Any], Array | None]:
-        """Settings and mirrors of a request.
+        """The settings, those not in the request as before, and the mirrors of a request.
 
         Raises
         ------
@@ -354,7 +358,7 @@ class Session:
 
 
 def what_is_lost(reconstruction: xr.DataTree) -> str:
-    """What is no longer known when a reconstruction is folded anew: a sentence for the page, empty for nothing."""
+    """What gets lost when a reconstruction is folded anew, as a note for the page; empty where nothing does."""
     objects = shown_points(reconstruction)
     told = "decided" in objects and objects["decided"].values[passed_walls(objects)] == BY_POLARIZATION
     if not (count := int(np.count_nonzero(told))):
@@ -367,9 +371,10 @@ def what_is_lost(reconstruction: xr.DataTree) -> str:
 
 
 def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str, Any]:
-    """Every setting of folding as a reconstruction records it; the default where it records none that can be used.
+    """Every setting of folding as the attributes of a reconstruction record it, else its default.
 
-    Files of other versions lack some settings, or have values that this version does not know.
+    Defaults are taken because files of other versions lack some settings, or have values that this version does not
+    know.
     """
     held = {}
     for name, rule in FoldSettings.rules().items():
