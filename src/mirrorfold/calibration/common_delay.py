@@ -172,19 +172,19 @@ def find_common_delay(
     # Averaged over three neighbours, the power hardly depends on where an echo lies between two delays.
     sharp = _power(s, k, length)
     power = uniform_filter1d(np.stack([sharp, _power(s, k, apart)]), 3, axis=1, mode="wrap")
-    by_reflector, straight = np.log(np.maximum(power / (np.median(power) + np.finfo(float).tiny), 1.0))
-    straight = maximum_filter1d(_coupling(by_reflector, straight, (apart - length) / cell), 3, mode="wrap")
-    score = (by_reflector + COUPLING_WEIGHT * straight)[tried % k.size]
+    by_reflector, direct = np.log(np.maximum(power / (np.median(power) + np.finfo(float).tiny), 1.0))
+    direct = maximum_filter1d(_coupling(by_reflector, direct, (apart - length) / cell), 3, mode="wrap")
+    score = (by_reflector + COUPLING_WEIGHT * direct)[tried % k.size]
     score += np.where(np.abs(tried * cell) <= 2.0 * largest_error + cell, NO_CABLE, 0.0)
     best = tried[score.argmax()]
     neighbours = best + np.arange(-1, 2)
     weights = sharp[neighbours % k.size] + np.finfo(float).tiny
     return float(cell * np.average(neighbours, weights=weights)), bool(
-        straight[best % k.size] > by_reflector[best % k.size]
+        direct[best % k.size] > by_reflector[best % k.size]
     )
 
 
-def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
+def _coupling(by_reflector: Array, direct: Array, earlier: Array) -> Array:
     """Strength of the coupling at every common delay; zero where the same echo adds up better over the reflector.
 
     Parameters
@@ -197,7 +197,7 @@ def _coupling(by_reflector: Array, straight: Array, earlier: Array) -> Array:
     middle, half = 0.5 * (earlier.max() + earlier.min()), 0.5 * np.ptp(earlier) + COUPLING_CELLS
     around = maximum_filter1d(by_reflector, 2 * int(np.ceil(half)) + 1, mode="wrap")
     other = np.roll(around, -int(np.round(middle)))
-    return np.where(straight > other, straight, 0.0)
+    return np.where(direct > other, direct, 0.0)
 
 
 def _power(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:

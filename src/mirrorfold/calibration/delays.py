@@ -130,8 +130,8 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
         left = _summed(aligned, k, tx_delay, rx_delay, axis=0)
         if iteration >= SEARCHES:
             weight = _coherence_weights(left, tx_gain[:, None] * rx_gain)
-    _check_heard(aligned, k, tx_delay, rx_delay, tx_gain, rx_gain)
-    tx_valid, rx_valid = _heard(np.abs(left), axis=1), _heard(np.abs(left), axis=0)
+    _check_detected(aligned, k, tx_delay, rx_delay, tx_gain, rx_gain)
+    tx_valid, rx_valid = _sees_reflector(np.abs(left), axis=1), _sees_reflector(np.abs(left), axis=0)
     tx_delay, tx_gain = _refine_by_carrier(tx_delay, tx_gain, tx_valid, centre)
     rx_delay, rx_gain = _refine_by_carrier(rx_delay, rx_gain, rx_valid, centre)
     pairs = tx_valid[:, None] & rx_valid
@@ -157,13 +157,13 @@ def _summed(
     """The samples with the elements' delays removed, times a weight (tx, rx), summed over one axis, block by block."""
     parts = []
     for some in blocks(k.size, aligned.nbytes):
-        turned = _without(aligned[some], k[some], tx_delay, rx_delay)
+        turned = _delays_removed(aligned[some], k[some], tx_delay, rx_delay)
         turned *= weight
         parts.append(turned.sum(axis=axis))
     return np.sum(parts, axis=0) if axis == 0 else np.concatenate(parts)
 
 
-def _without(aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array) -> Complex:
+def _delays_removed(aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array) -> Complex:
     """The samples with the elements' delays removed, (frequencies, tx, rx)."""
     turned = aligned * np.exp(1j * k[:, None] * tx_delay)[:, :, None]
     turned *= np.exp(1j * k[:, None] * rx_delay)[:, None, :]
@@ -253,7 +253,7 @@ def _coherence_weights(left: Complex, gain: Complex) -> Array:
     return np.asarray(1.0 / excess**2)
 
 
-def _heard(strength: Array, axis: int) -> NDArray[np.bool_]:
+def _sees_reflector(strength: Array, axis: int) -> NDArray[np.bool_]:
     """Which elements see the reflector: the median strength over their pairs is not far below that of the others.
 
     The median is taken over the axis of the other side's elements.
@@ -262,7 +262,7 @@ def _heard(strength: Array, axis: int) -> NDArray[np.bool_]:
     return np.asarray(own > HEARD * np.median(own))
 
 
-def _check_heard(
+def _check_detected(
     aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, tx_gain: Complex, rx_gain: Complex
 ) -> None:
     """Refuse a sweep in which the echoes of all pairs do not add up in phase.

@@ -120,12 +120,14 @@ def fit_displacement(
             )
     seen = np.concatenate(towards)
     matrix = weight[:, None] * (np.average(seen, axis=0, weights=weight**2) - seen)
-    pulls = matrix * (weight * (delay - common + seen @ step))[:, None]
+    receiver_rows = matrix * (weight * (delay - common + seen @ step))[:, None]
     receiver = np.concatenate([np.flatnonzero(fit.rx_valid) for *_, fit in found])
     where = np.repeat(np.arange(len(found)), list(map(len, towards)))
-    late = np.array([_common_error(wavenumber(one), fit) for one, _, fit in found])
-    wrong = matrix * (weight * late[where])[:, None]
-    return Displacement(displacement, common, _errors(matrix, rcond, _sums(receiver, pulls), _sums(where, wrong)))
+    delay_errors = np.array([_common_error(wavenumber(one), fit) for one, _, fit in found])
+    place_rows = matrix * (weight * delay_errors[where])[:, None]
+    return Displacement(
+        displacement, common, _errors(matrix, rcond, _sums(receiver, receiver_rows), _sums(where, place_rows))
+    )
 
 
 def _solved(delay: Array, towards: Array) -> tuple[Array, float, Array, float]:
@@ -187,13 +189,13 @@ def _errors(matrix: Array, rcond: float, own: Array, shared: Array) -> Array:
     (Liang and Zeger, Biometrika 73, 1986). So are the errors of all rows of one place of the reflector. `own`
     (receivers, 3) and `shared` (places, 3) are the sums of rows times errors of each receiver and each place.
     """
-    _, size, ways = np.linalg.svd(matrix, full_matrices=False)
-    told = size > rcond * size[0]
-    count, unknowns = np.count_nonzero(own.any(axis=1)), np.count_nonzero(told) + 1
-    inverse = (ways[told].T / size[told] ** 2) @ ways[told]
+    _, size, components = np.linalg.svd(matrix, full_matrices=False)
+    resolved = size > rcond * size[0]
+    count, unknowns = np.count_nonzero(own.any(axis=1)), np.count_nonzero(resolved) + 1
+    inverse = (components[resolved].T / size[resolved] ** 2) @ components[resolved]
     spread = own.T @ own * (count / max(int(count - unknowns), 1)) + shared.T @ shared
     variance = np.diag(inverse @ spread @ inverse)
-    return np.where(np.sum(ways[told] ** 2, axis=0) > TOLD, np.sqrt(variance), np.inf)
+    return np.where(np.sum(components[resolved] ** 2, axis=0) > TOLD, np.sqrt(variance), np.inf)
 
 
 TOLD = 0.99

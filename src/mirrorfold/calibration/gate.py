@@ -91,8 +91,8 @@ def gate_samples(
     flank = FLANK_CELLS * farthest / count
     start, stop = np.asarray(start), np.asarray(stop)
     middle, half = 0.5 * (start + stop), 0.5 * (stop - start)
-    away = (np.arange(count) * farthest / count).reshape(-1, *[1] * (s.ndim - 1)) - middle
-    away = np.abs((away + 0.5 * farthest) % farthest - 0.5 * farthest)
+    distance = (np.arange(count) * farthest / count).reshape(-1, *[1] * (s.ndim - 1)) - middle
+    distance = np.abs((distance + 0.5 * farthest) % farthest - 0.5 * farthest)
     profile = np.fft.ifft(s, axis=0)
-    profile *= 0.5 + 0.5 * np.cos(np.pi * np.clip((away - half) / flank, 0.0, 1.0))
+    profile *= 0.5 + 0.5 * np.cos(np.pi * np.clip((distance - half) / flank, 0.0, 1.0))
     return np.asarray(np.fft.fft(profile, axis=0))

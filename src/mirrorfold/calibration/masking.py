@@ -261,9 +261,9 @@ def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArr
     smallest = max(1e-12 * float(np.median(power)), np.finfo(float).tiny)
     level = 10.0 * np.log10(np.maximum(power, smallest))
     level[gap] = np.median(level[~gap])
-    away = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
-    spread = 1.4826 * float(np.median(np.abs(away[~gap])))
-    found = ~gap & (away > max(SPUR_DB, SPUR_DEVIATIONS * spread))
+    deviation = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
+    spread = 1.4826 * float(np.median(np.abs(deviation[~gap])))
+    found = ~gap & (deviation > max(SPUR_DB, SPUR_DEVIATIONS * spread))
     return found if found.mean() <= LARGEST_BAD_SHARE else np.zeros_like(found)
 
 

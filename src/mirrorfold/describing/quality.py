@@ -106,11 +106,11 @@ def expected_quality(
     cell = cell_diagonal(frequency, bandwidth, aperture, range)
     wall_cells = wall / cell_diagonal(frequency, bandwidth, aperture, wall_range)
     found = _product(_of_loss(known["mirrored"], mirrored_db), _interpolated(known["found"], wall_cells))
-    folded = known["close_in_cells"]
+    close_in_cells = known["close_in_cells"]
     pairs = (
         found,
         *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR, WIDE)),
-        _product(found, (folded["mean"], folded["standard_error"])),
+        _product(found, (close_in_cells["mean"], close_in_cells["standard_error"])),
     )
     names = ("wall_found", "f_score_2cm", "f_score_5cm", "f_score_cells")
     facts: dict[str, float | None] = {}

@@ -223,10 +223,10 @@ def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
         )
     reciprocity: Any = LEFT_OUT
     if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
-        there = (
+        measured = (
             sweep["measured"].values.astype(bool) if "measured" in sweep.variables else np.ones(s.shape[2:], dtype=bool)
         )
-        both_ways = (there & there.T).astype(np.float32)
+        both_ways = (measured & measured.T).astype(np.float32)
         difference = _mean_power((part - part.T) * both_ways for frame in s for part in frame) / 2.0
         reciprocity = power_decibel(difference / power)
         if difference > RECIPROCITY_OVER_NOISE * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:

@@ -98,9 +98,9 @@ class Explanation:
 
 def explain(waves: Wavefronts) -> Explanation:
     """The combination of mistakes that explains best how the waves arrive, where each mistake costs a penalty."""
-    reach = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
+    tried = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
-    offsets = np.concatenate([[0.0], reach])
+    offsets = np.concatenate([[0.0], tried])
     cases = list(_cases(waves.coherence.shape[0] == 2))
     fits = np.stack([_fit(waves, *case, offsets) for case in cases])  # (cases, gates, offsets)
     number = np.array([sum(case) for case in cases])
@@ -121,7 +121,7 @@ def explain(waves: Wavefronts) -> Explanation:
         and mean.max() - mean[0] > LEAST_GAIN
         and same_side >= OFFSET_SURE[side]
     )
-    told = [_tells(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
+    told = [_is_recognisable(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
     return Explanation(
         *cases[best],
         told=told[0] and told[1],
@@ -168,7 +168,7 @@ def _explained(coherence: Array) -> Array:
     return np.asarray(-np.log(1.0 - np.clip(coherence, 0.0, 1.0) + UNEXPLAINED))
 
 
-def _tells(fit: Array, cases: Sequence[tuple[bool, ...]], best: tuple[bool, ...], mistake: int) -> bool:
+def _is_recognisable(fit: Array, cases: Sequence[tuple[bool, ...]], best: tuple[bool, ...], mistake: int) -> bool:
     """Whether the waves suffice to recognise one mistake, given by its place in a case.
 
     They do where the best case fits by more than `PENALTY` better than the case that differs from it in this mistake
